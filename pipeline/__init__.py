@@ -1,0 +1,12 @@
+"""What every stage shares, and nothing of any one stage.
+
+In: YAML files and command lines. Out: a validated configuration, files that are either whole or
+absent, a record of how each result was made. The paper has no counterpart of this package.
+
+`cli` (command lines, exit codes), `config` (the settings of all stages), `files` (atomic files,
+checked YAML and JSON), `manifest` (provenance), `progress` (a bar or a log), `page` (one page of
+HTML).
+Imports nothing of flowslide's other packages.
+"""
+
+__version__ = "0.1.0"

@@ -1,0 +1,111 @@
+"""Command lines: one way to parse, one way to fail.
+
+Every `python -m <package>` ends with 0, with 1 when the work failed, or with 2 when the input was
+wrong; in the last case one line names the file, the field, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+EXIT_TERMINATED = 143
+
+
+class InputError(ValueError):
+    """Bad input. The message is one line for a person: file, field, value, what is allowed."""
+
+
+class WorkFailed(RuntimeError):
+    """The input was good and the work failed. The message says what can be done."""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line and whose options are never abbreviated."""
+
+    def __init__(self, *args, **kwargs) -> None:
+        kwargs.setdefault("allow_abbrev", False)
+        super().__init__(*args, **kwargs)
+
+    def error(self, message: str) -> NoReturn:
+        """Print `message` on one line and leave with exit code 2."""
+        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {_one_line(message)} (see {self.prog} --help)\n")
+
+
+def base_parser(prog: str, description: str) -> CommandParser:
+    """A parser for `prog`, for instance "python -m geometry"; add sub-commands or options to it."""
+    return CommandParser(prog=prog, description=description)
+
+
+def add_common(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Add `--config`, `--set` (as `overrides`) and `--quiet`, the options of every command."""
+    group = parser.add_argument_group("common options")
+    group.add_argument(
+        "--config",
+        metavar="FILE",
+        default=None,
+        help="YAML file with the settings that differ from config/config.yaml",
+    )
+    group.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="one setting, such as simulation.courant=0.2; may be repeated, wins over --config",
+    )
+    group.add_argument("--quiet", action="store_true", help="no progress, only results and errors")
+    return parser
+
+
+def main_exit(
+    func: Callable[[Sequence[str] | None], int | None], argv: Sequence[str] | None = None
+) -> NoReturn:
+    """Run `func(argv)` and leave the process with the house's exit codes.
+
+    Args:
+        func: a package's `main`; returns an exit code, or None for success.
+        argv: the arguments; None takes them from the command line.
+    """
+    _end_on_terminate()
+    try:
+        code = func(argv) or 0
+        sys.stdout.flush()
+    except InputError as error:
+        code = _complain(error, EXIT_BAD_INPUT)
+    except WorkFailed as error:
+        code = _complain(error, EXIT_FAILED)
+    except KeyboardInterrupt:
+        code = _complain("interrupted", EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        # The reader (head, less) has gone. Python would complain once more when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = EXIT_FAILED
+    sys.exit(code)
+
+
+def _end_on_terminate() -> None:
+    """Let SIGTERM (a walltime limit, `kill`) unwind the stack, so that part files are tidied up."""
+
+    def leave(signum: int, frame: object) -> NoReturn:
+        raise SystemExit(EXIT_TERMINATED)
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, leave)
+
+
+def _complain(problem: object, code: int) -> int:
+    print(f"error: {_one_line(str(problem))}", file=sys.stderr)
+    return code
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

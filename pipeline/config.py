@@ -1,0 +1,369 @@
+"""The settings of all stages: one model, one YAML file, one JSON schema.
+
+`config/config.yaml` is these defaults written out as a manual; a test keeps the two equal. A file
+given with `--config` and the `--set` options need state only what differs. Units are in the key
+names and are converted where a value is used; the paper's values are in `config/paper.yaml`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from pipeline.cli import InputError
+from pipeline.files import content_hash, parse_yaml, read_yaml
+
+Model = TypeVar("Model", bound=BaseModel)
+
+SCHEMA_FILE = Path("config/config.schema.json")
+
+
+def _in_order(limits: tuple[float, float]) -> tuple[float, float]:
+    if limits[0] > limits[1]:
+        raise ValueError(f"the lower limit {limits[0]} is above the upper limit {limits[1]}")
+    return limits
+
+
+NumberRange = Annotated[tuple[float, float], AfterValidator(_in_order)]
+CountRange = Annotated[tuple[int, int], AfterValidator(_in_order)]
+
+
+class Settings(BaseModel):
+    """A group of settings: unknown keys, NaN and later changes are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class TemplateShares(Settings):
+    """How often each random template is drawn, as weights (they need not add up to 1)."""
+
+    a: float = Field(1.0, ge=0, description="embankment in three layers")
+    b: float = Field(1.0, ge=0, description="upstream tailings dam: shell and impounded layers")
+    c: float = Field(1.0, ge=0, description="zoned dam: core, shells, foundation")
+    d: float = Field(1.0, ge=0, description="random slope with an inner zone")
+    e: float = Field(1.0, ge=0, description="blocks thrown onto an uneven base")
+
+    @model_validator(mode="after")
+    def _some_template_is_drawn(self) -> TemplateShares:
+        if not sum(self.model_dump().values()) > 0:
+            raise ValueError("at least one template needs a weight above 0")
+        return self
+
+
+class BlockSettings(Settings):
+    """The blocks of template (e), at the size of scale_factor 1."""
+
+    number: CountRange = Field((1, 3), description="fewest and most blocks in a scene")
+    size_m: NumberRange = Field((10.0, 40.0), description="shortest and longest side, m")
+    speed_m_per_s: NumberRange = Field(
+        (0.0, 10.0), description="lowest and highest initial speed, m/s, in any direction"
+    )
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> BlockSettings:
+        if self.number[0] < 1:
+            raise ValueError(f"number starts at {self.number[0]}: at least 1 block")
+        if self.size_m[0] <= 0:
+            raise ValueError(f"size_m starts at {self.size_m[0]}: sides are longer than 0")
+        if self.speed_m_per_s[0] < 0:
+            raise ValueError(f"speed_m_per_s starts at {self.speed_m_per_s[0]}: at least 0")
+        return self
+
+
+class GeometrySettings(Settings):
+    """How random scenes are drawn (paper, Fig. 3 and Table A.1)."""
+
+    seed: int = Field(0, ge=0, description="with the scale and the index, decides a scene entirely")
+    template_shares: TemplateShares = Field(
+        default_factory=TemplateShares, description="weight of each template"
+    )
+    materials: Literal["wide", "paper"] = Field(
+        "wide",
+        description="strength ranges of Soil 1-3: the paper's, or wider ones that hold the case "
+        "histories (Soil 3 from 1 to 60 kPa at the large scale)",
+    )
+    water_share: float = Field(
+        0.25, ge=0, le=1, description="share of the scenes with a reservoir; 0 in the paper"
+    )
+    jitter: float = Field(
+        0.0, ge=0, le=0.5, description="random shift of the material points, share of the spacing"
+    )
+    max_points: int = Field(
+        6000, ge=100, description="scenes with more material points are drawn again"
+    )
+    min_points_per_zone: int = Field(
+        20, ge=1, description="scenes with a smaller zone are drawn again"
+    )
+    blocks: BlockSettings = Field(
+        default_factory=BlockSettings, description="the blocks of template (e)"
+    )
+
+
+class SimulationSettings(Settings):
+    """How a scene is simulated by the material point method."""
+
+    duration_s: float = Field(
+        40.0, gt=0, description="motion that is simulated, s; a scale has its own"
+    )
+    frame_interval: float = Field(
+        0.4, gt=0, description="time between stored frames, in units of sqrt(spacing / gravity)"
+    )
+    courant: float = Field(
+        0.3, gt=0, le=0.9, description="time step = courant x cell / (wave speed + |velocity|)"
+    )
+    time_step_s: float | None = Field(
+        None, gt=0, description="fixed time step, s; null: from courant; a scale may have its own"
+    )
+    transfer: Literal["affine_flip", "flip", "apic", "pic"] = Field(
+        "affine_flip", description="how velocities pass between material points and grid"
+    )
+    pic_rate_per_s: float = Field(
+        1.0,
+        ge=0,
+        description="share of PIC mixed into affine_flip and flip, per second of motion, so that "
+        "the damping does not depend on the time step",
+    )
+    local_damping: float = Field(
+        0.0, ge=0, lt=1, description="Cundall's local damping during the runout; 0: none"
+    )
+    volumetric_averaging: bool = Field(
+        True, description="average the volumetric strain over a cell (F-bar), against locking"
+    )
+    volume_correction: bool = Field(
+        True, description="take back the volume that material points gain at the free surface"
+    )
+    initial_stress: Literal["settled", "k0", "gravity_on"] = Field(
+        "settled",
+        description="stress at t = 0: settled elastically, from K0 alone, or gravity at once",
+    )
+    water: Literal["buoyant", "pore_pressure"] = Field(
+        "buoyant",
+        description="reservoir as reduced weight under water, or as water pressure in and on the "
+        "soil",
+    )
+    early_stop: bool = Field(True, description="stop once the motion has ended")
+    early_stop_energy_fraction: float = Field(
+        0.001, gt=0, lt=1, description="ended: kinetic energy below this share of its peak ..."
+    )
+    early_stop_hold_s: float = Field(1.0, ge=0, description="... for this long, s")
+    gravity_m_per_s2: float = Field(9.81, gt=0, description="gravity, m/s2")
+    wall_contact: Literal["smooth", "no_slip"] = Field(
+        "smooth", description="contact with the side walls of a closed domain"
+    )
+    energy_tolerance: float = Field(
+        0.05,
+        gt=0,
+        description="a run whose energy balance is off by more than this share of the energy "
+        "released is recorded as failed",
+    )
+
+
+class ScaleSettings(Settings):
+    """One family of random scenes and its simulations (paper, Table 1)."""
+
+    number_of_scenes: int = Field(gt=0, le=99_999, description="scenes to draw and simulate")
+    spacing_m: float = Field(gt=0, description="distance between material points, m")
+    scale_factor: float = Field(gt=0, description="size of the templates; 1: Table A.1 as it is")
+    domain_width_m: float = Field(gt=0, description="distance between the side walls, m")
+    domain_height_m: float = Field(gt=0, description="height of the domain, m")
+    material_ranges: Literal["large", "small"] = Field(
+        description="which column of the paper's Table 1 the strengths come from"
+    )
+    duration_s: float = Field(gt=0, description="motion that is simulated, s")
+    time_step_s: float | None = Field(
+        None, gt=0, description="fixed time step, s; null: simulation.time_step_s"
+    )
+    runs_per_batch: int = Field(100, gt=0, description="runs simulated by one job")
+
+    @property
+    def number_of_batches(self) -> int:
+        """Jobs needed for all scenes of this scale."""
+        return -(-self.number_of_scenes // self.runs_per_batch)
+
+    def batch_indices(self, batch: int) -> range:
+        """Indices of the scenes of one batch; an `InputError` if there is no such batch."""
+        if not 0 <= batch < self.number_of_batches:
+            raise InputError(f"batch {batch}: allowed are 0 to {self.number_of_batches - 1}")
+        start = batch * self.runs_per_batch
+        return range(start, min(start + self.runs_per_batch, self.number_of_scenes))
+
+
+def _default_scales() -> dict[str, ScaleSettings]:
+    large = ScaleSettings(
+        number_of_scenes=2500,
+        spacing_m=1.0,
+        scale_factor=1.0,
+        domain_width_m=240.0,
+        domain_height_m=60.0,
+        material_ranges="large",
+        duration_s=40.0,
+    )
+    small = ScaleSettings(
+        number_of_scenes=2500,
+        spacing_m=0.25,
+        scale_factor=0.25,
+        domain_width_m=60.0,
+        domain_height_m=15.0,
+        material_ranges="small",
+        duration_s=20.0,
+    )
+    coarse = large.model_copy(update={"number_of_scenes": 300, "spacing_m": 2.0})
+    return {"large": large, "small": small, "coarse": coarse}
+
+
+class Config(Settings):
+    """All settings. `python -m pipeline schema` prints the JSON schema."""
+
+    results_folder: str = Field(
+        "results", min_length=1, description="where the workflow puts everything it makes"
+    )
+    scales: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")], ScaleSettings] = Field(
+        default_factory=_default_scales, description="the families of random scenes, by name"
+    )
+    geometry: GeometrySettings = Field(
+        default_factory=GeometrySettings, description="how random scenes are drawn"
+    )
+    simulation: SimulationSettings = Field(
+        default_factory=SimulationSettings, description="how scenes are simulated"
+    )
+
+    def scale(self, name: str) -> ScaleSettings:
+        """The scale called `name`; an `InputError` naming the known ones if there is none."""
+        if name not in self.scales:
+            raise InputError(f"scale {name!r} is unknown: allowed are {', '.join(self.scales)}")
+        return self.scales[name]
+
+    def simulation_for(self, scale: str) -> SimulationSettings:
+        """The simulation settings with the scale's own duration and time step put in."""
+        own = self.scale(scale)
+        update: dict[str, float] = {"duration_s": own.duration_s}
+        if own.time_step_s is not None:
+            update["time_step_s"] = own.time_step_s
+        return self.simulation.model_copy(update=update)
+
+
+def load_config(path: str | os.PathLike[str] | None, overrides: Sequence[str] = ()) -> Config:
+    """Read, complete and check a configuration.
+
+    Args:
+        path: YAML file with what differs from the defaults; None: the defaults.
+        overrides: "key=value" with dotted keys and YAML values, as from `--set`; they win.
+
+    Raises:
+        InputError: one line with the file, the field, its value and what is allowed.
+    """
+    values = Config().model_dump(mode="json")
+    origin = "--set"
+    if path is not None:
+        origin = str(path)
+        given = read_yaml(path)
+        if given is not None and not isinstance(given, dict):
+            raise InputError(f"{path}: must hold settings (key: value)")
+        _merge(values, given or {})
+        validate_settings(Config, values, origin=origin)  # so that an error names the right source
+    for override in overrides:
+        _merge(values, parse_override(override))
+    return validate_settings(Config, values, origin="--set" if overrides else origin)
+
+
+def parse_override(text: str) -> dict[str, Any]:
+    """Turn "simulation.courant=0.2" into {"simulation": {"courant": 0.2}}."""
+    key, separator, value = text.partition("=")
+    parts = key.strip().split(".")
+    if not separator or not all(parts):
+        raise InputError(f"--set {text}: must be KEY=VALUE, for instance simulation.courant=0.2")
+    result: Any = parse_yaml(value, name=f"--set {key.strip()}")
+    for part in reversed(parts):
+        result = {part: result}
+    return result
+
+
+def validate_settings(model: type[Model], values: Any, *, origin: str) -> Model:
+    """Check `values` against a pydantic model; the first error becomes a one-line `InputError`."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{origin}: {describe_error(error, model)}") from None
+
+
+def describe_error(error: ValidationError, model: type[BaseModel] | None = None) -> str:
+    """The first problem of a pydantic error in one line: field, value, what is allowed."""
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    field = ".".join(str(part) for part in first["loc"] if part != "[key]") or "the whole"
+    if first["type"] == "extra_forbidden":
+        text = f"{field}: no such setting{_suggestion(first['loc'], model)}"
+    elif first["type"] == "missing":
+        text = f"{field}: is missing"
+    else:
+        message = first["msg"].removeprefix("Value error, ")
+        value = "" if isinstance(first["input"], Mapping) else f" {_short(first['input'])}:"
+        text = f"{field}:{value} {message[:1].lower()}{message[1:]}"
+    return text if len(problems) == 1 else f"{text} (and {len(problems) - 1} more)"
+
+
+def config_schema() -> dict[str, Any]:
+    """The JSON schema of the configuration, as kept in config/config.schema.json."""
+    schema = Config.model_json_schema()
+    schema["title"] = "flowslide configuration"
+    # A file states only what differs from the defaults, so an editor must not ask for all the
+    # fields of a scale. load_config does ask for them where a new scale is named.
+    for definition in schema["$defs"].values():
+        definition.pop("required", None)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def schema_text() -> str:
+    """The schema as the text of its file."""
+    return json.dumps(config_schema(), indent=2) + "\n"
+
+
+def config_hash(model: BaseModel) -> str:
+    """16 hexadecimal digits; the place of the results is no part of what was computed."""
+    values = model.model_dump(mode="json")
+    if isinstance(model, Config):
+        del values["results_folder"]
+    return content_hash(values)
+
+
+def _merge(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
+    """Lay `changes` over `values`, in place; groups are merged, everything else replaced."""
+    for key, change in changes.items():
+        if isinstance(change, Mapping) and isinstance(values.get(key), dict):
+            _merge(values[key], change)
+        else:
+            values[key] = change
+
+
+def _suggestion(location: tuple[int | str, ...], model: type[BaseModel] | None) -> str:
+    """Name the setting that was probably meant, or those that exist."""
+    known = _fields_at(location[:-1], model)
+    if not known:
+        return ""
+    close = difflib.get_close_matches(str(location[-1]), known, n=1)
+    return f", did you mean {close[0]}?" if close else f"; allowed are {', '.join(known)}"
+
+
+def _fields_at(location: tuple[int | str, ...], model: Any) -> list[str]:
+    for part in location:
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            # The value type of dict[str, Model]: the last model among the annotation's arguments.
+            arguments = getattr(model, "__args__", ())
+            model = arguments[-1] if arguments else None
+            continue
+        field = model.model_fields.get(str(part))
+        model = field.annotation if field else None
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        return list(model.model_fields)
+    return []
+
+
+def _short(value: Any, length: int = 60) -> str:
+    text = repr(value)
+    return text if len(text) <= length else text[: length - 3] + "..."

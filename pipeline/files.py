@@ -1,0 +1,226 @@
+"""Files that are whole or absent, and YAML and JSON that is checked while it is read.
+
+A file is written beside its place under a hidden temporary name, flushed to the disk and renamed.
+A killed process leaves the old file or none; what a SIGKILL leaves of the temporary file is swept
+up by the next write to the same place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import os
+import re
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.cli import InputError
+
+_HASH_LENGTH = 16
+_counter = itertools.count()
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path to write to; on success it becomes `path`, on failure it is removed.
+
+    The temporary file lies in the same folder (made if missing) and keeps the suffix, since many
+    writers choose the format by it.
+    """
+    final = Path(path)
+    final.parent.mkdir(parents=True, exist_ok=True)
+    _sweep_leftovers(final)
+    owner = f"{socket.gethostname()}-{os.getpid()}-{next(_counter)}"
+    temporary = final.with_name(f".{final.stem}.{owner}.tmp{final.suffix}")
+    try:
+        yield temporary
+        _flush_to_disk(temporary)
+        os.replace(temporary, final)
+        _flush_to_disk(final.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write `text` as UTF-8, atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_json(path: str | os.PathLike[str], value: Any) -> None:
+    """Write `value` as indented JSON, atomically. NaN and infinity are refused."""
+    write_text(path, json.dumps(value, indent=2, allow_nan=False, default=_plain) + "\n")
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """Read a JSON file; a missing file, bad syntax, a repeated key or NaN is an `InputError`."""
+    text = _read_text(path)
+    try:
+        return json.loads(
+            text,
+            object_pairs_hook=_refuse_repeated_keys,
+            parse_constant=_refuse_constant,
+            parse_float=_finite_float,
+        )
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}: not valid JSON: {error.msg}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def read_yaml(path: str | os.PathLike[str]) -> Any:
+    """Read a YAML file; a missing file, bad syntax, a repeated key or NaN is an `InputError`."""
+    return parse_yaml(_read_text(path), name=str(path))
+
+
+def parse_yaml(text: str, *, name: str) -> Any:
+    """Read YAML from a string; `name` stands for it in messages."""
+    try:
+        return yaml.load(text, Loader=_CheckedLoader)
+    except yaml.MarkedYAMLError as error:
+        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise InputError(f"{name}: {line}not valid YAML: {error.problem or error}") from None
+    except yaml.YAMLError as error:
+        raise InputError(f"{name}: not valid YAML: {error}") from None
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+    except ValueError as error:  # an explicit tag such as `!!float x`
+        raise InputError(f"{name}: not valid YAML: {error}") from None
+
+
+def content_hash(value: Any) -> str:
+    """16 hexadecimal digits of the SHA-256 of `value` as canonical JSON."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:_HASH_LENGTH]
+
+
+def _plain(value: Any) -> Any:
+    """Turn a pydantic model, a numpy value or a path into what JSON knows."""
+    if hasattr(value, "model_dump"):
+        return value.model_dump(mode="json")
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def _read_text(path: str | os.PathLike[str]) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a UTF-8 text file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _flush_to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sweep_leftovers(final: Path) -> None:
+    """Remove temporary files of `final` whose process, on this machine, is no longer alive."""
+    host = re.escape(socket.gethostname())
+    pattern = re.compile(
+        rf"\.{re.escape(final.stem)}\.{host}-(\d+)-\d+\.tmp{re.escape(final.suffix)}"
+    )
+    for entry in final.parent.iterdir():
+        match = pattern.fullmatch(entry.name)
+        if match and not _is_alive(int(match.group(1))):
+            entry.unlink(missing_ok=True)
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _refuse_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in result:
+            raise InputError(f"the key {key!r} is given twice")
+        result[key] = value
+    return result
+
+
+def _refuse_constant(text: str) -> float:
+    raise InputError(f"{text} is not a number that can be used: every number must be finite")
+
+
+def _finite_float(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        _refuse_constant(text)
+    return value
+
+
+class _CheckedLoader(yaml.SafeLoader):
+    """Plain values of YAML 1.2, unlike PyYAML's 1.1: 1e-5 is a number and `no` is a word."""
+
+    yaml_implicit_resolvers: dict[str, list] = {}
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        seen = set()
+        for key_node, _ in node.value:
+            if key_node.tag == "tag:yaml.org,2002:merge":
+                continue
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, str):
+                raise InputError(
+                    f"line {key_node.start_mark.line + 1}: the key {key!r} is not text: quote it"
+                )
+            if key in seen:
+                line = key_node.start_mark.line + 1
+                raise InputError(f"line {line}: the key {key!r} is given twice")
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+    def construct_finite_float(self, node: yaml.ScalarNode) -> float:
+        value = self.construct_yaml_float(node)
+        if not math.isfinite(value):
+            raise InputError(
+                f"line {node.start_mark.line + 1}: {node.value} is not a number that can be used: "
+                "every number must be finite"
+            )
+        return value
+
+    def construct_decimal(self, node: yaml.ScalarNode) -> int:
+        return int(node.value)
+
+
+_CheckedLoader.add_constructor("tag:yaml.org,2002:float", _CheckedLoader.construct_finite_float)
+_CheckedLoader.add_constructor("tag:yaml.org,2002:int", _CheckedLoader.construct_decimal)
+for _tag, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", [*"~nN", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", [*"tTfF"]),
+    ("int", r"[-+]?[0-9]+", [*"-+0123456789"]),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        [*"-+.0123456789"],
+    ),
+    ("merge", r"<<", ["<"]),
+):
+    _CheckedLoader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _first
+    )
