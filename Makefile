@@ -1,0 +1,55 @@
+# make lsfd     simulate the Lower San Fernando dam and compare with what was measured
+# make test     the fast tests, under 5 minutes on two processor cores
+# make verify   the whole verification suite, with its pictures
+# make lint     the linters
+# make clean    remove what the tool and its tests have made (not .venv)
+#
+# Each of them first makes .venv where it is missing, and brings it up to date where pyproject.toml
+# or constraints.txt have changed. Another Python: make PYTHON=python3.12 test. Another place for
+# the environment: make VENV=/somewhere/else test.
+
+VENV ?= .venv
+PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(shell command -v $(name))))
+EXTRAS := dxf,paraview,video,workflow,dev
+READY := $(VENV)/.flowslide-installed
+IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH"
+
+.PHONY: lsfd test verify lint format install clean
+.DELETE_ON_ERROR:
+
+lsfd: $(READY)
+	@$(IN_VENV) snakemake --quiet all --show-failed-logs -- simulate_lsfd
+	@cat results/lower_san_fernando/simulation/summary.txt
+
+test: $(READY)
+	$(IN_VENV) python -m pytest -n 2 --dist loadfile
+
+verify: $(READY)
+	$(IN_VENV) python -m pytest -m "slow or not slow"
+
+lint: $(READY)
+	$(IN_VENV) ruff check .
+	$(IN_VENV) ruff format --check .
+	$(IN_VENV) snakefmt --check --quiet Snakefile rules
+
+format: $(READY)
+	$(IN_VENV) ruff format .
+	$(IN_VENV) snakefmt --quiet Snakefile rules
+
+install: $(READY)
+
+$(READY): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "error: no Python found: install Python 3.11, or give PYTHON=..."; exit 2; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' || \
+	  { echo "error: PYTHON=$(PYTHON): Python 3.11, 3.12 or 3.13 is needed"; exit 2; }
+	@test -x "$(VENV)/bin/python" || { echo "making $(VENV)"; "$(PYTHON)" -m venv "$(VENV)"; }
+	@echo "installing into $(VENV) (a few minutes the first time)"
+	@"$(VENV)/bin/python" -m pip install --quiet --disable-pip-version-check \
+	  -c constraints.txt setuptools
+	@"$(VENV)/bin/python" -m pip install --quiet --disable-pip-version-check \
+	  -c constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]"
+	@touch "$@"
+
+clean:
+	rm -rf results .snakemake .pytest_cache .ruff_cache .hypothesis build flowslide.egg-info
+	find . -name __pycache__ -type d -not -path "./.venv/*" -prune -exec rm -rf {} +
