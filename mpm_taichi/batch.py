@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pipeline.config import SimulationSettings
 
 Simulate = Callable[..., Sequence[Run]]
-"""`simulate(scenes, settings, *, device, threads, on_finished) -> runs`, see `mpm_taichi.simulate`."""
+"""The solver: `simulate(scenes, settings, *, device, threads, on_finished) -> runs`."""
 
 
 @dataclass(frozen=True)
