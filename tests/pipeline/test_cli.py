@@ -1,0 +1,101 @@
+"""Exit codes and one-line errors, as a user meets them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_exit
+
+
+def leave(func) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main_exit(func, [])
+    return caught.value.code
+
+
+def fail_with(error):
+    def main(argv):
+        raise error
+
+    return main
+
+
+def test_success():
+    assert leave(lambda argv: None) == 0
+    assert leave(lambda argv: 0) == 0
+    assert leave(lambda argv: 1) == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [(InputError("bad\nvalue"), 2), (WorkFailed("bad  value"), 1), (KeyboardInterrupt(), 130)],
+)
+def test_errors_are_one_line(capsys, error, code):
+    assert leave(fail_with(error)) == code
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["error: interrupted" if code == 130 else "error: bad value"]
+
+
+def test_a_mistake_of_ours_is_not_hidden():
+    with pytest.raises(ZeroDivisionError):
+        main_exit(fail_with(ZeroDivisionError()), [])
+
+
+def test_common_options():
+    parser = add_common(base_parser("test", "A test."))
+    arguments = parser.parse_args(["--set", "a=1", "--set", "b=2", "--config", "c.yaml", "--quiet"])
+    assert arguments.overrides == ["a=1", "b=2"]
+    assert arguments.config == "c.yaml" and arguments.quiet
+
+
+def test_options_are_not_abbreviated_even_in_sub_commands(capsys):
+    parser = base_parser("test", "A test.")
+    add_common(parser.add_subparsers().add_parser("go"))
+    with pytest.raises(SystemExit) as caught:
+        parser.parse_args(["go", "--conf", "x"])
+    assert caught.value.code == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["check", "--config", "missing.yaml"],
+        ["check", "--set", "simulation.courant=-1"],
+        ["check", "--set", "simulation.courant=.nan"],
+        ["check", "--sett", "x"],
+        ["chek"],
+    ],
+)
+def test_bad_input_ends_with_2_and_one_line(run_module, arguments):
+    done = run_module("pipeline", *arguments)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1 and "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_check_prints_the_whole_configuration(run_module, tmp_path):
+    done = run_module("pipeline", "check", "--set", "simulation.courant=0.25")
+    assert done.returncode == 0 and "courant: 0.25" in done.stdout
+    (tmp_path / "again.yaml").write_text(done.stdout)
+    again = run_module("pipeline", "check", "--config", tmp_path / "again.yaml")
+    assert again.stdout == done.stdout
+
+
+def test_schema_is_written(run_module, tmp_path, root):
+    (tmp_path / "config").mkdir()
+    assert run_module("pipeline", "schema", "--write", cwd=tmp_path).returncode == 0
+    written = (tmp_path / "config" / "config.schema.json").read_text()
+    assert written == (root / "config" / "config.schema.json").read_text()
+
+
+def test_a_reader_that_goes_away_is_no_traceback(root):
+    script = f"{sys.executable} -m pipeline schema | head -1"
+    done = subprocess.run(
+        script, shell=True, cwd=root, env=dict(os.environ), capture_output=True, text=True
+    )
+    assert done.stdout == "{\n" and done.stderr == ""

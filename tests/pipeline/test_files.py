@@ -1,0 +1,210 @@
+"""Files are whole or absent; YAML and JSON are checked while they are read."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from pipeline.cli import InputError
+from pipeline.files import (
+    atomic_path,
+    content_hash,
+    parse_yaml,
+    read_json,
+    read_yaml,
+    write_json,
+    write_text,
+)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+def test_atomic_path_makes_the_folder_and_keeps_the_suffix(tmp_path):
+    target = tmp_path / "deep" / "er" / "picture.png"
+    with atomic_path(target) as temporary:
+        assert temporary.suffix == ".png"
+        assert temporary.parent == target.parent
+        temporary.write_bytes(b"x")
+        assert not target.exists()
+    assert target.read_bytes() == b"x"
+    assert names(target.parent) == ["picture.png"]
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    target = tmp_path / "a.json"
+    write_json(target, {"a": 1})
+    with pytest.raises(RuntimeError), atomic_path(target) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert read_json(target) == {"a": 1}
+    assert names(tmp_path) == ["a.json"]
+
+
+def test_a_write_that_never_happened_is_an_error(tmp_path):
+    with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "a.txt"):
+        pass
+    assert names(tmp_path) == []
+
+
+def start_endless_write(target: Path) -> subprocess.Popen:
+    script = f"""
+import time
+from pipeline.cli import main_exit
+from pipeline.files import atomic_path
+def main(argv):
+    with atomic_path({str(target)!r}) as temporary:
+        temporary.write_text("half")
+        print("writing", flush=True)
+        time.sleep(60)
+main_exit(main)
+"""
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "writing\n"
+    return process
+
+
+def test_a_terminated_write_leaves_nothing(tmp_path):
+    process = start_endless_write(tmp_path / "a.txt")
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(20) == 143
+    process.stdout.close()
+    assert names(tmp_path) == []
+
+
+def test_a_killed_write_leaves_no_file_and_the_next_write_sweeps_up(tmp_path):
+    target = tmp_path / "a.txt"
+    process = start_endless_write(target)
+    process.kill()
+    process.wait(20)
+    process.stdout.close()
+    assert not target.exists()
+    assert len(names(tmp_path)) == 1  # nobody can tidy up after a SIGKILL at once
+    write_text(target, "whole")
+    assert names(tmp_path) == ["a.txt"]
+
+
+def test_the_temporary_file_of_a_living_process_is_left_alone(tmp_path):
+    target = tmp_path / "a.txt"
+    process = start_endless_write(target)
+    write_text(target, "ours")
+    time.sleep(0.05)
+    assert len(names(tmp_path)) == 2
+    process.terminate()
+    process.wait(20)
+    process.stdout.close()
+    assert names(tmp_path) == ["a.txt"]
+
+
+def test_json_comes_back(tmp_path):
+    class Point(BaseModel):
+        x: float
+
+    write_json(
+        tmp_path / "a.json", {"array": np.arange(3), "number": np.float32(0.5), "p": Point(x=1)}
+    )
+    assert read_json(tmp_path / "a.json") == {"array": [0, 1, 2], "number": 0.5, "p": {"x": 1.0}}
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_json_is_not_written_with_what_is_no_number(tmp_path, value):
+    with pytest.raises(ValueError):
+        write_json(tmp_path / "a.json", {"a": value})
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"a": NaN}', "NaN"),
+        ('{"a": -Infinity}', "Infinity"),
+        ('{"a": 1e999}', "1e999"),
+        ('{"a": 1, "a": 2}', "'a' is given twice"),
+        ('{\n"a": }', "line 2"),
+    ],
+)
+def test_bad_json_is_one_line_that_names_the_file(tmp_path, text, message):
+    path = tmp_path / "bad.json"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_json(path)
+    assert str(path) in str(caught.value) and message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: 1\nb: .nan", "line 2: .nan"),
+        ("a: [1, -.inf]", "-.inf"),
+        ("a: 1e999", "1e999"),
+        ("a: 1\na: 2", "line 2: the key 'a' is given twice"),
+        ("x: {b: 1, b: 1}", "'b' is given twice"),
+        ("1: x", "quote it"),
+        ("a: [", "not valid YAML"),
+        ("a: !!python/object:os.system x", "not valid YAML"),
+        ("a: !!float x", "not valid YAML"),
+        ("a: \x00", "not valid YAML"),
+    ],
+)
+def test_bad_yaml_names_the_file_and_the_line(tmp_path, text, message):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_yaml(path)
+    assert str(path) in str(caught.value) and message in str(caught.value)
+
+
+def test_yaml_means_what_it_looks_like():
+    text = "a: 1e-5\nb: no\nc: 010\nd: ~\ne: 1:30\nf: 2026-01-01\ng: true\nh: -.5\ni: [1, 2.0]"
+    assert parse_yaml(text, name="test") == {
+        "a": 1e-5,
+        "b": "no",
+        "c": 10,
+        "d": None,
+        "e": "1:30",
+        "f": "2026-01-01",
+        "g": True,
+        "h": -0.5,
+        "i": [1, 2.0],
+    }
+
+
+def test_yaml_merge_keys_work():
+    text = "base: &base {x: 1, y: 2}\nother: {<<: *base, y: 3}"
+    assert parse_yaml(text, name="test")["other"] == {"x": 1, "y": 3}
+
+
+@pytest.mark.parametrize("read", [read_yaml, read_json])
+def test_a_file_that_cannot_be_read(tmp_path, read):
+    with pytest.raises(InputError, match="no such file"):
+        read(tmp_path / "missing")
+    with pytest.raises(InputError, match="cannot be read"):
+        read(tmp_path)
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8"):
+        read(tmp_path / "binary")
+
+
+def test_content_hash_sees_content_and_nothing_else():
+    assert content_hash({"a": 1, "b": [1.5]}) == content_hash({"b": np.array([1.5]), "a": 1})
+    assert content_hash({"a": 1}) != content_hash({"a": 2})
+    assert len(content_hash(None)) == 16
+    with pytest.raises(TypeError, match="object has no JSON form"):
+        content_hash(object())
+
+
+def test_written_files_have_ordinary_rights(tmp_path):
+    write_text(tmp_path / "a.txt", "x")
+    mask = os.umask(0)
+    os.umask(mask)
+    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o666 & ~mask

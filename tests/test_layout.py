@@ -1,0 +1,156 @@
+"""The rules of the house: who may import whom, and that the packages imported are ours."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# A package imports only from packages to its left, and from `pipeline`.
+ORDER = ["geometry", "mpm_taichi", "gns", "inversion", "diagnosis"]
+ALLOWED = {"pipeline": set()} | {
+    name: {"pipeline", *ORDER[:position]} for position, name in enumerate(ORDER)
+}
+PRESENT = [name for name in ALLOWED if (ROOT / name / "__init__.py").exists()]
+FILES = [path for name in PRESENT for path in sorted((ROOT / name).rglob("*.py"))]
+
+
+def imports(tree: ast.AST, *, package: str = "") -> Iterator[tuple[str, ast.stmt]]:
+    """Full names of the modules that a file imports, wherever in the file."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node
+        elif isinstance(node, ast.ImportFrom):
+            yield (package if node.level else node.module or ""), node
+
+
+def imports_when_loaded(body: list[ast.stmt]) -> Iterator[str]:
+    """Modules imported by merely importing the file: not those in functions or type checks."""
+    for node in body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield node.module or ""
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            yield from imports_when_loaded(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            for field in ("body", "orelse", "finalbody"):
+                yield from imports_when_loaded(getattr(node, field, []))
+            for handler in getattr(node, "handlers", []):
+                yield from imports_when_loaded(handler.body)
+
+
+def top(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def relative(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def module_file(module: str) -> Path | None:
+    """The file of one of our modules, or None if it is no module of ours."""
+    if top(module) not in PRESENT:
+        return None
+    stem = ROOT.joinpath(*module.split("."))
+    for candidate in (stem / "__init__.py", stem.with_suffix(".py")):
+        if candidate.exists():
+            return candidate
+    return None
+
+
+def loaded_with(path: Path, seen: set[Path] | None = None) -> set[str]:
+    """Every top-level module that is loaded when `path` is imported, followed through our files."""
+    seen = set() if seen is None else seen
+    if path in seen:
+        return set()
+    seen.add(path)
+    found: set[str] = set()
+    for module in imports_when_loaded(ast.parse(path.read_text()).body):
+        found.add(top(module))
+        parts = module.split(".")
+        for length in range(1, len(parts) + 1):
+            ours = module_file(".".join(parts[:length]))
+            if ours is not None:
+                found |= loaded_with(ours, seen)
+    return found
+
+
+@pytest.mark.parametrize("path", FILES, ids=relative)
+def test_imports_go_to_the_left(path):
+    package = path.relative_to(ROOT).parts[0]
+    for module, node in imports(ast.parse(path.read_text()), package=package):
+        if top(module) in ALLOWED and top(module) != package:
+            assert top(module) in ALLOWED[package], (
+                f"{relative(path)}:{node.lineno}: {package} may not import {module}"
+            )
+
+
+@pytest.mark.parametrize("path", FILES, ids=relative)
+def test_taichi_and_torch_are_imported_where_they_belong(path):
+    package = path.relative_to(ROOT).parts[0]
+    for module, node in imports(ast.parse(path.read_text())):
+        place = f"{relative(path)}:{node.lineno}"
+        if top(module) == "taichi":
+            assert package == "mpm_taichi", f"{place}: taichi belongs to mpm_taichi"
+        if top(module) == "torch":
+            engine = relative(path) == "inversion/gns_engine.py"
+            assert package == "gns" or engine, f"{place}: torch belongs to gns and gns_engine.py"
+
+
+@pytest.mark.parametrize("package", PRESENT)
+@pytest.mark.parametrize("name", ["__init__.py", "__main__.py"])
+def test_no_heavy_import_before_it_is_needed(package, name):
+    path = ROOT / package / name
+    if not path.exists():
+        pytest.skip("no such file")
+    assert not loaded_with(path) & {"taichi", "torch"}
+
+
+@pytest.mark.parametrize("package", PRESENT)
+def test_package_is_ours(package):
+    # Public packages named `gns` and `inversion` exist; none of them may be taken for ours.
+    module = importlib.import_module(package)
+    assert Path(module.__file__).resolve().is_relative_to(ROOT)
+
+
+def test_packages_are_ours_from_anywhere(tmp_path):
+    script = "\n".join(f"import {name}; print({name}.__file__)" for name in PRESENT)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    for line in done.stdout.splitlines():
+        assert Path(line).resolve().is_relative_to(ROOT), line
+
+
+def test_packages_are_listed():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    listed = settings["tool"]["setuptools"]["packages"]
+    on_disk = {
+        ".".join(path.parent.relative_to(ROOT).parts)
+        for name in PRESENT
+        for path in (ROOT / name).rglob("__init__.py")
+    }
+    assert sorted(listed) == sorted(on_disk)
+
+
+def test_one_version_everywhere():
+    import pipeline
+
+    assert f"version: {pipeline.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+@pytest.mark.parametrize("package", PRESENT)
+def test_package_says_what_it_is_for(package):
+    text = ast.get_docstring(ast.parse((ROOT / package / "__init__.py").read_text()))
+    assert text and "In:" in text and "Out:" in text
