@@ -1,7 +1,7 @@
 """Filling a scene with material points on a regular lattice.
 
-The lattice counts from the left wall and from the lowest ground: points lie at (i + 1/2) spacing, so
-on level ground every grid cell that touches the base holds exactly `points_per_cell` points.
+The lattice counts from the left wall and the lowest ground: points lie at (i + 1/2) spacing, so on
+level ground every grid cell that touches the base holds exactly `points_per_cell` points.
 """
 
 from __future__ import annotations
