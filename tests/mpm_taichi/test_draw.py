@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import builtins
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from mpm_taichi import draw
+from mpm_taichi.colouring import COLOURS, colouring_of, material_colours, rounded_up
+from mpm_taichi.trajectory import Run
+from pipeline.cli import InputError
+from tests.mpm_taichi.ballistic import FAST, fly, make_scene
+
+
+@pytest.fixture
+def run() -> Run:
+    return fly(make_scene(1, water=7.0), FAST)
+
+
+def rgb(path, frame: int = 0) -> np.ndarray:
+    with Image.open(path) as image:
+        image.seek(frame)
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+@pytest.mark.parametrize("colour", COLOURS)
+def test_a_picture_of_each_quantity(tmp_path, run, colour):
+    draw.save_picture(run, tmp_path / "x.png", colour=colour)
+    picture = rgb(tmp_path / "x.png")
+    assert picture.shape[1] == round(draw.WIDTH_IN * draw.DPI)
+    assert len(np.unique(picture @ [65536, 256, 1])) > 50
+    assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
+
+
+def test_points_are_drawn_where_they_are(run):
+    figure = Figure(figsize=(6, 3), dpi=100)
+    canvas = FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.1, 0.1, 0.85, 0.85))
+    draw.draw_frame(ax, run, -1, colour="material")
+    canvas.draw()
+    picture = np.asarray(canvas.buffer_rgba())[::-1, :, :3]
+    shell = tuple(int(material_colours(run.scene)["shell"][i : i + 2], 16) for i in (1, 3, 5))
+    inside = run.positions[-1][run.material == 1].mean(axis=0)  # the middle of the flown block
+    column, row = ax.transData.transform(inside).round().astype(int)
+    assert tuple(picture[row, column]) == shell
+    assert ax.get_aspect() == 1.0
+
+
+def test_panels_show_the_moments_asked_for(tmp_path, run):
+    draw.save_picture(run, tmp_path / "one.png")
+    draw.save_picture(run, tmp_path / "three.png", times=[0.0, 1.0, 99.0])
+    assert rgb(tmp_path / "three.png").shape[0] > 2 * rgb(tmp_path / "one.png").shape[0]
+    assert draw.nearest_frame(run, 99.0) == run.frames - 1
+
+
+def test_vector_formats(tmp_path, run):
+    draw.save_picture(run, tmp_path / "x.svg")
+    assert ET.parse(tmp_path / "x.svg").getroot().tag.endswith("svg")
+    assert (tmp_path / "x.svg").stat().st_size < 400_000  # the points are an image in it
+
+
+def test_an_overlay_is_drawn_and_kept_in_view(run):
+    overlay = draw.overlays(
+        draw.profile_overlay([5, 60, 90], [5, 4, 2]), draw.toe_overlay(95.0, 2.0)
+    )
+    plain, _ = draw.view_limits(run)
+    (left, right), _ = draw.view_limits(run, overlay)
+    assert plain[1] < 95 < right
+    ax = Figure().add_subplot()
+    draw.draw_frame(ax, run, overlay=overlay)
+    labels = ax.get_legend_handles_labels()[1]
+    assert {"measured profile", "measured toe", "before", "water level"} <= set(labels)
+
+
+def test_one_stray_point_does_not_shrink_the_picture():
+    run = fly(make_scene(1, spacing=0.25), FAST)
+    before = draw.view_limits(run)
+    run.positions[:, 7] += [400.0, 300.0]
+    run.positions[3, 8] = np.nan
+    assert np.allclose(draw.view_limits(run), before, atol=1.0)
+    draw.draw_frame(Figure().add_subplot(), run)
+
+
+def test_gif_moves_and_keeps_white_paper(tmp_path, run):
+    draw.save_animation(run, tmp_path / "x.gif", frames=6)
+    with Image.open(tmp_path / "x.gif") as image:
+        assert image.n_frames == 6
+    first, last = rgb(tmp_path / "x.gif", 0), rgb(tmp_path / "x.gif", 5)
+    assert (np.abs(first - last).sum(axis=2) > 60).mean() > 0.01
+    assert tuple(first[2, 2]) == (255, 255, 255)
+
+
+def test_an_animation_frame_equals_the_picture_of_that_moment(tmp_path, run):
+    """Only what moves is redrawn; the result must not differ from drawing everything."""
+    sheet = draw._Sheet(run, [0], colour="displacement", overlay=None, title=None)
+    *_, last = (image.copy() for image in sheet.images(range(run.frames)))
+    draw.save_picture(run, tmp_path / "x.png")
+    difference = np.abs(rgb(tmp_path / "x.png") - last[..., :3].astype(int)).max(axis=2)
+    assert (difference > 40).mean() < 1e-3
+
+
+def test_mp4(tmp_path, run):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="needs the extra `video`")
+    draw.save_animation(run, tmp_path / "x.mp4", frames=5, hold_s=0.5)
+    count, seconds = ffmpeg.count_frames_and_secs(str(tmp_path / "x.mp4"))
+    assert count == 5 + 10
+    assert seconds == pytest.approx(count / 20, abs=0.06)
+
+
+def test_mp4_without_the_extra_says_what_to_do(tmp_path, run, monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name == "imageio_ffmpeg":
+            raise ModuleNotFoundError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(InputError, match=r"flowslide\[video\]"):
+        draw.save_animation(run, tmp_path / "x.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def test_speed_is_that_of_free_flight(run):
+    values = colouring_of(run, "speed").values
+    block = run.material == 1
+    assert values(0)[block] == pytest.approx(np.hypot(9, 4), rel=0.05)
+    assert not values(4)[~block].any()
+
+
+def test_colour_scales():
+    assert [rounded_up(v) for v in (0, 0.9, 1, 1.2, 52, 81)] == [1, 1, 1, 1.5, 60, 100]
+    colours = material_colours(make_scene())
+    assert colours["liquefied fill"] == "#d55e00" and len(set(colours.values())) == 2
+
+
+def test_errors_are_one_line(tmp_path, run):
+    with pytest.raises(InputError, match="suffix must be one of .png, .svg, .pdf"):
+        draw.save_picture(run, tmp_path / "x.bmp")
+    with pytest.raises(InputError, match="suffix must be one of .mp4, .gif"):
+        draw.save_animation(run, tmp_path / "x.avi")
+    with pytest.raises(InputError, match="colour 'rainbow' is unknown; allowed: displacement"):
+        draw.save_picture(run, tmp_path / "x.png", colour="rainbow")
+    empty = Run.empty(run.scene, FAST, reason="it burnt")
+    with pytest.raises(InputError, match="no frames to draw .it burnt"):
+        draw.save_picture(empty, tmp_path / "x.png")

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from mpm_taichi.export import export_csv, export_vtkhdf
+from mpm_taichi.trajectory import Run
+from pipeline.cli import InputError
+from tests.mpm_taichi.ballistic import FAST, fly, make_scene
+
+
+@pytest.fixture
+def run() -> Run:
+    return fly(make_scene(1), FAST)
+
+
+def test_vtk_reads_every_step_back(tmp_path, run):
+    io = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs the extra `paraview`")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    export_vtkhdf(run, tmp_path / "run.vtkhdf")
+    reader = io.vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "run.vtkhdf"))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == run.frames
+
+    for frame in (0, 3, run.frames - 1):
+        reader.SetStep(frame)
+        reader.Update()
+        assert reader.GetTimeValue() == pytest.approx(run.time[frame])
+        grid = reader.GetOutput()
+        assert grid.GetNumberOfPoints() == grid.GetNumberOfCells() == run.points
+        assert grid.GetCellType(5) == 1  # a vertex ...
+        assert grid.GetCell(5).GetPointId(0) == 5  # ... on its own point
+        points = vtk_to_numpy(grid.GetPoints().GetData())
+        assert np.array_equal(points[:, :2], run.positions[frame])
+        assert not points[:, 2].any()
+
+        def array(name, grid=grid):
+            return vtk_to_numpy(grid.GetPointData().GetArray(name))
+
+        moved = run.positions[frame] - run.positions[0]
+        assert np.array_equal(array("displacement")[:, :2], moved)
+        assert np.array_equal(array("material"), run.material)
+        assert np.array_equal(array("zone"), run.zone)
+        assert np.array_equal(array("velocity_final")[:, :2], run.velocity)
+        assert np.array_equal(array("plastic_shear_strain_final"), run.plastic_shear_strain)
+        assert np.array_equal(array("stress_final")[:, :4], run.stress)
+        assert np.array_equal(array("stress_initial")[:, :4], run.initial_stress)
+
+
+def read_csv(path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_the_table_of_the_end(tmp_path, run):
+    export_csv(run, tmp_path / "end.csv")
+    rows = read_csv(tmp_path / "end.csv")
+    assert len(rows) == run.points
+    last = rows[-1]
+    assert (last["zone"], last["material"]) == ("block", "shell")
+    x = np.array([float(row["x_m"]) for row in rows], np.float32)
+    assert np.allclose(x, run.positions[-1, :, 0], rtol=1e-6)
+    assert float(last["stress_xy_pa"]) == pytest.approx(run.stress[-1, 3], rel=1e-6)
+
+
+def test_the_table_of_moments(tmp_path, run):
+    export_csv(run, tmp_path / "moments.csv", times=[0.0, 0.001, 1.0])
+    rows = read_csv(tmp_path / "moments.csv")
+    times = sorted({float(row["time_s"]) for row in rows})
+    assert len(rows) == 2 * run.points  # 0.0 and 0.001 s are the same frame
+    assert times[0] == 0.0 and times[1] == pytest.approx(1.0, abs=0.1)
+    frame = int(np.argmin(abs(run.time - 1.0)))
+    moved = run.positions[frame, -1] - run.positions[0, -1]
+    assert float(rows[-1]["displacement_x_m"]) == pytest.approx(moved[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("export", [export_csv, export_vtkhdf])
+def test_a_run_without_frames_is_refused(tmp_path, export):
+    run = Run.empty(make_scene(1), FAST, reason="it burnt")
+    with pytest.raises(InputError, match="no frames to export .it burnt"):
+        export(run, tmp_path / "x")
+    assert not list(tmp_path.iterdir())
