@@ -1,0 +1,188 @@
+"""One HTML page that holds everything it shows: text, tables, pictures, films.
+
+The page needs no network and no other file, so it can be mailed, archived and printed. It follows
+the reader's choice of light or dark, and fits a phone.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pipeline.cli import InputError
+from pipeline.files import write_text
+
+MEDIA_TYPES = {
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".gif": "image/gif",
+    ".svg": "image/svg+xml",
+    ".mp4": "video/mp4",
+}
+
+Cell = str | int | float | None
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Plain text; what looks like HTML in it is shown, not obeyed."""
+
+    text: str
+
+    def html(self) -> str:
+        """The element as HTML."""
+        return f"<p>{html.escape(self.text)}</p>"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; numbers are aligned to the right, None and NaN are shown as a dash."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    caption: str = ""
+
+    def html(self) -> str:
+        """The element as HTML."""
+        for row in self.rows:
+            if len(row) != len(self.header):
+                raise ValueError(f"a row has {len(row)} cells, the header has {len(self.header)}")
+        head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in self.header)
+        body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in self.rows)
+        caption = f"<caption>{html.escape(self.caption)}</caption>" if self.caption else ""
+        return (
+            f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead>'
+            f"<tbody>\n{body}\n</tbody></table></div>"
+        )
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture or film from a file (png, jpg, gif, svg, mp4), copied into the page.
+
+    `description` says what there is to see, for readers who cannot see it.
+    """
+
+    path: str | os.PathLike[str]
+    description: str
+    caption: str = ""
+
+    def html(self) -> str:
+        """The element as HTML."""
+        path = Path(self.path)
+        media_type = MEDIA_TYPES.get(path.suffix.lower())
+        if media_type is None:
+            allowed = ", ".join(suffix[1:] for suffix in MEDIA_TYPES)
+            raise InputError(f"{path}: cannot be shown on a page: allowed are {allowed}")
+        try:
+            data = base64.b64encode(path.read_bytes()).decode()
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        source = f'src="data:{media_type};base64,{data}"'
+        words = html.escape(self.description, quote=True)
+        if media_type.startswith("video"):
+            shown = f'<video controls loop muted playsinline aria-label="{words}" {source}></video>'
+        else:
+            shown = f'<img alt="{words}" {source}>'
+        caption = f"<figcaption>{html.escape(self.caption)}</figcaption>" if self.caption else ""
+        return f"<figure>{shown}{caption}</figure>"
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page under its own heading."""
+
+    title: str
+    parts: Sequence[Paragraph | Table | Picture] = field(default_factory=tuple)
+
+    def html(self) -> str:
+        """The element as HTML."""
+        inner = "\n".join(part.html() for part in self.parts)
+        return f"<section>\n<h2>{html.escape(self.title)}</h2>\n{inner}\n</section>"
+
+
+def render_page(title: str, sections: Sequence[Section], *, lead: str = "") -> str:
+    """The whole page as text.
+
+    Args:
+        title: the page's title.
+        sections: what it shows, in order.
+        lead: a sentence or two under the title: the answer, before the details.
+    """
+    opening = f'<p class="lead">{html.escape(lead)}</p>' if lead else ""
+    body = "\n".join(section.html() for section in sections)
+    return _PAGE.format(title=html.escape(title), style=_STYLE, lead=opening, body=body)
+
+
+def write_page(
+    path: str | os.PathLike[str], title: str, sections: Sequence[Section], *, lead: str = ""
+) -> None:
+    """Write the page to `path`, atomically."""
+    write_text(path, render_page(title, sections, lead=lead))
+
+
+def _cell(value: Cell) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "<td>&ndash;</td>"
+    if isinstance(value, str):
+        return f"<td>{html.escape(value)}</td>"
+    text = f"{value:.4g}" if isinstance(value, float) else f"{value}"
+    return f'<td class="number">{text}</td>'
+
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<main>
+<h1>{title}</h1>
+{lead}
+{body}
+</main>
+</body>
+</html>
+"""
+
+# Pictures keep a white ground in the dark as well: they are drawn for paper.
+_STYLE = """
+:root { --ground: #ffffff; --ink: #1c2126; --soft: #5b6670; --line: #d5dbe0; }
+@media (prefers-color-scheme: dark) {
+  :root { --ground: #15191d; --ink: #e4e8eb; --soft: #9aa5ae; --line: #38414a; }
+}
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--ground); color: var(--ink);
+  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
+main { max-width: 62rem; margin: 0 auto; padding: 1.5rem 1rem 4rem; }
+h1 { font-size: 1.6rem; line-height: 1.25; margin: 0 0 .5rem; }
+h2 { font-size: 1.2rem; margin: 2.2rem 0 .6rem; padding-top: .8rem;
+  border-top: 1px solid var(--line); }
+.lead { font-size: 1.1rem; color: var(--soft); margin-top: 0; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+caption { text-align: left; color: var(--soft); padding-bottom: .4rem; }
+th, td { padding: .25rem .9rem .25rem 0; text-align: left; vertical-align: top;
+  border-bottom: 1px solid var(--line); }
+td.number { text-align: right; }
+figure { margin: 1rem 0; }
+img, video { max-width: 100%; height: auto; background: #ffffff; border-radius: 4px; }
+figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
+@media print {
+  :root { --ground: #ffffff; --ink: #000000; --soft: #444444; --line: #bbbbbb; }
+  main { max-width: none; padding: 0; }
+  figure, table { break-inside: avoid; }
+  h2 { break-after: avoid; }
+  .wide { overflow: visible; }
+}
+"""
