@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
 import shutil
 import signal
 import threading
@@ -116,7 +115,7 @@ def run_batch(
         reused = len(store.found)
         waiting = iter([index for index in keys if index not in store.found])
         try:
-            while group := list(islice(waiting, group_size or default_group_size(device, threads))):
+            while group := list(islice(waiting, group_size or default_group_size(device))):
                 _run_group(
                     {index: scenes[index] for index in group},
                     lambda some, done: simulate(
@@ -134,11 +133,9 @@ def run_batch(
     return BatchResult(path=path, runs=runs, reused=reused)
 
 
-def default_group_size(device: str, threads: int | None) -> int:
+def default_group_size(device: str) -> int:
     """Scenes per group: enough to keep every thread busy, few enough to hold in memory."""
-    if device != "cpu":
-        return 256
-    return 4 * (threads or os.cpu_count() or 1)
+    return 64 if device == "cpu" else 256
 
 
 def _run_group(
@@ -160,6 +157,8 @@ def _run_group(
         runs = simulate([scenes[index] for index in indices], finished)
         for position, run in enumerate(runs):
             finished(position, run)
+        if missing := [index for index in indices if index not in saved]:
+            raise RuntimeError(f"no result for run {missing[0]}")
     except InputError:
         raise
     except Exception as error:
