@@ -6,10 +6,12 @@ level ground every grid cell that touches the base holds exactly `points_per_cel
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from geometry.random_numbers import unit_array
 from geometry.scene import Scene
 
 #: Points are tested a hair beside their place, so that none lies exactly on a border; in spacings.
@@ -46,7 +48,12 @@ def fill(scene: Scene) -> MaterialPoints:
     jitter x spacing / 2 in x and in y, drawn in lattice order from `seed`; a point that would sink
     below the ground or leave the domain stays where it was.
     """
-    position, zone = _lattice_points(scene)
+    position, zone = lattice_points(
+        [np.asarray(z.polygon, dtype=float) for z in scene.zones],
+        np.asarray(scene.ground.points, dtype=float),
+        scene.domain.x_min,
+        scene.spacing,
+    )
     if scene.jitter:
         position = _jittered(scene, position)
     number = {name: i for i, name in enumerate(scene.material_names)}
@@ -86,11 +93,22 @@ def contains(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
     return inside
 
 
-def _lattice_points(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Lattice points inside zones: (N, 2) places and (N,) zone numbers, row by row upwards."""
-    spacing = scene.spacing
-    origin = np.array([scene.domain.x_min, scene.ground.lowest])
-    vertices = np.concatenate([np.asarray(z.polygon, dtype=float) for z in scene.zones])
+def lattice_points(
+    polygons: Sequence[np.ndarray], ground: np.ndarray, x_min: float, spacing: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the lattice points inside polygons, above the ground.
+
+    Args:
+        polygons: (V, 2) vertices of each zone [m].
+        ground: (P, 2) polyline of the base [m].
+        x_min: place of the left wall [m], from which the lattice counts.
+        spacing: distance between points [m].
+
+    Returns:
+        places (N, 2) [m] and zone numbers (N,), row by row upwards.
+    """
+    origin = np.array([x_min, ground[:, 1].min()])
+    vertices = np.concatenate(list(polygons))
     first = np.floor((vertices.min(axis=0) - origin) / spacing - 0.5).astype(int)
     last = np.ceil((vertices.max(axis=0) - origin) / spacing - 0.5).astype(int)
     column, row = np.meshgrid(
@@ -99,18 +117,17 @@ def _lattice_points(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     lattice = origin + (np.stack([column.ravel(), row.ravel()], axis=1) + 0.5) * spacing
     tested = lattice + np.asarray(BORDER_SHIFT) * spacing
     zone = np.full(len(lattice), -1, dtype=np.int32)
-    for number, part in enumerate(scene.zones):
+    for number, polygon in enumerate(polygons):
         free = np.flatnonzero(zone < 0)
-        hit = contains(np.asarray(part.polygon, dtype=float), tested[free])
+        hit = contains(polygon, tested[free])
         zone[free[hit]] = number
-    kept = (zone >= 0) & (lattice[:, 1] > scene.ground.height(lattice[:, 0]))
+    kept = (zone >= 0) & (lattice[:, 1] > np.interp(lattice[:, 0], ground[:, 0], ground[:, 1]))
     return lattice[kept], zone[kept]
 
 
 def _jittered(scene: Scene, position: np.ndarray) -> np.ndarray:
     half = 0.5 * scene.jitter * scene.spacing
-    random = np.random.Generator(np.random.Philox(scene.seed))
-    moved = position + random.uniform(-half, half, size=position.shape)
+    moved = position + half * (2.0 * unit_array(scene.seed, position.shape) - 1.0)
     allowed = (
         (moved[:, 1] > scene.ground.height(moved[:, 0]))
         & (moved[:, 0] > scene.domain.x_min)
