@@ -1,0 +1,239 @@
+"""One frame of a run on matplotlib axes: points, ground, water, outline before, overlays.
+
+In: axes and a `Run`. Out: the axes drawn on, in metres, with the same scale in x and y. An overlay
+is a function of the axes, drawn last and kept in view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.transforms import ScaledTranslation
+from shapely.geometry import Polygon
+from shapely.ops import unary_union
+
+from geometry.scene import Scene
+from mpm_taichi.colouring import Colouring, colouring_of
+from mpm_taichi.trajectory import Run
+from pipeline.cli import InputError
+
+Overlay = Callable[[Axes], None]
+
+# A point stands for a square of soil; a disc a little larger leaves no pinholes between neighbours.
+DISC = 1.45
+
+GROUND_COLOUR, GROUND_LINE = "#a39b8f", "#4d4842"
+WATER_COLOUR, WATER_LINE = "#d3e6f5", "#2a6fa8"
+TEXT_COLOUR = "#222222"
+# Thin lines must be seen on dark points and on white.
+HALO = [Stroke(linewidth=2.4, foreground="white", alpha=0.75), Normal()]
+
+LAYER = {"water": 1, "points": 2.1, "ground": 3, "lines": 4, "overlay": 6, "stamp": 8}
+
+
+def draw_frame(
+    ax: Axes,
+    run: Run,
+    frame: int = -1,
+    *,
+    colour: str = "displacement",
+    colouring: Colouring | None = None,
+    overlay: Overlay | None = None,
+) -> EllipseCollection:
+    """Draw one frame on `ax`: water, points, ground, initial outline, then the overlay.
+
+    Args:
+        ax: axes to draw on; gets equal scales and the run's limits.
+        run: the run; needs at least one frame.
+        frame: number of the frame; negative numbers count from the end.
+        colour: one of `COLOURS`.
+        colouring: as made by `colouring_of`, so that several frames share one colour scale.
+        overlay: called with `ax` last.
+
+    Returns:
+        The points, so that a caller can move and colour them for another frame.
+    """
+    refuse_empty(run)
+    colouring = colouring or colouring_of(run, colour)
+    x_limits, y_limits = view_limits(run, overlay)
+    ax.set(xlim=x_limits, ylim=y_limits, aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    ax.tick_params(labelsize=8, colors=TEXT_COLOUR)
+    ax.spines[["top", "right"]].set_visible(False)
+    _draw_water(ax, run.scene, x_limits)
+    diameter = DISC * run.scene.spacing
+    points = EllipseCollection(
+        widths=diameter,
+        heights=diameter,
+        angles=0.0,
+        units="xy",
+        offsets=run.positions[frame],
+        offset_transform=ax.transData,
+        cmap=colouring.colour_map,
+        norm=colouring.norm,
+        linewidths=0,
+        zorder=LAYER["points"],
+        rasterized=True,  # thousands of discs would make an svg or a pdf slow to open
+    )
+    points.set_array(colouring.values(frame % run.frames))
+    ax.add_collection(points, autolim=False)
+    _draw_ground(ax, run.scene, x_limits, y_limits)
+    _draw_outline(ax, run.scene)
+    if overlay is not None:
+        overlay(ax)
+    return points
+
+
+def profile_overlay(x: np.ndarray, y: np.ndarray, label: str = "measured profile") -> Overlay:
+    """Overlay: a polyline through (x, y) [m], shapes (n,), black on a white edge."""
+
+    def draw(ax: Axes) -> None:
+        ax.plot(x, y, color="white", linewidth=3.6, zorder=LAYER["overlay"])
+        ax.plot(x, y, color="black", linewidth=1.6, zorder=LAYER["overlay"], label=label)
+
+    return draw
+
+
+def toe_overlay(x: float, y: float, label: str = "measured toe", colour: str = "black") -> Overlay:
+    """Overlay: a triangle whose tip stands on the ground at (x, y) [m]."""
+
+    def draw(ax: Axes) -> None:
+        # Moved up by half its size, so that its tip and not its middle is at y.
+        lift = ScaledTranslation(0.0, 5.0 / 72.0, ax.get_figure().dpi_scale_trans)
+        ax.plot(
+            [x],
+            [y],
+            transform=ax.transData + lift,
+            marker="v",
+            markersize=9,
+            color=colour,
+            markeredgecolor="white",
+            markeredgewidth=0.8,
+            linestyle="none",
+            zorder=LAYER["overlay"] + 1,
+            label=label,
+        )
+        ax.update_datalim([(x, y)])  # not done by plot where a transform is given
+
+    return draw
+
+
+def overlays(*parts: Overlay) -> Overlay:
+    """Several overlays as one."""
+
+    def draw(ax: Axes) -> None:
+        for part in parts:
+            part(ax)
+
+    return draw
+
+
+def view_limits(
+    run: Run, overlay: Overlay | None = None
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """What a picture shows [m]: the scene before, nearly all of its points ever, the overlay."""
+    seen = run.positions[:: max(1, run.frames // 40)].reshape(-1, 2)
+    seen = np.concatenate([seen, run.positions[-1]])
+    corners = [np.asarray(zone.polygon) for zone in run.scene.zones]
+    corners = np.concatenate([*corners, _extent(overlay)])
+    seen = np.concatenate([seen[np.isfinite(seen).all(axis=1)], corners])
+    # Not the extremes: one stray point must not shrink the picture.
+    low = np.minimum(np.quantile(seen, 0.0005, axis=0), corners.min(axis=0))
+    high = np.maximum(np.quantile(seen, 0.9995, axis=0), corners.max(axis=0))
+    if run.scene.water_level is not None:
+        high[1] = max(high[1], run.scene.water_level)
+    margin = max(0.04 * (high[0] - low[0]), 2.0 * run.scene.spacing)
+    x_limits = (float(low[0] - margin), float(high[0] + margin))
+    ground = run.scene.ground.height(np.linspace(*x_limits, 200))
+    bottom = min(low[1], ground.min()) - 0.6 * margin
+    return x_limits, (float(bottom), float(high[1] + 0.5 * margin))
+
+
+def _extent(overlay: Overlay | None) -> np.ndarray:
+    """Corners of what an overlay draws (2, 2), found on axes of its own; (0, 2) if nothing."""
+    if overlay is None:
+        return np.zeros((0, 2))
+    scratch = Figure().add_subplot()
+    overlay(scratch)
+    corners = scratch.dataLim.get_points()
+    return corners if np.isfinite(corners).all() else np.zeros((0, 2))
+
+
+def nearest_frame(run: Run, time: float) -> int:
+    """Number of the frame nearest to `time` [s]."""
+    refuse_empty(run)
+    return int(np.argmin(np.abs(run.time - time)))
+
+
+def _draw_water(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> None:
+    """The pool behind the points, and the phreatic line through them."""
+    if scene.water_level is None:
+        return
+    bends = [x for x, _ in [*(scene.phreatic_line or []), *scene.ground.points]]
+    x = np.unique(np.clip([*np.linspace(*x_limits, 200), *bends], *x_limits))
+    ground, level = scene.ground.height(x), scene.phreatic_level(x)
+    wet = level > ground + 1e-6
+    ax.fill_between(
+        x,
+        ground,
+        np.maximum(level, ground),
+        color=WATER_COLOUR,
+        linewidth=0,
+        zorder=LAYER["water"],
+    )
+    ax.plot(
+        x,
+        np.where(wet, level, np.nan),
+        color=WATER_LINE,
+        linewidth=0.9,
+        linestyle=(0, (7, 2, 1.5, 2)),
+        path_effects=HALO,
+        zorder=LAYER["lines"],
+        label="water level" if scene.phreatic_line is None else "pool and phreatic line",
+    )
+
+
+def _draw_ground(
+    ax: Axes, scene: Scene, x_limits: tuple[float, float], y_limits: tuple[float, float]
+) -> None:
+    bends = [x for x, _ in scene.ground.points if x_limits[0] < x < x_limits[1]]
+    x = np.array([x_limits[0], *bends, x_limits[1]])
+    y = scene.ground.height(x)
+    ax.fill_between(x, y_limits[0], y, color=GROUND_COLOUR, linewidth=0, zorder=LAYER["ground"])
+    ax.plot(x, y, color=GROUND_LINE, linewidth=1.0, zorder=LAYER["ground"])
+    if scene.domain.walls == "closed":
+        for wall in (scene.domain.x_min, scene.domain.x_max):
+            ax.axvline(wall, color=GROUND_LINE, linewidth=1.6, zorder=LAYER["ground"])
+
+
+def _draw_outline(ax: Axes, scene: Scene) -> None:
+    """Outer edge of all zones before the slide."""
+    # Zones may be apart by rounding: closed over a tenth of the spacing they become one.
+    reach = 0.1 * scene.spacing
+    whole = unary_union([Polygon(zone.polygon).buffer(reach) for zone in scene.zones]).buffer(
+        -reach
+    )
+    label = "before"
+    for part in getattr(whole, "geoms", [whole]):
+        x, y = part.exterior.xy
+        ax.plot(
+            x,
+            y,
+            color="#333333",
+            linewidth=1.0,
+            linestyle="--",
+            path_effects=HALO,
+            zorder=LAYER["lines"],
+            label=label,
+        )
+        label = "_nolegend_"
+
+
+def refuse_empty(run: Run) -> None:
+    """Raise an `InputError` for a run that has nothing to draw."""
+    if run.frames == 0 or run.points == 0:
+        raise InputError(f"{run.scene.name}: the run has no frames to draw ({run.reason})")
