@@ -30,11 +30,11 @@ verify: $(READY)
 lint: $(READY)
 	$(IN_VENV) ruff check .
 	$(IN_VENV) ruff format --check .
-	$(IN_VENV) snakefmt --check --quiet Snakefile rules
+	$(IN_VENV) snakefmt --check Snakefile rules
 
 format: $(READY)
 	$(IN_VENV) ruff format .
-	$(IN_VENV) snakefmt --quiet Snakefile rules
+	$(IN_VENV) snakefmt Snakefile rules
 
 install: $(READY)
 

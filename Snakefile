@@ -1,0 +1,46 @@
+# The workflow: random scenes -> simulations -> statistics, and the case histories.
+#
+#   snakemake simulate_coarse        300 scenes at 2 m spacing: minutes on two cores
+#   snakemake simulate_large         2,500 scenes (paper, Table 1); also simulate_small
+#   snakemake geometry_large         the scenes alone, with a gallery
+#   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
+#   snakemake everything --configfile config/test.yaml       all of it in about a minute
+#   snakemake --report report.html simulate_coarse           a page about what was made
+#
+# profiles/default is used of itself (all cores of this machine); on a cluster add
+# `--profile profiles/slurm` (docs/hpc.md). Settings: config/config.yaml.
+
+from snakemake.utils import min_version
+
+min_version("9.10")
+
+
+configfile: "config/config.yaml"
+
+
+report: "report/workflow.rst"
+
+
+include: "rules/common.smk"
+include: "rules/geometry.smk"
+include: "rules/simulation.smk"
+include: "rules/cases.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        rules.geometry_coarse.input if "coarse" in SETTINGS.scales else [],
+        rules.simulate_coarse.input if "coarse" in SETTINGS.scales else [],
+        rules.simulate_lsfd.input,
+    message:
+        "The coarse scale and the Lower San Fernando dam are ready under {RESULTS}"
+
+
+rule everything:
+    input:
+        [gallery(scale) for scale in SETTINGS.scales],
+        [statistics(scale) for scale in SETTINGS.scales],
+        [simulated_case(case) for case in CASES],
+    message:
+        "All scales and all case histories are ready under {RESULTS}"

@@ -1,0 +1,60 @@
+# The case histories: section -> runout, beside what was measured. One target for each folder.
+
+
+def case_files(wildcards):
+    """The data of a case: everything in its folder but the text."""
+    folder = CASE_FOLDER / wildcards.case
+    return sorted(
+        os.path.relpath(path)
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix != ".md" and not path.name.startswith(".")
+    )
+
+
+rule simulate_case:
+    input:
+        case_files,
+    output:
+        picture=report(
+            f"{RESULTS}/{{case}}/simulation/runout.png",
+            caption="../report/case.rst",
+            category="Case histories",
+            labels={"case": "{case}", "what": "deposit and measured profile"},
+        ),
+        film=report(
+            f"{RESULTS}/{{case}}/simulation/runout.mp4",
+            caption="../report/case.rst",
+            category="Case histories",
+            labels={"case": "{case}", "what": "film of the runout"},
+        ),
+        observables=f"{RESULTS}/{{case}}/simulation/observables.csv",
+        summary=f"{RESULTS}/{{case}}/simulation/summary.txt",
+    log:
+        f"{RESULTS}/logs/simulate_{{case}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/simulate_{{case}}.tsv"
+    threads: 2
+    resources:
+        mem_mb=lambda wildcards, attempt: 2000 * attempt,
+        runtime=lambda wildcards, attempt: 60 * attempt,
+    params:
+        config=CONFIG_FILE,
+        folder=lambda wildcards, output: os.path.dirname(output.picture),
+        case=lambda wildcards, input: os.path.dirname(input[0]),
+        physics=content_hash({"physics": PHYSICS, "settings": SETTINGS.simulation}),
+    message:
+        "Simulating the case history {wildcards.case}"
+    shell:
+        "python -m mpm_taichi case {params.case} --out {params.folder} --config {params.config}"
+        " > {output.summary} 2> {log}"
+
+
+for target, case in [*CASE_ALIASES.items(), *((case, case) for case in CASES)]:
+
+    rule:
+        name:
+            f"simulate_{target}"
+        input:
+            simulated_case(case),
+        message:
+            f"The case history {case} is simulated: {simulated_case(case)}"

@@ -1,0 +1,87 @@
+# What all rules share: the checked settings, the names of files, the versions of the physics.
+#
+# When is something made again? Where an input is newer, where the list of inputs has changed, or
+# where a value in `params:` has (rerun-triggers in the profiles). Programs are called through
+# `shell:`, so an edit to their code makes nothing again: a better docstring must not cost 2,500
+# simulations. Where an edit changes results, its author raises PHYSICS_VERSION in the package's
+# __init__.py; that number is among the params, beside every setting that matters to the rule.
+
+import ast
+import os
+import sys
+from pathlib import Path
+
+import yaml
+
+from pipeline.cli import InputError
+from pipeline.config import Config, validate_settings
+from pipeline.files import content_hash, write_text
+from snakemake.exceptions import WorkflowError
+
+# `python` in a shell command is the Python that runs Snakemake.
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+
+
+def checked_settings():
+    try:
+        return validate_settings(Config, config, origin="configuration")
+    except InputError as error:
+        raise WorkflowError(str(error)) from None
+
+
+def write_settings():
+    """Put the settings in force into one file for the programs; return its path."""
+    path = Path(RESULTS) / "config.yaml"
+    text = "# Written by the workflow: the settings in force. Edit config/config.yaml instead.\n"
+    text += yaml.safe_dump(SETTINGS.model_dump(mode="json"), sort_keys=False)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        write_text(path, text)
+    return str(path)
+
+
+def physics_version(package):
+    """PHYSICS_VERSION of one of our packages, read without importing it."""
+    path = Path(workflow.basedir) / package / "__init__.py"
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        if any(
+            isinstance(target, ast.Name) and target.id == "PHYSICS_VERSION" for target in targets
+        ):
+            return ast.literal_eval(node.value)
+    raise WorkflowError(f"{path}: PHYSICS_VERSION is missing")
+
+
+SETTINGS = checked_settings()
+RESULTS = SETTINGS.results_folder
+CONFIG_FILE = write_settings()
+PHYSICS = {package: physics_version(package) for package in ("geometry", "mpm_taichi")}
+
+CASE_FOLDER = Path(workflow.basedir) / "case_histories"
+CASES = sorted(path.parent.name for path in CASE_FOLDER.glob("*/scene.yaml"))
+CASE_ALIASES = {"lsfd": "lower_san_fernando"}
+
+if clash := set(SETTINGS.scales) & {*CASES, *CASE_ALIASES}:
+    raise WorkflowError(f"configuration: scales: {', '.join(clash)} is the name of a case history")
+
+
+wildcard_constraints:
+    scale="|".join(SETTINGS.scales),
+    batch=r"\d\d\d+",
+    case="|".join(CASES) or "-",
+
+
+def gallery(scale):
+    return f"{RESULTS}/{scale}/gallery.png"
+
+
+def statistics(scale):
+    return f"{RESULTS}/{scale}/runs.csv"
+
+
+def trajectories(wildcards):
+    batches = range(SETTINGS.scale(wildcards.scale).number_of_batches)
+    return [f"{RESULTS}/{wildcards.scale}/trajectories/batch_{batch:03d}.h5" for batch in batches]
+
+
+def simulated_case(case):
+    return f"{RESULTS}/{case}/simulation/runout.png"

@@ -1,0 +1,88 @@
+# The material point method: scenes -> trajectories -> which runs went well.
+
+
+def simulation_physics(wildcards):
+    """Everything that decides the numbers of a batch, beside its scenes."""
+    return content_hash(
+        {
+            "physics": PHYSICS,
+            "settings": SETTINGS.simulation_for(wildcards.scale),
+            "runs": list(SETTINGS.scale(wildcards.scale).batch_indices(int(wildcards.batch))),
+        }
+    )
+
+
+# `update`: a file that is already there is not removed first. The program takes from it, and from
+# the parts an interrupted job has left beside it, every run that is still valid.
+rule simulate_batch:
+    input:
+        f"{RESULTS}/{{scale}}/scenes",
+    output:
+        update(f"{RESULTS}/{{scale}}/trajectories/batch_{{batch}}.h5"),
+    log:
+        f"{RESULTS}/logs/simulate_{{scale}}_{{batch}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/simulate_{{scale}}_{{batch}}.tsv"
+    threads: 4
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+        runtime=lambda wildcards, attempt: 120 * attempt,
+        gpu=0,
+    params:
+        config=CONFIG_FILE,
+        folder=lambda wildcards, output: os.path.dirname(output[0]),
+        device=lambda wildcards, resources: "cuda" if resources.gpu else "cpu",
+        physics=simulation_physics,
+    message:
+        "Simulating batch {wildcards.batch} of the scale {wildcards.scale} on the {params.device}"
+    shell:
+        "python -m mpm_taichi run --scale {wildcards.scale} --batch {wildcards.batch}"
+        " --scenes {input} --out {params.folder} --config {params.config}"
+        " --device {params.device} --threads {threads} > {log} 2>&1"
+
+
+rule list_runs:
+    input:
+        trajectories,
+    output:
+        table=f"{RESULTS}/{{scale}}/runs.csv",
+        failed=f"{RESULTS}/{{scale}}/failed.txt",
+        picture=report(
+            f"{RESULTS}/{{scale}}/runs.png",
+            caption="../report/runs.rst",
+            category="Simulations",
+            labels={"scale": "{scale}", "what": "statistics of the runs"},
+        ),
+        page=report(
+            f"{RESULTS}/{{scale}}/runs.html",
+            caption="../report/runs.rst",
+            category="Simulations",
+            labels={"scale": "{scale}", "what": "table of the runs"},
+        ),
+    log:
+        f"{RESULTS}/logs/list_runs_{{scale}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/list_runs_{{scale}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=20,
+    params:
+        script=f"{workflow.basedir}/rules/scripts/run_statistics.py",
+    message:
+        "Listing the runs of the scale {wildcards.scale} and those that failed"
+    shell:
+        "(python -m mpm_taichi status {input} --csv {output.table}"
+        " && python {params.script} {output.table} --name {wildcards.scale}"
+        " --failed {output.failed} --picture {output.picture} --page {output.page}) > {log} 2>&1"
+
+
+for scale in SETTINGS.scales:
+
+    rule:
+        name:
+            f"simulate_{scale}"
+        input:
+            statistics(scale),
+        message:
+            f"The scale {scale} is simulated: {statistics(scale)}"
