@@ -234,7 +234,8 @@ def default_title(scene: Scene) -> str:
         for name, material in scene.materials.items()
         if material.liquefied
     ]
-    details = [*liquefied[:3], f"points every {scene.spacing:g} m"]
+    template = [f"template ({scene.origin.template})"] if scene.origin else []
+    details = [*template, *liquefied[:3], f"points every {scene.spacing:g} m"]
     return f"{scene.name.replace('_', ' ').title()}\n{'   '.join(details)}"
 
 

@@ -173,6 +173,8 @@ def _draw_water(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> None:
     """The pool behind the points, and the phreatic line through them."""
     if scene.water_level is None:
         return
+    if scene.domain.walls == "closed":
+        x_limits = max(x_limits[0], scene.domain.x_min), min(x_limits[1], scene.domain.x_max)
     bends = [x for x, _ in [*(scene.phreatic_line or []), *scene.ground.points]]
     x = np.unique(np.clip([*np.linspace(*x_limits, 200), *bends], *x_limits))
     ground, level = scene.ground.height(x), scene.phreatic_level(x)
@@ -206,8 +208,10 @@ def _draw_ground(
     ax.fill_between(x, y_limits[0], y, color=GROUND_COLOUR, linewidth=0, zorder=LAYER["ground"])
     ax.plot(x, y, color=GROUND_LINE, linewidth=1.0, zorder=LAYER["ground"])
     if scene.domain.walls == "closed":
-        for wall in (scene.domain.x_min, scene.domain.x_max):
-            ax.axvline(wall, color=GROUND_LINE, linewidth=1.6, zorder=LAYER["ground"])
+        for wall, edge in zip((scene.domain.x_min, scene.domain.x_max), x_limits, strict=True):
+            if x_limits[0] < wall < x_limits[1]:
+                ax.axvspan(wall, edge, color=GROUND_COLOUR, linewidth=0, zorder=LAYER["ground"])
+                ax.axvline(wall, color=GROUND_LINE, linewidth=1.6, zorder=LAYER["ground"])
 
 
 def _draw_outline(ax: Axes, scene: Scene) -> None:
