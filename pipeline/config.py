@@ -92,7 +92,10 @@ class GeometrySettings(Settings):
         0.25, ge=0, le=1, description="share of the scenes with a reservoir; 0 in the paper"
     )
     jitter: float = Field(
-        0.0, ge=0, le=0.5, description="random shift of the material points, share of the spacing"
+        0.0,
+        ge=0,
+        lt=1,
+        description="each material point moves by up to jitter x spacing / 2 in x and y",
     )
     max_points: int = Field(
         6000, ge=100, description="scenes with more material points are drawn again"
