@@ -22,5 +22,6 @@ def sketch(stream: Stream, frame: Frame) -> Sketch:
             Outline("middle", 2, [p2, p3, p5, p4]),
             Outline("upper", 1, [p4, p5, p8, p7, p6]),
         ],
+        ground=frame.level_base,
         crest=crest,
     )

@@ -142,7 +142,7 @@ def toe_runout(
         volume: (N,) or one number [m2 per m].
         spacing: distance between material points [m].
         side: left or right of the dam.
-        initial_toe: x of the foot before the slide [m], `section_foot` of the scene.
+        initial_toe: x of the foot before the slide [m], `Scene.foot`.
         anchor_x: see `toe`.
         derivative: return also the derivative.
 

@@ -29,7 +29,7 @@ def sketch(stream: Stream, frame: Frame) -> Sketch:
             corners.append((corners[-1] + 1) % 4)
         ring = [outer[i] for i in corners] + [inner[i] for i in reversed(corners)]
         outlines.append(Outline(f"ring_{number + 1}", _any_soil(stream), ring))
-    return Sketch(outlines=outlines, crest=min(p2[1], p3[1]))
+    return Sketch(outlines=outlines, ground=frame.level_base, crest=min(p2[1], p3[1]))
 
 
 def _any_soil(stream: Stream):

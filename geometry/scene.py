@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -20,9 +21,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from geometry.checks import check_ground, check_zones
 from pipeline.cli import InputError
-from pipeline.files import read_json, read_yaml, write_json, write_text
+from pipeline.files import read_json, read_yaml, write_text
 
 Point = tuple[float, float]
+
+#: A pair of numbers that the JSON writer has spread over four lines.
+_PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
 
 
 class Document(BaseModel):
@@ -252,6 +256,11 @@ class Scene(Document):
         """Edge of a grid cell [m]."""
         return math.isqrt(self.points_per_cell) * self.spacing
 
+    def foot(self, side: Literal["left", "right"]) -> float:
+        """Place x [m] of the foot of the section: where its outline ends on one side."""
+        x = [place for zone in self.zones for place, _ in zone.polygon]
+        return min(x) if side == "left" else max(x)
+
     @property
     def has_water(self) -> bool:
         """True where there is a pool or groundwater."""
@@ -323,12 +332,16 @@ def load_scene(path: str | Path) -> Scene:
 
 def save_scene(scene: Scene, path: str | Path) -> None:
     """Write a scene as JSON or, with the suffix .yaml, as YAML; the file appears when whole."""
-    path = Path(path)
-    document = scene.model_dump(mode="json", exclude_none=path.suffix.lower() != ".json")
-    if path.suffix.lower() == ".json":
-        write_json(path, document)
-    else:
-        write_text(path, yaml.safe_dump(document, sort_keys=False, width=100))
+    write_text(path, scene_text(scene, Path(path).suffix))
+
+
+def scene_text(scene: Scene, suffix: str = ".json") -> str:
+    """The text of a scene's file: JSON, or YAML where the suffix says so."""
+    if suffix.lower() == ".json":
+        text = json.dumps(scene.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
+        return _PAIR.sub(r"[\1, \2]", text)
+    document = scene.model_dump(mode="json", exclude_none=True)
+    return yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
 
 
 def _one_line(error: ValidationError, source: str) -> str:

@@ -6,7 +6,7 @@ Lengths are template metres: those of Table A.1, for the large scale. `templates
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from geometry.materials import Soil
 from geometry.random_numbers import Stream
@@ -29,6 +29,11 @@ class Frame:
     """`BlockSettings` of the configuration, for template (e)."""
 
     @property
+    def level_base(self) -> list[Point]:
+        """The base of templates (a) to (d), from wall to wall."""
+        return [(0.0, BASE), (self.width, BASE)]
+
+    @property
     def top(self) -> float:
         """Highest elevation of soil: one cell under the top of the domain."""
         return self.height - self.cell
@@ -49,7 +54,7 @@ class Sketch:
     """A drawn scene without materials."""
 
     outlines: list[Outline]
-    ground: list[Point] = field(default_factory=lambda: [(0.0, BASE)])
+    ground: list[Point]
     crest: float | None = None
     """Elevation that a pool stays below; None = no pool (template (e))."""
     seepage: tuple[Point, Point] | None = None

@@ -32,5 +32,6 @@ def sketch(stream: Stream, frame: Frame) -> Sketch:
             Outline("upper", 1, [p4, p5, p10, p7, p6]),
             Outline("shell", 1, [p9, p1, p8, p10, p5, p3]),
         ],
+        ground=frame.level_base,
         crest=crest,
     )

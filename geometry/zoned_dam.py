@@ -27,6 +27,7 @@ def sketch(stream: Stream, frame: Frame) -> Sketch:
             Outline("downstream_base", soils[2], [p2, p3, p5, p4]),
             Outline("downstream_shell", soils[3], [p4, p5, p9, p8]),
         ],
+        ground=frame.level_base,
         crest=p6[1],
         seepage=(p7, p2),
     )
