@@ -70,6 +70,10 @@ wildcard_constraints:
     case="|".join(CASES) or "-",
 
 
+def scenes(scale):
+    return f"{RESULTS}/{scale}/scenes.txt"
+
+
 def gallery(scale):
     return f"{RESULTS}/{scale}/gallery.png"
 

@@ -11,9 +11,11 @@ def scene_physics(wildcards):
     )
 
 
+# The output is the report of the command, not the folder: scenes that are there and still the same are
+# left alone, so that a restart goes on where it stopped.
 rule sample_scenes:
     output:
-        directory(f"{RESULTS}/{{scale}}/scenes"),
+        scenes("{scale}"),
     log:
         f"{RESULTS}/logs/sample_{{scale}}.log",
     benchmark:
@@ -24,20 +26,21 @@ rule sample_scenes:
         runtime=60,
     params:
         config=CONFIG_FILE,
+        folder=f"{RESULTS}/{{scale}}/scenes",
         physics=scene_physics,
     message:
         "Drawing the scenes of the scale {wildcards.scale}"
     shell:
-        "python -m geometry sample --scale {wildcards.scale} --out {output}"
-        " --config {params.config} > {log} 2>&1"
+        "python -m geometry sample --scale {wildcards.scale} --out {params.folder}"
+        " --config {params.config} > {output} 2> {log}"
 
 
 rule draw_gallery:
     input:
-        f"{RESULTS}/{{scale}}/scenes",
+        scenes("{scale}"),
     output:
         report(
-            f"{RESULTS}/{{scale}}/gallery.png",
+            gallery("{scale}"),
             caption="../report/gallery.rst",
             category="Scenes",
             labels={"scale": "{scale}", "what": "gallery"},
@@ -50,10 +53,13 @@ rule draw_gallery:
     resources:
         mem_mb=2000,
         runtime=20,
+    params:
+        config=CONFIG_FILE,
     message:
         "Drawing a gallery of the scale {wildcards.scale}"
     shell:
-        "python -m geometry show {input} --out {output} > {log} 2>&1"
+        "python -m geometry show --scale {wildcards.scale} --out {output}"
+        " --config {params.config} > {log} 2>&1"
 
 
 for scale in SETTINGS.scales:
@@ -63,6 +69,6 @@ for scale in SETTINGS.scales:
             f"geometry_{scale}"
         input:
             gallery(scale),
-            f"{RESULTS}/{scale}/scenes",
+            scenes(scale),
         message:
             f"The scenes of the scale {scale} are drawn: {gallery(scale)}"

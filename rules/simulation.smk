@@ -16,7 +16,7 @@ def simulation_physics(wildcards):
 # the parts an interrupted job has left beside it, every run that is still valid.
 rule simulate_batch:
     input:
-        f"{RESULTS}/{{scale}}/scenes",
+        scenes("{scale}"),
     output:
         update(f"{RESULTS}/{{scale}}/trajectories/batch_{{batch}}.h5"),
     log:
@@ -30,14 +30,15 @@ rule simulate_batch:
         gpu=0,
     params:
         config=CONFIG_FILE,
-        folder=lambda wildcards, output: os.path.dirname(output[0]),
+        scenes=f"{RESULTS}/{{scale}}/scenes",
+        folder=f"{RESULTS}/{{scale}}/trajectories",
         device=lambda wildcards, resources: "cuda" if resources.gpu else "cpu",
         physics=simulation_physics,
     message:
         "Simulating batch {wildcards.batch} of the scale {wildcards.scale} on the {params.device}"
     shell:
         "python -m mpm_taichi run --scale {wildcards.scale} --batch {wildcards.batch}"
-        " --scenes {input} --out {params.folder} --config {params.config}"
+        " --scenes {params.scenes} --out {params.folder} --config {params.config}"
         " --device {params.device} --threads {threads} > {log} 2>&1"
 
 
@@ -45,7 +46,7 @@ rule list_runs:
     input:
         trajectories,
     output:
-        table=f"{RESULTS}/{{scale}}/runs.csv",
+        table=statistics("{scale}"),
         failed=f"{RESULTS}/{{scale}}/failed.txt",
         picture=report(
             f"{RESULTS}/{{scale}}/runs.png",
