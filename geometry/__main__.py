@@ -190,8 +190,8 @@ def _check(arguments: argparse.Namespace) -> None:
         )
         _print_gaps(scene)
     print(
-        f"{len(paths)} valid, {points_in_all} points, filled to within {100.0 * worst:.2f} % of the "
-        "area" + (f", {draws} draws" if draws else "")
+        f"{len(paths)} valid, {points_in_all} points, filled to within {100.0 * worst:.2f} % of "
+        "the area" + (f", {draws} draws" if draws else "")
     )
 
 
