@@ -44,9 +44,12 @@ POINT_FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
 }
 FIELDS = ("positions", "time", *POINT_FIELDS, "energy")
 
+# Measured on a slide of the Lower San Fernando section, 251 frames of 6,242 points, 12.5 MB raw:
+# chunks (32, 512, 1) with shuffle and gzip 1 give 5.6 MB, 0.12 s to write, 0.05 s to read, 5 ms for
+# a window of 6 frames. x and y in one chunk: 6.4 MB; no shuffle: 9.7 MB; one frame a chunk: 8.6 MB;
+# gzip 4: 3 % smaller, a fifth slower; all frames in a chunk: 5.3 MB, but 35 ms for a window.
 COMPRESSION_LEVEL = 1
-CHUNK_FRAMES = 16
-CHUNK_POINTS = 256
+POSITION_CHUNK = (32, 512, 1)
 
 _GROUP = re.compile(r"run_(\d{5,})")
 # What h5py raises on a file that is cut short or damaged, depending on where the damage is.
@@ -186,7 +189,7 @@ def write_run(file: h5py.File, index: int, run: Run, *, key: str = "") -> None:
         group,
         "positions",
         run.positions.astype(np.float32, copy=False),
-        chunks=(min(frames, CHUNK_FRAMES), min(points, CHUNK_POINTS), 2),
+        chunks=tuple(map(min, zip(POSITION_CHUNK, run.positions.shape, strict=True))),
     )
     _write_array(group, "time", run.time.astype(np.float64, copy=False))
     for name, (_, dtype) in POINT_FIELDS.items():
