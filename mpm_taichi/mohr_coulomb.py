@@ -1,0 +1,177 @@
+"""Mohr-Coulomb in plane strain: the exact return to the yield surface.
+
+Stress is tension positive. Principal stresses are ordered hi >= mid >= lo, the out-of-plane
+stress included. With friction angle phi, cohesion c and k = 2 c cos(phi):
+
+    shear   f = (hi - lo) + (hi + lo) sin(phi) - k <= 0   (flow without dilation, psi = 0)
+    tension     hi - T <= 0                               (associated flow, Rankine)
+
+The shear flow direction (1, 0, -1) keeps the mean stress, so the return to the main plane and to
+both edges is a closed form, and there is no plastic way to the apex: stresses beyond it are
+returned by the tension cap T = c cot(phi) (none for phi = 0, unless one is set lower).
+Source: de Souza Neto, Peric and Owen (2008), Computational Methods for Plasticity, ch. 8, with
+psi = 0 worked out here; checked against an independent float64 solution in
+`tests/mpm_taichi/test_mohr_coulomb.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import taichi as ti
+
+vec4 = ti.types.vector(4, ti.f32)
+
+NO_CAP = 1.0e30
+"""Tension cap [Pa] that is never reached."""
+
+
+def material_constants(
+    *,
+    friction_angle: float,
+    cohesion: float,
+    youngs_modulus: float,
+    poisson_ratio: float,
+    tension_cap: float | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Constants of one material as the kernels read them.
+
+    Args:
+        friction_angle: phi [rad], 0 <= phi < pi/2.
+        cohesion: c [Pa].
+        youngs_modulus: E [Pa].
+        poisson_ratio: nu [-].
+        tension_cap: T [Pa]; None is the apex c cot(phi), and no cap at all where phi = 0.
+
+    Returns:
+        elastic: (G, K, 1/(2G), 1/K), shape (4,), float32.
+        strength: (sin phi, k = 2 c cos phi, T, 0), shape (4,), float32.
+        edges: (1/(3 - sin phi), 1/(3 + sin phi), lo at the tension corner, 0), float32.
+    """
+    shear = youngs_modulus / (2.0 * (1.0 + poisson_ratio))
+    bulk = youngs_modulus / (3.0 * (1.0 - 2.0 * poisson_ratio))
+    sine, cosine = np.sin(friction_angle), np.cos(friction_angle)
+    apex = cohesion * cosine / sine if sine > 0.0 else NO_CAP
+    cap = apex if tension_cap is None else min(apex, tension_cap)
+    k = 2.0 * cohesion * cosine
+    corner = cap if cap == apex else (cap * (1.0 + sine) - k) / (1.0 - sine)
+    elastic = np.array([shear, bulk, 0.5 / shear, 1.0 / bulk], np.float32)
+    strength = np.array([sine, k, cap, 0.0], np.float32)
+    edges = np.array([1.0 / (3.0 - sine), 1.0 / (3.0 + sine), corner, 0.0], np.float32)
+    return elastic, strength, edges
+
+
+@ti.func
+def elastic_trial(stress, gradient, volumetric, dt, elastic):
+    """Trial stress after one step: exact rotation by the spin, then linear elasticity.
+
+    `stress` and the result are (xx, yy, zz, xy) [Pa]; `gradient` is the velocity gradient
+    (dvx/dx, dvx/dy, dvy/dx, dvy/dy) [1/s]; `volumetric` the volumetric strain increment [-], which
+    F-bar averages over a cell and which may thus differ from dt tr(gradient).
+    The rotation (angle theta, tan(theta) = dt spin) leaves the invariants as they are.
+    """
+    shear2 = 2.0 * elastic[0]
+    third = dt * (gradient[0] + gradient[3]) * (1.0 / 3.0)
+    tangent = 0.5 * dt * (gradient[2] - gradient[1])
+    scale = 1.0 / (1.0 + tangent * tangent)
+    cos2 = (1.0 - tangent * tangent) * scale
+    sin2 = 2.0 * tangent * scale
+    centre = 0.5 * (stress[0] + stress[1]) + elastic[1] * volumetric - shear2 * third
+    half = 0.5 * (stress[0] - stress[1])
+    half_turned = half * cos2 - stress[3] * sin2
+    shear_turned = stress[3] * cos2 + half * sin2
+    return vec4(
+        centre + half_turned + shear2 * dt * gradient[0],
+        centre - half_turned + shear2 * dt * gradient[3],
+        stress[2] + elastic[1] * volumetric - shear2 * third,
+        shear_turned + elastic[0] * dt * (gradient[1] + gradient[2]),
+    )
+
+
+@ti.func
+def return_to_yield(trial, elastic, strength, edges):
+    """Trial stress (xx, yy, zz, xy) [Pa] returned to the yield surface.
+
+    Returns:
+        stress: (xx, yy, zz, xy) [Pa].
+        shear: plastic shear strain increment, hi minus lo principal [-].
+        opening: plastic volumetric strain increment of the tension cap [-].
+        work: plastic dissipation [J/m3].
+    """
+    centre = 0.5 * (trial[0] + trial[1])
+    half = 0.5 * (trial[0] - trial[1])
+    radius = ti.sqrt(half * half + trial[3] * trial[3])
+    out = trial[2]
+    hi = ti.max(centre + radius, out)
+    lo = ti.min(centre - radius, out)
+    sine = strength[0]
+    cap = strength[2]
+    excess = (hi - lo) + (hi + lo) * sine - strength[1]
+
+    stress = trial
+    shear = 0.0
+    opening = 0.0
+    work = 0.0
+    if ti.max(excess, hi - cap) > 0.0:
+        reduced = radius - 0.5 * excess
+        if excess > 0.0 and ti.max(ti.abs(out - centre) - reduced, centre + reduced - cap) <= 0.0:
+            # Main plane, out-of-plane stress in the middle: by far the most frequent.
+            scale = reduced / radius
+            stress = vec4(centre + half * scale, centre - half * scale, out, trial[3] * scale)
+            shear = excess * elastic[2]
+            work = reduced * shear
+        else:
+            mid = 2.0 * centre + out - hi - lo
+            new = principal_return(hi, mid, lo, excess, elastic, strength, edges)
+            lost = ti.Vector([hi, mid, lo]) - new
+            pressure = (new[0] + new[1] + new[2]) * (1.0 / 3.0)
+            pressure_lost = (lost[0] + lost[1] + lost[2]) * (1.0 / 3.0)
+            shear = (lost[0] - lost[2]) * elastic[2]
+            opening = pressure_lost * elastic[3]
+            work = (new.dot(lost) - 3.0 * pressure * pressure_lost) * elastic[2] + (
+                pressure * opening
+            )
+            # Put the three back where they came from: two in the plane, one out of it.
+            high, low, out_new = new[0], new[2], new[1]
+            if out > centre + radius:
+                high, out_new = new[1], new[0]
+            elif out < centre - radius:
+                low, out_new = new[1], new[2]
+            middle = 0.5 * (high + low)
+            scale = 0.5 * (high - low) / ti.max(radius, 1.0e-6)
+            stress = vec4(middle + half * scale, middle - half * scale, out_new, trial[3] * scale)
+    return stress, shear, opening, work
+
+
+@ti.func
+def principal_return(hi, mid, lo, excess, elastic, strength, edges):
+    """Ordered principal stresses returned to yield: main plane, both edges, tension, corners."""
+    sine = strength[0]
+    cap = strength[2]
+    new = ti.Vector([hi, mid, lo])
+    if excess > 0.0:
+        new = ti.Vector([hi - 0.5 * excess, mid, lo + 0.5 * excess])
+        if new[0] < mid:  # edge hi = mid
+            both = 0.5 * (hi + mid)
+            shift = (both * (1.0 + sine) - lo * (1.0 - sine) - strength[1]) * edges[0]
+            new = ti.Vector([both - shift, both - shift, lo + 2.0 * shift])
+        elif new[2] > mid:  # edge mid = lo
+            both = 0.5 * (lo + mid)
+            shift = (hi * (1.0 + sine) - both * (1.0 - sine) - strength[1]) * edges[1]
+            new = ti.Vector([hi - 2.0 * shift, both + shift, both + shift])
+    if new[0] > cap:
+        # Rankine alone: one, two or three principal stresses at the cap.
+        lame = elastic[1] - (2.0 / 3.0) * elastic[0]
+        flow = (hi - cap) / (lame + 2.0 * elastic[0])
+        mid_new = mid - lame * flow
+        lo_new = lo - lame * flow
+        if mid_new > cap:
+            flow = (hi + mid - 2.0 * cap) / (2.0 * (lame + elastic[0]))
+            mid_new = cap
+            lo_new = ti.min(lo - lame * flow, cap)
+        if (cap - lo_new) + (cap + lo_new) * sine - strength[1] > 0.0:
+            # Both surfaces: hi and lo are fixed by the corner, mid lies between them.
+            lo_new = edges[2]
+            flow = (hi + lo - cap - lo_new) / (2.0 * (lame + elastic[0]))
+            mid_new = ti.min(ti.max(mid - lame * flow, lo_new), cap)
+        new = ti.Vector([cap, mid_new, lo_new])
+    return new

@@ -1,0 +1,182 @@
+"""Taichi started, and the arrays of the scenes in flight on its device.
+
+A slot is a fixed stretch of every array and holds one scene; empty slots cost nothing. On the CPU
+the arrays are numpy's own memory, on a GPU they live there and are copied when a scene comes or a
+chunk of frames is done.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+import taichi as ti
+
+from mpm_taichi import solver
+from pipeline.cli import InputError, WorkFailed
+
+if TYPE_CHECKING:
+    from mpm_taichi.initial_state import PreparedScene
+
+MAX_ROWS = 32
+"""Most material rows of a scene (materials, and saturated forms of them)."""
+
+_started: tuple[str, int] | None = None
+
+
+def start(device: str, threads: int | None) -> int:
+    """Start Taichi on "cpu" or "cuda"; returns the number of CPU threads.
+
+    Raises:
+        InputError: another device name.
+        WorkFailed: no CUDA device answers.
+    """
+    global _started
+    if device not in ("cpu", "cuda"):
+        raise InputError(f"device {device!r} is unknown: allowed are cpu, cuda")
+    count = threads or len(os.sched_getaffinity(0))
+    if count < 1:
+        raise InputError(f"threads {count}: at least 1")
+    if _started == (device, count):
+        return count
+    arch = ti.cpu if device == "cpu" else ti.cuda
+    try:
+        ti.init(arch=arch, cpu_max_num_threads=count, default_fp=ti.f32, log_level=ti.ERROR)
+    except Exception as error:
+        raise WorkFailed(f"device {device}: Taichi did not start: {error}") from error
+    if ti.lang.impl.current_cfg().arch != arch:
+        _started = None
+        raise WorkFailed("device cuda: no CUDA device answers; use --device cpu")
+    _started = (device, count)
+    solver.build_kernels.cache_clear()
+    return count
+
+
+def aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """Zeros that begin on a 64-byte line, so that a node's row never straddles two lines."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64, np.uint8)
+    offset = -raw.ctypes.data % 64
+    return raw[offset : offset + size].view(dtype).reshape(shape)
+
+
+class Slots:
+    """Arrays for `number` scenes of up to `points` points and `nodes` nodes each."""
+
+    PER_POINT = {"motion": 4, "gradient": 4, "stress": 4, "history": 4, "initial_stress": 4}
+    PER_NODE = {"load": 8, "flow": 4, "swelling": 4, "table": 8}
+    PER_ROW = ("elastic", "strength", "edges", "settle_strength", "settle_edges")
+
+    def __init__(
+        self, number: int, points: int, nodes: int, frames: int, *, device: str, kernels: Any
+    ) -> None:
+        self.number, self.points, self.nodes, self.frames = number, points, nodes, frames
+        self.device, self.kernels = device, kernels
+        self.integers = aligned((number, solver.INTEGERS), np.int32)
+        self.numbers = aligned((number, solver.NUMBERS), np.float32)
+        self.sums = aligned((number, frames, solver.SUMS), np.float64)
+        self.places = aligned((number, frames, points, 2), np.float32)
+        self.home = aligned((number * points,), np.int32)
+        self.row = aligned((number * points,), np.int32)
+        self.kind = aligned((number * nodes,), np.int32)
+        for name, width in self.PER_POINT.items():
+            setattr(self, name, aligned((number * points, width), np.float32))
+        for name, width in self.PER_NODE.items():
+            setattr(self, name, aligned((number * nodes, width), np.float32))
+        for name in self.PER_ROW:
+            setattr(self, name, aligned((number * MAX_ROWS, 4), np.float32))
+
+    def point_range(self, slot: int) -> slice:
+        """Where the points of a slot lie in the arrays."""
+        first = self.integers[slot, solver.FIRST_POINT]
+        return slice(first, self.integers[slot, solver.LAST_POINT])
+
+    def admit(self, slot: int, scene: PreparedScene) -> None:
+        """Put a prepared scene into a slot."""
+        count = len(scene.order)
+        point, row = slot * self.points, slot * MAX_ROWS
+        where = slice(point, point + count)
+        self.motion[where] = scene.motion
+        self.stress[where] = self.initial_stress[where] = scene.stress
+        self.gradient[where] = self.history[where] = 0.0
+        self.row[where] = scene.row + row
+        rows = slice(row, row + len(scene.elastic))
+        for name in self.PER_ROW:
+            getattr(self, name)[rows] = getattr(scene, name)
+        settings = scene.settings
+        integers, numbers = self.integers[slot], self.numbers[slot]
+        integers[:] = 0
+        integers[solver.FIRST_POINT : solver.LAST_SETTLED + 1] = (
+            point, point + count, point + scene.settled,
+        )  # fmt: skip
+        integers[solver.PHASE] = solver.SETTLING
+        integers[solver.FRAME_COUNT] = self.frames
+        numbers[:] = 0.0
+        numbers[solver.CELL] = scene.grid.cell
+        numbers[solver.VOLUME] = scene.points.volume
+        numbers[solver.FRAME_TIME] = scene.frame_time
+        full = settings.transfer in ("apic", "pic")
+        numbers[solver.PIC_RATE] = 1e30 if full else settings.pic_rate_per_s
+        numbers[solver.GRAVITY] = settings.gravity_m_per_s2
+        numbers[solver.COURANT] = settings.courant
+        numbers[solver.WAVE_SPEED] = scene.wave_speed
+        numbers[solver.SPEED] = np.sqrt(np.max(np.sum(scene.motion[:, 2:] ** 2, axis=1)))
+        numbers[solver.FIXED_STEP] = settings.time_step_s or 0.0
+        numbers[solver.DAMPING] = settings.local_damping
+        numbers[solver.RELIEF] = settings.pressure_relaxation_per_s
+        self.home[where] = scene.home + slot * self.nodes
+        self._lay_nodes(slot, scene)
+
+    def lay_grid(self, slot: int, scene: PreparedScene, left: int) -> None:
+        """Give a slot the enlarged grid of its scene, with `left` more columns on the left."""
+        self.home[self.point_range(slot)] += left * scene.grid.shape[1]
+        self._lay_nodes(slot, scene, keep=left)
+
+    def _lay_nodes(self, slot: int, scene: PreparedScene, keep: int | None = None) -> None:
+        """Nodes of a slot; the divergences still to be used move along where `keep` says."""
+        node, nodes = slot * self.nodes, scene.grid.nodes
+        integers = self.integers[slot]
+        old = self.swelling[integers[solver.FIRST_NODE] : integers[solver.LAST_NODE]].copy()
+        integers[solver.FIRST_NODE], integers[solver.LAST_NODE] = node, node + nodes
+        integers[solver.COLUMNS] = scene.grid.shape[1]
+        where = slice(node, node + nodes)
+        self.kind[where], self.table[where] = scene.kind, scene.table
+        self.load[where] = self.flow[where] = self.swelling[where] = 0.0
+        if keep is not None:
+            first = node + keep * scene.grid.shape[1]
+            self.swelling[first : first + len(old)] = old
+
+    def take_over(self, slot: int, other: Slots, scene: PreparedScene) -> None:
+        """Copy a scene in flight from smaller arrays."""
+        self.integers[slot], self.numbers[slot] = other.integers[slot], other.numbers[slot]
+        count = len(scene.order)
+        mine, theirs = slot * self.points, slot * other.points
+        for name in (*self.PER_POINT, "row"):
+            getattr(self, name)[mine : mine + count] = getattr(other, name)[theirs : theirs + count]
+        home = other.home[theirs : theirs + count] - slot * other.nodes
+        self.home[mine : mine + count] = home + slot * self.nodes
+        for name in self.PER_ROW:
+            rows = slice(slot * MAX_ROWS, (slot + 1) * MAX_ROWS)
+            getattr(self, name)[rows] = getattr(other, name)[rows]
+        nodes = other.integers[slot, solver.LAST_NODE] - other.integers[slot, solver.FIRST_NODE]
+        for name in (*self.PER_NODE, "kind"):
+            first, from_ = slot * self.nodes, slot * other.nodes
+            getattr(self, name)[first : first + nodes] = getattr(other, name)[from_ : from_ + nodes]
+        shift = mine - theirs
+        columns = slice(solver.FIRST_POINT, solver.LAST_SETTLED + 1)
+        self.integers[slot, columns] += shift
+        self.integers[slot, [solver.FIRST_NODE, solver.LAST_NODE]] += slot * (
+            self.nodes - other.nodes
+        )
+
+    def run(self) -> None:
+        """Advance every slot by one chunk of frames (settling first where a scene is new)."""
+        self.kernels.run_scenes(
+            self.number, self.integers, self.numbers, self.motion, self.home, self.gradient,
+            self.stress, self.history, self.row, self.elastic, self.strength, self.edges,
+            self.settle_strength, self.settle_edges, self.initial_stress, self.load, self.flow,
+            self.swelling, self.kind, self.table, self.places, self.sums,
+        )  # fmt: skip

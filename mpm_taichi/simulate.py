@@ -1,0 +1,369 @@
+"""Scenes in, runs out: slots on the device, frames, early stop, guards, audit.
+
+A fixed number of slots is in flight; a slot whose scene has ended takes the next scene, so that all
+threads stay busy. A scene's numbers do not depend on its slot, its neighbours or the thread count.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpm_taichi import solver
+from mpm_taichi.boundary import MARGIN
+from mpm_taichi.initial_state import PreparedScene, prepare
+from mpm_taichi.runtime import Slots, start
+from mpm_taichi.trajectory import Run
+from pipeline.cli import InputError
+
+if TYPE_CHECKING:
+    from geometry.scene import Scene
+    from pipeline.config import SimulationSettings
+
+CHUNK = 8
+"""Frames computed between two looks at the results."""
+
+SLOTS = {"cpu": 8, "cuda": 256}
+"""Scenes in flight."""
+
+EFFECTS: dict[str, str] = {}
+"""Physical effects a scene may switch on (name -> what it is)."""
+
+OnFinished = Callable[[int, Run], None]
+OnFrame = Callable[[int, float, float], None]
+
+
+def simulate(
+    scenes: Sequence[Scene],
+    settings: SimulationSettings,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    on_frame: OnFrame | None = None,
+    on_finished: OnFinished | None = None,
+) -> list[Run]:
+    """Simulate scenes and return their runs in the order of the scenes.
+
+    Args:
+        scenes: any number of scenes, of any sizes.
+        settings: one set of settings for all of them.
+        device: "cpu" (bit-identical for any threads and company) or "cuda".
+        threads: CPU threads; None: all this process may use.
+        on_frame: called with (place in `scenes`, time [s], kinetic energy [J/m]) per chunk.
+        on_finished: called with (place in `scenes`, run) as soon as a run is done.
+
+    Raises:
+        InputError: an effect that does not exist, a moving kinematic zone, an unknown device.
+    """
+    runs: list[Run | None] = [None] * len(scenes)
+    for place, run in simulate_each(
+        scenes, settings, device=device, threads=threads, on_frame=on_frame
+    ):
+        runs[place] = run
+        if on_finished is not None:
+            on_finished(place, run)
+    return [run for run in runs if run is not None]
+
+
+def simulate_each(
+    scenes: Sequence[Scene],
+    settings: SimulationSettings,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    on_frame: OnFrame | None = None,
+) -> Iterator[tuple[int, Run]]:
+    """Yield (place in `scenes`, run) as runs end; holds only the runs in flight. See `simulate`."""
+    for scene in scenes:
+        check_scene(scene)
+    start(device, threads)
+    kernels = solver.build_kernels(
+        affine=settings.transfer in ("affine_flip", "apic"),
+        averaged=settings.volumetric_averaging,
+        corrected=settings.volume_correction,
+    )
+    waiting = list(enumerate(scenes))[::-1]
+    flying: dict[int, Flight] = {}
+    slots: Slots | None = None
+    while waiting or flying:
+        arrivals = {}
+        for slot in range(min(SLOTS[device], len(scenes))):
+            if slot not in flying and waiting:
+                place, scene = waiting.pop()
+                arrivals[slot] = Flight(place, prepare(scene, settings))
+        slots = _make_room(
+            slots, flying, arrivals, min(SLOTS[device], len(scenes)), device, kernels
+        )
+        for slot, flight in arrivals.items():
+            slots.admit(slot, flight.prepared)
+        flying.update(arrivals)
+        for slot, flight in flying.items():
+            flight.make_way(slot, slots)
+        began = time.perf_counter()
+        slots.run()
+        share = (time.perf_counter() - began) / len(flying)
+        for slot, flight in list(flying.items()):
+            flight.wall_time += share
+            flight.collect(slot, slots)
+            if on_frame is not None and flight.energies:
+                on_frame(flight.place, len(flight.energies) * flight.prepared.frame_time,
+                         float(flight.energies[-1][solver.KINETIC]))  # fmt: skip
+            if flight.ended:
+                yield flight.place, flight.finish(slot, slots)
+                slots.integers[slot, solver.PHASE] = solver.IDLE
+                del flying[slot]
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse what a scene may say but the solver cannot do; one line for a person."""
+    for name in scene.effects:
+        if name not in EFFECTS:
+            known = ", ".join(EFFECTS) or "none yet"
+            raise InputError(f"{scene.name}: effects: {name!r} is unknown; known are: {known}")
+    for zone in scene.zones:
+        if zone.kinematic and zone.initial_velocity != (0.0, 0.0):
+            raise InputError(
+                f"{scene.name}: zones: {zone.name!r} is kinematic with initial_velocity "
+                f"{zone.initial_velocity}; kinematic zones are held fixed: allowed is (0, 0)"
+            )
+
+
+def _make_room(
+    slots: Slots | None, flying: dict[int, Flight], arrivals: dict[int, Flight], number: int,
+    device: str, kernels: object,
+) -> Slots:  # fmt: skip
+    """Slots large enough for all scenes in flight and arriving; those in flight move over."""
+    everyone = [flight.prepared for flight in (*flying.values(), *arrivals.values())]
+    points = max(len(prepared.order) for prepared in everyone)
+    nodes = max(flight.nodes_wanted() for flight in (*flying.values(), *arrivals.values()))
+    if slots is not None and points <= slots.points and nodes <= slots.nodes:
+        return slots
+    larger = Slots(number, points + points // 8, nodes + nodes // 4, CHUNK,
+                   device=device, kernels=kernels)  # fmt: skip
+    for slot in flying:
+        larger.take_over(slot, slots, flying[slot].prepared)
+    return larger
+
+
+@dataclass
+class Flight:
+    """A scene in flight: what has been collected of it so far."""
+
+    place: int
+    prepared: PreparedScene
+    frames: list[np.ndarray] = field(default_factory=list)  # (P, 2) float32 [m]
+    energies: list[np.ndarray] = field(default_factory=list)  # (SUMS,) per frame
+    contact: dict[str, float | str] = field(default_factory=dict)
+    reason: str = ""
+    ended: bool = False
+    failed_at: float = 0.0
+    quiet: float = 0.0
+    peak: float = 0.0
+    wall_time: float = 0.0
+    steps: int = 0
+
+    def __post_init__(self) -> None:
+        position = self.prepared.points.position[self.prepared.order].astype(np.float32)
+        self.frames.append(position)
+        speed = self.prepared.motion[:, 2:].astype(np.float64)
+        kinetic = 0.5 * float(self.prepared.mass @ np.sum(speed**2, axis=1))
+        first = np.zeros(solver.SUMS)
+        first[solver.KINETIC] = kinetic
+        self.energies.append(first)
+        self.peak = kinetic
+        self._note_walls(position, 0.0)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.prepared.scene
+
+    # -- open domains ---------------------------------------------------------------------------
+
+    def growth(self) -> tuple[int, int]:
+        """Cells an open domain lacks on the left and right for the coming chunk of frames."""
+        if self.scene.domain.walls != "open":
+            return 0, 0
+        grid, position = self.prepared.grid, self.frames[-1]
+        speed = self.energies[-1][solver.TOP_SPEED] + 10.0
+        reach = 2 * MARGIN + 2 + int(CHUNK * self.prepared.frame_time * speed / grid.cell)
+        right_end = grid.origin[0] + (grid.shape[0] - 1) * grid.cell
+        left = reach - int((position[:, 0].min() - grid.origin[0]) / grid.cell)
+        right = reach - int((right_end - position[:, 0].max()) / grid.cell)
+        return max(left, 0), max(right, 0)
+
+    def nodes_wanted(self) -> int:
+        """Nodes of the grid after the coming growth."""
+        return (self.prepared.grid.shape[0] + sum(self.growth())) * self.prepared.grid.shape[1]
+
+    def make_way(self, slot: int, slots: Slots) -> None:
+        """Enlarge an open domain so that nothing reaches its ends in the coming chunk."""
+        left, right = self.growth()
+        if left or right:
+            slots.lay_grid(slot, self.prepared.enlarge(left, right), left)
+
+    # -- results --------------------------------------------------------------------------------
+
+    def collect(self, slot: int, slots: Slots) -> None:
+        """Take the frames of a chunk and decide whether the run goes on."""
+        settings, frame_time = self.prepared.settings, self.prepared.frame_time
+        count = len(self.prepared.order)
+        origin = np.asarray(self.prepared.grid.origin, np.float32)
+        alarm = int(slots.integers[slot, solver.ALARM])
+        self.steps = int(slots.integers[slot, solver.STEPS])
+        for frame in range(CHUNK):
+            if self.ended:
+                return
+            position = slots.places[slot, frame, :count] + origin
+            sums = slots.sums[slot, frame].copy()
+            now = len(self.frames) * frame_time
+            self.reason = self._fault(position, sums, alarm and frame == CHUNK - 1)
+            if self.reason:
+                self.ended, self.failed_at = True, now
+                return
+            sums[[solver.CONTACT_LOSS, solver.WATER_WORK]] += self.energies[-1][
+                [solver.CONTACT_LOSS, solver.WATER_WORK]
+            ]
+            self.frames.append(position)
+            self.energies.append(sums)
+            self._note_walls(position, now)
+            self._note_rest(sums[solver.KINETIC])
+            if now >= settings.duration_s - 0.5 * frame_time:
+                self.ended = True
+
+    def _fault(self, position: np.ndarray, sums: np.ndarray, alarm: bool) -> str:
+        """Why a frame cannot be right, or ""."""
+        if not (np.isfinite(position).all() and np.isfinite(sums).all()):
+            return "a position or an energy is not a number"
+        domain = self.scene.domain
+        top = float(position[:, 1].max())
+        if top > domain.y_max + self.prepared.grid.cell:
+            return f"left the domain: a point at y = {top:.1f} m, domain.y_max {domain.y_max:g} m"
+        if domain.walls == "closed":
+            slack = self.prepared.grid.cell
+            if position[:, 0].min() < domain.x_min - slack or (
+                position[:, 0].max() > domain.x_max + slack
+            ):
+                return "left the domain: a point behind a side wall"
+        surplus = self._surplus(position, sums)
+        if surplus > self.prepared.settings.energy_tolerance:
+            return f"energy balance: {100 * surplus:.1f} % of the released energy out of nothing"
+        if alarm:
+            return "a point moved more than a cell in one time step"
+        return ""
+
+    def _surplus(self, position: np.ndarray, sums: np.ndarray) -> float:
+        """Mechanical energy above what was there, as a share of the energy released so far."""
+        start_energy = self.energies[0][solver.KINETIC]
+        stored = sums[solver.ELASTIC] - (
+            self.energies[1][solver.ELASTIC] if len(self.energies) > 1 else sums[solver.ELASTIC]
+        )
+        water = sums[solver.WATER_WORK] + self.energies[-1][solver.WATER_WORK]
+        fall = self._potential(self.frames[0]) - self._potential(position) + water
+        excess = sums[solver.KINETIC] - start_energy + stored + sums[solver.PLASTIC] - fall
+        scale = max(start_energy, abs(fall), self._scale())
+        return float(excess / scale)
+
+    def _potential(self, position: np.ndarray) -> float:
+        gravity = self.prepared.settings.gravity_m_per_s2
+        return float(self.prepared.mass @ position[:, 1].astype(np.float64)) * gravity
+
+    def _scale(self) -> float:
+        """Energy below which a surplus is no concern: all points lifted by a spacing [J/m]."""
+        gravity = self.prepared.settings.gravity_m_per_s2
+        return float(self.prepared.mass.sum()) * gravity * self.scene.spacing
+
+    def _note_walls(self, position: np.ndarray, now: float) -> None:
+        domain, near = self.scene.domain, self.scene.spacing
+        if domain.walls == "open":
+            return
+        if position[:, 0].min() < domain.x_min + near:
+            self.contact.setdefault("left", now)
+        if position[:, 0].max() > domain.x_max - near:
+            self.contact.setdefault("right", now)
+
+    def _note_rest(self, kinetic: float) -> None:
+        settings = self.prepared.settings
+        self.peak = max(self.peak, kinetic)
+        calm = kinetic <= settings.early_stop_energy_fraction * self.peak
+        self.quiet = self.quiet + self.prepared.frame_time if calm else 0.0
+        if settings.early_stop and self.quiet >= settings.early_stop_hold_s:
+            self.ended = True
+
+    def finish(self, slot: int, slots: Slots) -> Run:
+        """The run, with kinematic points put back and the audit made up."""
+        prepared = self.prepared
+        points, order = prepared.points, prepared.order
+        where = slots.point_range(slot)
+        total = len(points)
+
+        def whole(values: np.ndarray) -> np.ndarray:
+            out = np.zeros((total, *values.shape[1:]), np.float32)
+            out[order] = values
+            return out
+
+        positions = np.repeat(points.position.astype(np.float32)[None], len(self.frames), axis=0)
+        positions[:, order] = np.stack(self.frames)
+        history = slots.history[where]
+        volume = np.full(total, points.volume, np.float32)
+        volume[order] = points.volume * (1.0 + history[:, 0])
+        energies = np.stack(self.energies)
+        energies[0, solver.ELASTIC] = energies[min(1, len(energies) - 1), solver.ELASTIC]
+        potential = np.array([self._potential(frame) for frame in self.frames])
+        names = {
+            "kinetic": solver.KINETIC, "elastic": solver.ELASTIC, "plastic": solver.PLASTIC,
+            "contact_loss": solver.CONTACT_LOSS, "water_work": solver.WATER_WORK,
+        }  # fmt: skip
+        energy = {name: energies[:, column].copy() for name, column in names.items()}
+        energy["potential"] = potential
+        return Run(
+            scene=self.scene,
+            settings=prepared.settings,
+            positions=positions,
+            time=prepared.frame_time * np.arange(len(self.frames)),
+            material=points.material.astype(np.int32),
+            zone=points.zone.astype(np.int32),
+            kinematic=points.kinematic.copy(),
+            velocity=whole(slots.motion[where, 2:]),
+            stress=whole(slots.stress[where]),
+            initial_stress=whole(slots.initial_stress[where]),
+            plastic_shear_strain=whole(history[:, 2]),
+            volume=volume,
+            energy=energy,
+            audit=self._audit(energy, history, slots, slot),
+            status="failed" if self.reason else "finished",
+            reason=self.reason,
+            wall_contact=dict(self.contact),
+            wall_time_s=self.wall_time,
+            steps=self.steps,
+        )
+
+    def _audit(
+        self, energy: dict[str, np.ndarray], history: np.ndarray, slots: Slots, slot: int
+    ) -> dict[str, float | int | str]:
+        """Energy, mass and volume accounts of the whole run."""
+        released = float(energy["potential"][0] - energy["potential"][-1])
+        released += float(energy["water_work"][-1] + energy["kinetic"][0])
+        kept = float(energy["kinetic"][-1] + energy["elastic"][-1] - energy["elastic"][0])
+        numerical = released - kept - float(energy["plastic"][-1])
+        volume = self.prepared.points.volume
+        audit: dict[str, float | int | str] = {
+            "mass_kg_per_m": float(self.prepared.mass.sum()),
+            "released_j_per_m": released,
+            "plastic_share": float(energy["plastic"][-1]) / released if released > 0 else 0.0,
+            "numerical_and_contact_share": numerical / released if released > 0 else 0.0,
+            "volume_growth": float(np.mean(history[:, 0])),
+            "volume_opened": float(np.mean(history[:, 1])),
+            "volume_m2": volume * len(history),
+            "settle_steps": int(slots.integers[slot, solver.SETTLE_STEPS]),
+            "settle_unbalanced": float(slots.numbers[slot, solver.UNBALANCED]),
+            "peak_kinetic_j_per_m": self.peak,
+            "peak_speed_m_per_s": float(max(e[solver.TOP_SPEED] for e in self.energies)),
+        }
+        if self.reason:
+            audit["failed_at_s"] = self.failed_at
+        return audit

@@ -1,0 +1,207 @@
+"""Transfer between material points and grid, and the update of one node: the physics of a step.
+
+Quadratic B-splines on a grid of cell size h. A point keeps the node nearest to it (`home`) and its
+offset from that node in cells, -0.5 <= offset < 0.5: float32 then resolves a motion as well at
+400 m as at 0 m. Stress and velocity gradients use the moments of the B-splines (MLS-MPM, Hu et al.
+2018), so that force and affine momentum travel in one matrix.
+
+Every function is written once; the flag `atomic` alone tells the two schedules of `solver` apart.
+Arrays, one row a point:   motion (offset x, y [cells], velocity x, y [m/s]); home, node number;
+gradient of velocity [1/s]; stress [Pa]; history (volumetric strain, opening, plastic shear strain,
+dissipated energy [J/m]); row, material. One row a node: `load` (momentum x, y; internal force x, y;
+mass; volume; 0; 0), `flow` (new velocity x, y; change of velocity x, y), `swelling` (sum of
+velocity divergences, points).
+"""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations as objects.
+
+import taichi as ti
+
+from mpm_taichi.boundary import contact
+from mpm_taichi.mohr_coulomb import elastic_trial, return_to_yield
+
+vec2 = ti.types.vector(2, ti.f32)
+vec4 = ti.types.vector(4, ti.f32)
+vec8 = ti.types.vector(8, ti.f32)
+
+
+@ti.func
+def spline_weights(offset):
+    """Quadratic B-spline weights of the three nodes around a point at `offset` [cells]."""
+    below = 0.5 - offset
+    above = 0.5 + offset
+    return ti.Vector([0.5 * below * below, 0.75 - offset * offset, 0.5 * above * above])
+
+
+@ti.func
+def strain_increment(gradient, swelling, dt, averaged: ti.template()):
+    """Volumetric strain increment of a point: its own, or the mean over its cell (F-bar).
+
+    The cell of F-bar is the knot span around a node, in which the velocity is one polynomial.
+    """
+    increment = dt * (gradient[0] + gradient[3])
+    if ti.static(averaged):
+        if swelling[1] > 0.0:
+            increment = dt * swelling[0] / swelling[1]
+    return increment
+
+
+@ti.func
+def pressure_relief(stress, history, swelling, share, averaged: ti.template()):
+    """Change of mean stress [Pa] that brings a point nearer to its cell's mean."""
+    relief = 0.0
+    if ti.static(averaged):
+        if swelling[3] > 0.0 and history[1] <= 0.0:
+            mean = swelling[2] / swelling[3]
+            relief = share * (mean - (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0))
+    return relief
+
+
+@ti.func
+def update_stress(
+    stress, gradient, history, volumetric, relief, dt, volume, elastic, strength, edges,
+    corrected: ti.template(),
+):  # fmt: skip
+    """Stress and history of a point after a step.
+
+    With the volume correction, soil that opened (tension cap) must close again before it resists:
+    otherwise each opening and closing at the free surface would leave volume behind.
+    """
+    strain = volumetric
+    opened = history[1]
+    if ti.static(corrected):
+        if opened > 0.0 and strain < 0.0:
+            closing = ti.min(opened, -strain)
+            opened -= closing
+            strain += closing
+    trial = elastic_trial(stress, gradient, strain, dt, elastic)
+    for k in ti.static(range(3)):
+        trial[k] += relief
+    new, shear, opening, work = return_to_yield(trial, elastic, strength, edges)
+    if ti.static(corrected):
+        opened += opening
+        strain -= opening
+    return new, vec4(
+        history[0] + strain,
+        opened,
+        history[2] + shear,
+        history[3] + work * volume * (1.0 + history[0]),
+    )
+
+
+@ti.func
+def scatter(
+    load: ti.template(), home, columns, motion, gradient, stress, strain, mass, volume, cell,
+    affine: ti.template(), atomic: ti.template(),
+):  # fmt: skip
+    """Add a point's momentum, internal force, mass and volume to its nine nodes.
+
+    The value at a node is linear in its distance from the point: base + i across + j upward.
+    """
+    pull = -(4.0 / cell) * volume * (1.0 + strain)
+    spread = mass * cell if ti.static(affine) else 0.0
+    across = vec8(
+        spread * gradient[0], spread * gradient[2], pull * stress[0], pull * stress[3],
+        0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    upward = vec8(
+        spread * gradient[1], spread * gradient[3], pull * stress[3], pull * stress[1],
+        0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    here = vec8(mass * motion[2], mass * motion[3], 0.0, 0.0, mass, volume, 0.0, 0.0)
+    base = here - motion[0] * across - motion[1] * upward
+    weight_x = spline_weights(motion[0])
+    weight_y = spline_weights(motion[1])
+    for i in ti.static(range(3)):
+        line = base + (i - 1) * across
+        for j in ti.static(range(3)):
+            weight = weight_x[i] * weight_y[j]
+            node = home + (i - 1) * columns + (j - 1)
+            value = weight * (line + (j - 1) * upward)
+            if ti.static(atomic):
+                for k in ti.static(range(6)):
+                    ti.atomic_add(load[node][k], value[k])
+            else:
+                load[node] = load[node] + value
+
+
+@ti.func
+def update_node(load, table, kind, dt, gravity, damping):
+    """New velocity of a node from its load.
+
+    Returns:
+        flow: velocity x, y and its change over the step x, y [m/s].
+        lost: kinetic energy taken by ground and walls [J/m].
+        water_work: work done by the water forces [J/m].
+    """
+    inverse = 1.0 / load[4]
+    old = vec2(load[0], load[1]) * inverse
+    water = vec2(table[4], table[5]) * load[5]
+    force = vec2(load[2], load[3]) + water
+    force[1] -= gravity * load[4]
+    if damping > 0.0:  # Cundall's local damping: a share of the force, against the motion
+        for k in ti.static(range(2)):
+            force[k] -= damping * ti.abs(force[k]) * ti.math.sign(old[k])
+    free = old + dt * inverse * force
+    new = contact(free, kind, table[0], table[1], table[2])
+    lost = 0.5 * load[4] * (free.dot(free) - new.dot(new))
+    water_work = 0.5 * dt * water.dot(old + new)
+    change = new - old
+    return vec4(new[0], new[1], change[0], change[1]), lost, water_work
+
+
+@ti.func
+def gather(flow: ti.template(), home, columns, motion, cell):
+    """Velocity, its change, and velocity gradient at a point, from its nine nodes.
+
+    Returns:
+        mean: (velocity x, y, change x, y) [m/s].
+        gradient: (dvx/dx, dvx/dy, dvy/dx, dvy/dy) [1/s].
+    """
+    weight_x = spline_weights(motion[0])
+    weight_y = spline_weights(motion[1])
+    mean = vec4(0.0, 0.0, 0.0, 0.0)
+    across = vec4(0.0, 0.0, 0.0, 0.0)
+    upward = vec4(0.0, 0.0, 0.0, 0.0)
+    for i in ti.static(range(3)):
+        node = home + (i - 1) * columns
+        low = weight_y[0] * flow[node - 1]
+        high = weight_y[2] * flow[node + 1]
+        line = (low + weight_y[1] * flow[node] + high) * weight_x[i]
+        mean += line
+        across += (i - 1) * line
+        upward += weight_x[i] * (high - low)
+    across -= motion[0] * mean
+    upward -= motion[1] * mean
+    return mean, vec4(across[0], upward[0], across[1], upward[1]) * (4.0 / cell)
+
+
+@ti.func
+def move(motion, home, columns, mean, blend, dt, cell):
+    """New motion and home of a point; `blend` is the share of PIC in this step.
+
+    A point that would move more than a cell in one step, or whose position is no number, stays
+    where it is and raises the alarm; the test is on the bits, which no fast-math rule removes.
+
+    Returns:
+        motion: (4,); home: node number; alarm: 1 or 0.
+    """
+    x = motion[0] + (dt / cell) * mean[0]
+    y = motion[1] + (dt / cell) * mean[1]
+    limit = ti.bit_cast(ti.cast(1.5, ti.f32), ti.i32)
+    magnitude = ti.max(ti.bit_cast(x, ti.i32) & 0x7FFFFFFF, ti.bit_cast(y, ti.i32) & 0x7FFFFFFF)
+    alarm = 0
+    if magnitude > limit:
+        alarm = 1
+        x = motion[0]
+        y = motion[1]
+    right = ti.floor(x + 0.5)
+    up = ti.floor(y + 0.5)
+    flip = 1.0 - blend
+    new = vec4(
+        x - right,
+        y - up,
+        flip * (motion[2] + mean[2]) + blend * mean[0],
+        flip * (motion[3] + mean[3]) + blend * mean[1],
+    )
+    return new, home + ti.cast(right, ti.i32) * columns + ti.cast(up, ti.i32), alarm
