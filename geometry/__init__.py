@@ -19,6 +19,7 @@ from geometry.scene import (
     save_scene,
     scene_from_mapping,
 )
+from geometry.templates import draw_scene
 
 #: Raised by one whenever the same configuration would draw or fill another scene than before.
 PHYSICS_VERSION = 1
@@ -32,6 +33,7 @@ __all__ = [
     "Scene",
     "Strength",
     "Zone",
+    "draw_scene",
     "fill",
     "load_scene",
     "save_scene",

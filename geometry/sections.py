@@ -183,7 +183,8 @@ def _scaled(line: list[Point] | None, factor: float) -> list[Point] | None:
 
 def _open(ring: list[Point]) -> list[Point]:
     """Without repeated neighbours, the closing vertex among them."""
-    return [point for i, point in enumerate(ring) if point != ring[i - 1]]
+    following = [*ring[1:], ring[0]]
+    return [point for point, after in zip(ring, following, strict=True) if point != after]
 
 
 def _add(section: Section, name: str, line: list[Point], where: str, closed: bool = True) -> None:

@@ -1,0 +1,201 @@
+"""Import of drawn sections: the same zones from every format, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import pytest
+import yaml
+
+from geometry import fill, load_scene
+from geometry.sections import read_materials, read_section, section_scene
+from pipeline.cli import InputError
+
+
+def as_csv(scene, path, factor=1.0):
+    with path.open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["zone", "x", "y", "material", "friction_deg", "cohesion_kpa", "liquefied"])
+        for zone in scene.zones:
+            m = scene.materials[zone.material]
+            for number, (x, y) in enumerate(zone.polygon):
+                # Strengths in the first row of a zone are enough.
+                more = [zone.material, m.friction_deg, m.cohesion_kpa, str(m.liquefied).lower()]
+                rows.writerow([zone.name, x / factor, y / factor, *(more if number == 0 else [])])
+        for x, y in scene.ground.points:
+            rows.writerow(["ground", x / factor, y / factor])
+        for x, y in scene.phreatic_line:
+            rows.writerow(["water", x / factor, y / factor])
+
+
+def as_geojson(scene, path):
+    def feature(kind, coordinates, **properties):
+        geometry = {"type": kind, "coordinates": coordinates}
+        return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+    features = [
+        feature(
+            "Polygon",
+            [[*zone.polygon, zone.polygon[0]]],
+            name=zone.name,
+            material=zone.material,
+            **scene.materials[zone.material].model_dump(
+                include={"friction_deg", "cohesion_kpa", "liquefied", "density"}
+            ),
+        )
+        for zone in scene.zones
+    ]
+    features.append(feature("LineString", scene.ground.points, name="Ground"))
+    features.append(feature("LineString", scene.phreatic_line, name="water"))
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+
+
+def as_dxf(scene, path, factor=1.0, units=6):
+    ezdxf = pytest.importorskip("ezdxf", reason="the extra dxf is not installed")
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = units
+    space = drawing.modelspace()
+    for zone in scene.zones:
+        ring = [(x / factor, y / factor) for x, y in zone.polygon]
+        space.add_lwpolyline(ring, close=True, dxfattribs={"layer": zone.name})
+    for layer, line in (("ground", scene.ground.points), ("water", scene.phreatic_line)):
+        space.add_lwpolyline(
+            [(x / factor, y / factor) for x, y in line], dxfattribs={"layer": layer}
+        )
+    drawing.saveas(path)
+
+
+def materials_of(scene):
+    return {
+        zone.name: scene.materials[zone.material].model_dump(exclude_none=True)
+        for zone in scene.zones
+    }
+
+
+def check_same(scene, original, same_names=True):
+    for here, there in zip(scene.zones, original.zones, strict=True):
+        assert here.name == there.name
+        for a, b in zip(here.polygon, there.polygon, strict=True):
+            assert a == pytest.approx(b, abs=1e-9)
+        mine, theirs = scene.materials[here.material], original.materials[there.material]
+        assert (mine.friction_deg, mine.cohesion_kpa) == (theirs.friction_deg, theirs.cohesion_kpa)
+        assert mine.liquefied == theirs.liquefied
+        assert not same_names or here.material == there.material
+    assert scene.water_level == pytest.approx(35.9)
+    assert scene.phreatic_level(196.15) == pytest.approx(18.95)
+    assert scene.ground.height(100.0) == pytest.approx(2.0)
+    assert scene.domain.walls == "open"
+    assert len(fill(scene)) == len(fill(original))
+
+
+def imported(path, **options):
+    options = {"name": "x", "spacing": 1.0, **options}
+    return section_scene(read_section(path), source=str(path), **options)
+
+
+def test_csv_round_trip(dam, tmp_path):
+    as_csv(dam, tmp_path / "dam.csv")
+    check_same(imported(tmp_path / "dam.csv"), dam)
+
+
+def test_csv_in_feet(dam, tmp_path):
+    as_csv(dam, tmp_path / "dam.csv", factor=0.3048)
+    check_same(imported(tmp_path / "dam.csv", unit="ft", snap=1e-6), dam)
+
+
+def test_geojson_round_trip(dam, tmp_path):
+    as_geojson(dam, tmp_path / "dam.geojson")
+    check_same(imported(tmp_path / "dam.geojson"), dam)
+
+
+@pytest.mark.parametrize(("units", "factor"), [(6, 1.0), (4, 1e-3), (2, 0.3048)])
+def test_dxf_round_trip(dam, tmp_path, units, factor):
+    """The drawing's own unit is used; strengths come from a file, by the names of the layers."""
+    as_dxf(dam, tmp_path / "dam.dxf", factor, units)
+    scene = imported(tmp_path / "dam.dxf", materials=materials_of(dam), snap=1e-6)
+    check_same(scene, dam, same_names=False)
+
+
+def test_domain_and_base_are_made_when_the_drawing_has_none(tmp_path):
+    path = tmp_path / "heap.csv"
+    path.write_text(
+        "zone,x,y,friction_deg,cohesion_kpa\nheap,0,5,30,1\nheap,40,5,30,1\nheap,20,25,30,1\n"
+    )
+    scene = imported(path)
+    assert scene.ground.lowest == 5.0
+    assert scene.domain.x_min == -40.0 and scene.domain.x_max == 80.0
+    assert scene.domain.y_max > 25.0
+    assert not scene.has_water
+
+
+def test_materials_file(tmp_path):
+    path = tmp_path / "materials.yaml"
+    path.write_text(yaml.safe_dump({"materials": {"sand": {"friction_deg": 30}}}))
+    assert read_materials(path) == {"sand": {"friction_deg": 30}}
+    path.write_text("sand: 30\n")
+    with pytest.raises(InputError, match="must hold materials"):
+        read_materials(path)
+
+
+ROWS = "a,0,0,30,0\na,10,0,30,0\na,10,10,30,0\n"
+HEAD = "zone,x,y,friction_deg,cohesion_kpa\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("s.csv", "zone,x\na,1\n", "no column 'y'"),
+        ("s.csv", "zone,x,y,colour\n", "unknown column 'colour'"),
+        ("s.csv", HEAD, "no closed outline"),
+        ("s.csv", HEAD + "a,one,2,30,0\n", "row 2: x is 'one', not a number"),
+        ("s.csv", HEAD + "a,nan,2,30,0\n", "row 2: x is nan; numbers must be finite"),
+        ("s.csv", HEAD + ",1,2,30,0\n", "row 2: the zone has no name"),
+        ("s.csv", HEAD + "a,0,0,30,0\na,1,0,31,0\n", "row 3: friction_deg is 31"),
+        ("s.csv", HEAD + "a,0,0,30\na,10,0\na,10,10\n", "has no cohesion_kpa; give it in"),
+        ("s.csv", HEAD + "a,0,0,30,0\na,10,10,30,0\na,10,0,30,0\na,0,10,30,0\n", "no simple"),
+        ("s.geojson", "[]", "not a GeoJSON FeatureCollection"),
+        ("s.geojson", '{"features": [{"geometry": null}]}', "feature 0: has no geometry"),
+        (
+            "s.geojson",
+            '{"features": [{"geometry": {"type": "Point", "coordinates": [1, 2]}}]}',
+            "is a Point; allowed are Polygon and LineString",
+        ),
+        (
+            "s.geojson",
+            '{"features": [{"geometry": {"type": "LineString", "coordinates": [[1, 2], [3, 4]]}}]}',
+            "the line 'zone_1' is not closed",
+        ),
+        ("s.geojson", '{"features": [1', "not valid JSON"),
+        ("s.dxf", "no drawing", "no readable DXF file"),
+        ("s.txt", "", "sections end in .csv"),
+    ],
+)
+def test_refusals(tmp_path, name, text, words):
+    if name.endswith(".dxf"):
+        pytest.importorskip("ezdxf", reason="the extra dxf is not installed")
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    assert words in str(caught.value)
+    assert name in str(caught.value)
+
+
+def test_two_values_for_one_material(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_text(
+        "zone,x,y,material,friction_deg,cohesion_kpa\n"
+        "a,0,0,sand,30,0\na,10,0,,,\na,10,10,,,\nb,20,0,sand,31,0\nb,30,0,,,\nb,30,10,,,\n"
+    )
+    with pytest.raises(InputError, match="other values than a zone before; use two names"):
+        imported(path)
+
+
+def test_command(dam, tmp_path, run_module):
+    as_csv(dam, tmp_path / "dam.csv")
+    out = tmp_path / "scene.yaml"
+    done = run_module("geometry", "import", tmp_path / "dam.csv", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "7 zones, 6242 points" in done.stdout
+    check_same(load_scene(out), dam)
