@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from geometry.scene import Scene
     from pipeline.config import SimulationSettings
 
+RAISED = "the solver raised"
+
 Simulate = Callable[..., Sequence[Run]]
 """The solver: `simulate(scenes, settings, *, device, threads, on_finished) -> runs`."""
 
@@ -163,14 +165,22 @@ def _run_group(
         raise
     except Exception as error:
         if len(indices) == 1:
-            what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-            run = failed_run(scenes[indices[0]], f"the solver raised {what}")
+            run = failed_run(
+                scenes[indices[0]], f"{RAISED} {type(error).__name__}: {_brief(error)}"
+            )
             run.audit["raised"] = 1
             finished(0, run)
             return
         for index in indices:
             if index not in saved:
                 _run_group({index: scenes[index]}, simulate, save, failed_run)
+
+
+def _brief(error: Exception) -> str:
+    """The message in one line: without the marks below source lines, and of a long one the end."""
+    words = [word for word in str(error).split() if set(word) - set("^~")]
+    text = " ".join(words)
+    return text if len(text) <= 300 else f"... {text[-300:]}"
 
 
 class _Store:
@@ -199,7 +209,7 @@ class _Store:
 
     def merge(self) -> None:
         """All parts into the final file in the order of their numbers; then the parts go."""
-        if all(run.reason.startswith("the solver raised") for run in self.found.values()):
+        if all(run.reason.startswith(RAISED) for run in self.found.values()):
             first = next(iter(self.found.values()))
             raise WorkFailed(f"none of the {len(self.found)} scenes could be run: {first.reason}")
         with self.stop.held():

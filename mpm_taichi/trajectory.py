@@ -79,7 +79,7 @@ class Run:
     audit: dict[str, float | int | str] = field(default_factory=dict)
     status: str = "finished"  # "finished" | "failed"
     reason: str = ""
-    wall_contact: dict[str, Any] = field(default_factory=dict)
+    wall_contact: dict[str, Any] = field(default_factory=dict)  # "left"/"right" -> since when [s]
     wall_time_s: float = 0.0
     steps: int = 0
 
@@ -302,7 +302,11 @@ def summary(group: h5py.Group, index: int) -> RunSummary:
         point_steps_per_s=points * steps / wall_time if wall_time > 0 else 0.0,
         status=attributes["status"],
         reason=attributes["reason"],
-        wall_contact="+".join(sorted(side for side, touched in contact.items() if touched)),
+        wall_contact="+".join(
+            sorted(
+                side for side, since in contact.items() if since is not None and since is not False
+            )
+        ),
         travel_left_m=float(attributes["travel_left_m"]),
         travel_right_m=float(attributes["travel_right_m"]),
         key=attributes["key"],

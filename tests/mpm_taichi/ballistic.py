@@ -81,7 +81,7 @@ def fly(scene: Scene, settings: SimulationSettings) -> Run:
         volume=np.full(count, points.volume, np.float32),
         energy={"kinetic": 900.0 * points.volume * (speed**2).sum(axis=1)},
         audit={"mass_kg_per_m": 1800.0 * points.volume * count},
-        wall_contact={"left": False, "right": scene.seed % 2 == 1},
+        wall_contact={"right": 0.0} if scene.seed % 2 == 1 else {},
         wall_time_s=0.01,
         steps=1000,
     )

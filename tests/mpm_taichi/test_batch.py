@@ -180,6 +180,14 @@ def test_a_scene_on_which_the_solver_raises_is_recorded(tmp_path, group_size):
     assert [run.status for run in list_runs(path)] == ["finished"] * 3
 
 
+def test_a_long_message_is_told_by_its_end():
+    error = RuntimeError(
+        "File solver.py\n  settle(\n  ^^^^^^^\n" + 200 * "stack " + "\nNaN in row 3"
+    )
+    text = batch._brief(error)
+    assert text.endswith("stack NaN in row 3") and "^" not in text and len(text) < 310
+
+
 def test_if_nothing_can_be_run_there_is_no_file(tmp_path):
     with pytest.raises(WorkFailed, match="none of the 1 scenes could be run: .* is on fire"):
         run_batch(scenes(666), FAST, tmp_path / "batch_000.h5", simulate=simulate)
