@@ -30,8 +30,9 @@ include: "rules/cases.smk"
 rule all:
     default_target: True
     input:
-        rules.geometry_coarse.input if "coarse" in SETTINGS.scales else [],
-        rules.simulate_coarse.input if "coarse" in SETTINGS.scales else [],
+        [rules.simulate_coarse.input, rules.geometry_coarse.input]
+        if "coarse" in SETTINGS.scales
+        else [],
         rules.simulate_lsfd.input,
     message:
         "The coarse scale and the Lower San Fernando dam are ready under {RESULTS}"
@@ -41,6 +42,7 @@ rule everything:
     input:
         [gallery(scale) for scale in SETTINGS.scales],
         [statistics(scale) for scale in SETTINGS.scales],
+        [batch_files(scale, "trajectories", "h5") for scale in SETTINGS.scales],
         [simulated_case(case) for case in CASES],
     message:
         "All scales and all case histories are ready under {RESULTS}"

@@ -64,14 +64,17 @@ if clash := set(SETTINGS.scales) & {*CASES, *CASE_ALIASES}:
     raise WorkflowError(f"configuration: scales: {', '.join(clash)} is the name of a case history")
 
 
+# Seconds of work on one core: not worth a place in a cluster's queue.
+localrules:
+    sample_scenes,
+    draw_gallery,
+    list_runs,
+
+
 wildcard_constraints:
     scale="|".join(SETTINGS.scales),
     batch=r"\d\d\d+",
     case="|".join(CASES) or "-",
-
-
-def scenes(scale):
-    return f"{RESULTS}/{scale}/scenes.txt"
 
 
 def gallery(scale):
@@ -82,9 +85,23 @@ def statistics(scale):
     return f"{RESULTS}/{scale}/runs.csv"
 
 
+def batch_files(scale, folder, suffix):
+    batches = range(SETTINGS.scale(scale).number_of_batches)
+    return [f"{RESULTS}/{scale}/{folder}/batch_{batch:03d}.{suffix}" for batch in batches]
+
+
+def scenes(wildcards):
+    return batch_files(wildcards.scale, "scenes", "txt")
+
+
 def trajectories(wildcards):
-    batches = range(SETTINGS.scale(wildcards.scale).number_of_batches)
-    return [f"{RESULTS}/{wildcards.scale}/trajectories/batch_{batch:03d}.h5" for batch in batches]
+    return batch_files(wildcards.scale, "trajectories", "h5")
+
+
+def batch_indices(wildcards):
+    """Numbers of the scenes of a batch, such as 700-799."""
+    indices = SETTINGS.scale(wildcards.scale).batch_indices(int(wildcards.batch))
+    return f"{indices[0]}-{indices[-1]}"
 
 
 def simulated_case(case):

@@ -2,49 +2,52 @@
 
 
 def scene_physics(wildcards):
-    """Everything that decides the scenes of a scale."""
+    """Everything that decides a scene of a scale, beside its number."""
     scale = SETTINGS.scale(wildcards.scale).model_dump()
-    for name in ("duration_s", "time_step_s", "runs_per_batch"):
+    for name in ("number_of_scenes", "duration_s", "time_step_s", "runs_per_batch"):
         del scale[name]
     return content_hash(
         {"physics": PHYSICS["geometry"], "geometry": SETTINGS.geometry, "scale": scale}
     )
 
 
-# The output is the report of the command, not the folder: scenes that are there and still the same are
-# left alone, so that a restart goes on where it stopped.
+# Drawn batch by batch, so that a larger number_of_scenes adds batches and leaves the others alone. The
+# output is the report of the command, not the folder: scenes that are there already, and still the
+# same, are left as they are.
 rule sample_scenes:
     output:
-        scenes("{scale}"),
+        f"{RESULTS}/{{scale}}/scenes/batch_{{batch}}.txt",
     log:
-        f"{RESULTS}/logs/sample_{{scale}}.log",
+        f"{RESULTS}/logs/sample_{{scale}}_{{batch}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/sample_{{scale}}.tsv"
+        f"{RESULTS}/benchmarks/sample_{{scale}}_{{batch}}.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=60,
+        mem_mb=1000,
+        runtime=10,
     params:
         config=CONFIG_FILE,
         folder=f"{RESULTS}/{{scale}}/scenes",
+        indices=batch_indices,
         physics=scene_physics,
     message:
-        "Drawing the scenes of the scale {wildcards.scale}"
+        "Drawing scenes {params.indices} of the scale {wildcards.scale}"
     shell:
-        "python -m geometry sample --scale {wildcards.scale} --out {params.folder}"
-        " --config {params.config} > {output} 2> {log}"
+        "python -m geometry sample --scale {wildcards.scale} --indices {params.indices}"
+        " --out {params.folder} --config {params.config} > {output} 2> {log}"
 
 
 rule draw_gallery:
     input:
-        scenes("{scale}"),
+        scenes,
     output:
-        report(
+        picture=report(
             gallery("{scale}"),
             caption="../report/gallery.rst",
             category="Scenes",
             labels={"scale": "{scale}", "what": "gallery"},
         ),
+        draws=f"{RESULTS}/{{scale}}/scenes.txt",
     log:
         f"{RESULTS}/logs/gallery_{{scale}}.log",
     benchmark:
@@ -58,8 +61,8 @@ rule draw_gallery:
     message:
         "Drawing a gallery of the scale {wildcards.scale}"
     shell:
-        "python -m geometry show --scale {wildcards.scale} --out {output}"
-        " --config {params.config} > {log} 2>&1"
+        "(cat {input} > {output.draws} && python -m geometry show --scale {wildcards.scale}"
+        " --out {output.picture} --config {params.config}) > {log} 2>&1"
 
 
 for scale in SETTINGS.scales:
@@ -69,6 +72,6 @@ for scale in SETTINGS.scales:
             f"geometry_{scale}"
         input:
             gallery(scale),
-            scenes(scale),
+            batch_files(scale, "scenes", "txt"),
         message:
             f"The scenes of the scale {scale} are drawn: {gallery(scale)}"

@@ -3,22 +3,16 @@
 
 def simulation_physics(wildcards):
     """Everything that decides the numbers of a batch, beside its scenes."""
-    return content_hash(
-        {
-            "physics": PHYSICS,
-            "settings": SETTINGS.simulation_for(wildcards.scale),
-            "runs": list(SETTINGS.scale(wildcards.scale).batch_indices(int(wildcards.batch))),
-        }
-    )
+    return content_hash({"physics": PHYSICS, "settings": SETTINGS.simulation_for(wildcards.scale)})
 
 
-# `update`: a file that is already there is not removed first. The program takes from it, and from
-# the parts an interrupted job has left beside it, every run that is still valid.
+# A job that is killed leaves its finished runs in trajectories/.batch_BBB.parts, which is no output,
+# so that the next try continues from them.
 rule simulate_batch:
     input:
-        scenes("{scale}"),
+        rules.sample_scenes.output,
     output:
-        update(f"{RESULTS}/{{scale}}/trajectories/batch_{{batch}}.h5"),
+        f"{RESULTS}/{{scale}}/trajectories/batch_{{batch}}.h5",
     log:
         f"{RESULTS}/logs/simulate_{{scale}}_{{batch}}.log",
     benchmark:
@@ -33,9 +27,10 @@ rule simulate_batch:
         scenes=f"{RESULTS}/{{scale}}/scenes",
         folder=f"{RESULTS}/{{scale}}/trajectories",
         device=lambda wildcards, resources: "cuda" if resources.gpu else "cpu",
+        indices=batch_indices,
         physics=simulation_physics,
     message:
-        "Simulating batch {wildcards.batch} of the scale {wildcards.scale} on the {params.device}"
+        "Simulating runs {params.indices} of the scale {wildcards.scale} on the {params.device}"
     shell:
         "python -m mpm_taichi run --scale {wildcards.scale} --batch {wildcards.batch}"
         " --scenes {params.scenes} --out {params.folder} --config {params.config}"
@@ -85,5 +80,6 @@ for scale in SETTINGS.scales:
             f"simulate_{scale}"
         input:
             statistics(scale),
+            batch_files(scale, "trajectories", "h5"),
         message:
             f"The scale {scale} is simulated: {statistics(scale)}"

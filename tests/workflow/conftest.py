@@ -1,0 +1,135 @@
+"""A copy of the workflow around stand-ins for the programs, which do next to nothing, at once."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+
+GEOMETRY = '''
+"""Stand-in for geometry: writes what it was told."""
+import sys
+from pathlib import Path
+arguments = dict(zip(sys.argv[2::2], sys.argv[3::2]))
+if sys.argv[1] == "sample":
+    Path(arguments["--out"]).mkdir(parents=True, exist_ok=True)
+    print("sampled", arguments["--scale"], arguments["--indices"])
+else:
+    Path(arguments["--out"]).write_bytes(b"picture")
+'''
+
+MPM_TAICHI = '''
+"""Stand-in for mpm_taichi: trajectories are texts; a file `break` makes batch 1 fail."""
+import sys
+import time
+from pathlib import Path
+command = sys.argv[1]
+if command == "status":
+    files, out = sys.argv[2:-2], Path(sys.argv[-1])
+    lines = ["file,index,scene,template,seed,points,frames,steps,duration_s,wall_time_s,"
+             "point_steps_per_s,status,reason,wall_contact,travel_left_m,travel_right_m"]
+    for number, file in enumerate(files):
+        bad = "failed,energy out of balance," if number == 1 else "finished,,right"
+        lines.append(f"{file},{number},s_{number},a,7,100,5,50,4.5,0.1,5e4,{bad},1.5,12.5")
+    out.write_text("\\n".join(lines) + "\\n")
+    sys.exit()
+options = sys.argv[2:] if command == "run" else sys.argv[3:]
+arguments = dict(zip(options[::2], options[1::2]))
+out = Path(arguments["--out"])
+out.mkdir(parents=True, exist_ok=True)
+if command == "run":
+    batch = int(arguments["--batch"])
+    file = out / f"batch_{batch:03d}.h5"
+    if batch == 1 and Path("break").exists():
+        (out / ".batch_001.parts").mkdir(exist_ok=True)
+        (out / ".batch_001.parts" / "run").touch()
+        sys.exit(1)
+    file.write_text(f"{arguments['--device']} {time.time()}")
+else:
+    for name in ("runout.png", "runout.mp4", "observables.csv"):
+        (out / name).write_text(sys.argv[2])
+    print("toe_runout 53 m")
+'''
+
+
+class Workbench:
+    """The folder with the copy, and Snakemake in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for name in ("Snakefile", "rules", "profiles", "config", "report"):
+            source = ROOT / name
+            if source.is_dir():
+                shutil.copytree(source, folder / name, symlinks=True)
+            else:
+                shutil.copy(source, folder / name)
+        for package, program in (("geometry", GEOMETRY), ("mpm_taichi", MPM_TAICHI)):
+            (folder / package).mkdir()
+            (folder / package / "__main__.py").write_text(program)
+            self.set_physics(package, 1)
+        case = folder / "case_histories" / "lower_san_fernando"
+        case.mkdir(parents=True)
+        (case / "scene.yaml").write_text("name: stand-in\n")
+        (case / "README.md").write_text("text\n")
+        self.settings = yaml.safe_load((ROOT / "config" / "test.yaml").read_text())
+        self.settings["results_folder"] = "results"
+
+    def set_physics(self, package: str, version: int, docstring: str = "") -> None:
+        path = self.folder / package / "__init__.py"
+        path.write_text(f'"""Stand-in. {docstring}"""\nPHYSICS_VERSION = {version}\n')
+
+    def snakemake(self, *targets: str, options: Sequence[str] = (), expect: int = 0) -> str:
+        """Run Snakemake; return all it said."""
+        (self.folder / "my.yaml").write_text(yaml.safe_dump(self.settings))
+        done = subprocess.run(
+            [
+                sys.executable,
+                "-m",
+                "snakemake",
+                *options,
+                "--configfile",
+                "my.yaml",
+                "--",
+                *targets,
+            ],
+            cwd=self.folder,
+            env={**os.environ, "COLUMNS": "200"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == expect, done.stdout
+        return done.stdout
+
+    def planned(self, *targets: str) -> dict[str, int]:
+        """Jobs by rule that Snakemake would run now; the collecting targets are left out."""
+        text = self.snakemake(*targets, options=["--dry-run"])
+        table = re.search(r"^job +count\n-+ +-+\n(.*?)\ntotal ", text, re.MULTILINE | re.DOTALL)
+        if table is None:
+            assert "Nothing to be done" in text
+            return {}
+        jobs = dict(line.split() for line in table[1].splitlines())
+        return {
+            name: int(count)
+            for name, count in jobs.items()
+            if not re.match(r"everything$|all$|(geometry|simulate)_(?!batch|case)", name)
+        }
+
+    def path(self, name: str) -> Path:
+        return self.folder / "results" / name
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Workbench:
+    return Workbench(tmp_path)

@@ -1,0 +1,154 @@
+"""The workflow: what is made, what is made again and why, what a failure leaves."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import yaml
+
+from pipeline.config import Config
+
+
+def test_targets_work_as_typed(bench):
+    bench.settings = {}
+    assert bench.planned("simulate_large") == {
+        "sample_scenes": 25,
+        "simulate_batch": 25,
+        "list_runs": 1,
+    }
+    assert bench.planned("geometry_small") == {"sample_scenes": 25, "draw_gallery": 1}
+    assert bench.planned("simulate_lsfd") == {"simulate_case": 1}
+    assert bench.planned("simulate_lower_san_fernando") == {"simulate_case": 1}
+
+
+def test_everything_is_made_once(bench):
+    bench.snakemake("everything")
+    for scale in ("large", "small", "coarse"):
+        for name in ("gallery.png", "runs.csv", "runs.png", "runs.html", "failed.txt"):
+            assert bench.path(f"{scale}/{name}").stat().st_size or name == "failed.txt"
+    assert bench.path("large/trajectories/batch_001.h5").read_text().startswith("cpu")
+    assert (
+        bench.path("lower_san_fernando/simulation/summary.txt").read_text() == "toe_runout 53 m\n"
+    )
+    # Run 1 of the two that the stand-in lists for the large scale has failed.
+    assert bench.path("large/failed.txt").read_text() == (
+        "1\ts_1, seed 7, at 4.5 s: energy out of balance\n"
+    )
+    assert bench.path("small/failed.txt").read_text() == ""
+    settings = yaml.safe_load(bench.path("config.yaml").read_text())
+    assert set(settings) == set(Config.model_fields)
+    assert bench.planned("everything") == {}
+
+    report = bench.folder / "report.html"
+    bench.snakemake("everything", options=["--report", str(report)])
+    text = report.read_text()
+    for word in ("gallery.png", "runs.png", "runs.html", "runout.mp4"):
+        assert word in text
+
+
+def test_what_is_made_again(bench):
+    bench.snakemake("simulate_coarse", "geometry_coarse")
+    targets = ("simulate_coarse", "geometry_coarse")
+    simulation = {"simulate_batch": 2, "list_runs": 1}
+    scenes = {"sample_scenes": 2, "draw_gallery": 1, **simulation}
+
+    bench.set_physics("mpm_taichi", 1, docstring="Better words.")
+    (bench.folder / "mpm_taichi" / "__main__.py").touch()
+    assert bench.planned(*targets) == {}, "edits to programs make nothing again"
+
+    bench.set_physics("mpm_taichi", 2)
+    assert bench.planned(*targets) == simulation
+    bench.set_physics("mpm_taichi", 1)
+    bench.set_physics("geometry", 2)
+    assert bench.planned(*targets) == scenes
+    bench.set_physics("geometry", 1)
+    assert bench.planned(*targets) == {}
+
+    bench.settings["simulation"]["courant"] = 0.2
+    assert bench.planned(*targets) == simulation
+    del bench.settings["simulation"]["courant"]
+    bench.settings["geometry"]["seed"] = 1
+    assert bench.planned(*targets) == scenes
+    del bench.settings["geometry"]["seed"]
+    bench.settings["scales"]["large"]["duration_s"] = 3.0
+    assert bench.planned(*targets) == {}, "another scale is another matter"
+
+
+def test_more_scenes_add_batches_only(bench):
+    bench.snakemake("simulate_small")
+    bench.settings["scales"]["small"]["number_of_scenes"] = 10
+    assert bench.planned("simulate_small") == {
+        "sample_scenes": 1,
+        "simulate_batch": 1,
+        "list_runs": 1,
+    }
+
+
+def test_a_failed_batch_stops_nothing_else_and_is_made_at_the_next_start(bench):
+    bench.snakemake("simulate_coarse")
+    (bench.folder / "break").touch()
+    bench.settings["simulation"]["courant"] = 0.2
+    text = bench.snakemake("simulate_coarse", expect=1)
+    assert "batch_001.h5" in text
+    assert bench.path("coarse/trajectories/batch_000.h5").exists()
+    assert not bench.path("coarse/trajectories/batch_001.h5").exists()
+    parts = bench.path("coarse/trajectories/.batch_001.parts/run")
+    assert parts.exists(), "what a job keeps for the next try is left alone"
+
+    (bench.folder / "break").unlink()
+    assert bench.planned("simulate_coarse") == {"simulate_batch": 1, "list_runs": 1}
+    bench.snakemake("simulate_coarse")
+    assert bench.planned("simulate_coarse") == {}
+
+
+def test_a_gpu_is_a_resource(bench):
+    bench.snakemake("simulate_small", options=["--set-resources", "simulate_batch:gpu=1"])
+    assert bench.path("small/trajectories/batch_000.h5").read_text().startswith("cuda")
+
+
+@pytest.mark.parametrize(
+    ("group", "value", "message"),
+    [
+        ("simulation", {"courrant": 0.2}, "simulation.courrant: no such setting, did you mean"),
+        ("scales", {"large": {"spacing_m": -1}}, "scales.large.spacing_m: -1: input should be"),
+        ("trainning", {}, "trainning: no such setting; allowed are"),
+    ],
+)
+def test_a_wrong_setting_is_named(bench, group, value, message):
+    bench.settings[group] = value
+    text = bench.snakemake("simulate_large", options=["--dry-run"], expect=1)
+    assert message in text and "Traceback" not in text
+
+
+def test_a_scale_may_not_be_called_like_a_case(bench):
+    bench.settings["scales"]["lsfd"] = Config().scale("large").model_dump()
+    text = bench.snakemake("simulate_lsfd", options=["--dry-run"], expect=1)
+    assert "lsfd is the name of a case history" in text
+
+
+def test_dry_run_on_a_cluster(bench):
+    bench.settings = {}
+    options = ["--profile", "profiles/slurm", "--dry-run", "--printshellcmds"]
+    text = bench.snakemake("simulate_large", options=options)
+    assert len(re.findall(r"--batch \d+ .*--threads 16", text)) == 25
+
+
+def test_every_rule_is_complete(root):
+    """Each rule that runs a program has log, benchmark, threads, resources, a message."""
+    for path in sorted((root / "rules").glob("*.smk")):
+        rules = re.split(r"^rule (\w+):$", path.read_text(), flags=re.MULTILINE)[1:]
+        for name, body in zip(rules[::2], rules[1::2], strict=True):
+            found = set(re.findall(r"^    (\w+):", body, flags=re.MULTILINE))
+            needed = {"output", "log", "benchmark", "threads", "resources", "message", "shell"}
+            assert needed <= found, f"{path.name}: {name} lacks {needed - found}"
+
+
+def test_profiles_agree(root):
+    local = yaml.safe_load((root / "profiles/local/config.yaml").read_text())
+    slurm = yaml.safe_load((root / "profiles/slurm/config.yaml").read_text())
+    assert (root / "profiles/default").resolve() == (root / "profiles/local").resolve()
+    assert local["scheduler"] == slurm["scheduler"] == "greedy"
+    # The default profile is laid over any --profile, so what both say must be the same.
+    for key in set(local) & set(slurm):
+        assert local[key] == slurm[key], key
