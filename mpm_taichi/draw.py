@@ -147,7 +147,7 @@ class _Sheet:
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes = [self.figure.add_axes((0, 0, 1, 1)) for _ in frames]
         for ax, frame in zip(self.axes, frames, strict=True):
-            self.points = draw_frame(ax, run, frame, colouring=self.colouring, overlay=overlay)
+            self.soil = draw_frame(ax, run, frame, colouring=self.colouring, overlay=overlay)
             self.stamp = _draw_stamp(ax, run.time[frame])
             if ax is not self.axes[-1]:
                 ax.set_xlabel("")
@@ -184,8 +184,7 @@ class _Sheet:
         background = self.canvas.copy_from_bbox(self.figure.bbox)
         for frame in frames:
             self.canvas.restore_region(background)
-            self.points.set_offsets(self.run.positions[frame])
-            self.points.set_array(self.colouring.values(frame))
+            self.soil.show(frame)
             self.stamp.set_text(_stamp_text(self.run.time[frame]))
             for artist in moving:
                 ax.draw_artist(artist)
@@ -276,9 +275,9 @@ def _columns(labels: Sequence[str]) -> int:
 
 
 def _above_the_background(ax: Axes) -> list[Artist]:
-    """The points and all that lies over them."""
-    drawn = [*ax.collections, *ax.lines, *ax.patches, *ax.texts]
-    return [artist for artist in drawn if artist.zorder >= LAYER["points"]]
+    """The soil and all that lies over it."""
+    drawn = [*ax.images, *ax.collections, *ax.lines, *ax.patches, *ax.texts]
+    return [artist for artist in drawn if artist.zorder >= LAYER["soil"]]
 
 
 def _checked(path: str | Path, suffixes: tuple[str, ...]) -> Path:

@@ -7,13 +7,17 @@ is a function of the axes, drawn last and kept in view.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.transforms import ScaledTranslation
+from scipy.ndimage import distance_transform_edt
 from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
@@ -26,6 +30,10 @@ Overlay = Callable[[Axes], None]
 
 # A point stands for a square of soil; a disc a little larger leaves no pinholes between neighbours.
 DISC = 1.45
+# Shear pulls the lattice apart into rows. Between points nearer than twice this (in spacings) there
+# is soil, not water, and it is painted; what flies alone stays alone, and the outline where it is.
+REACH = 1.3
+PIXELS_PER_SPACING = 3
 
 GROUND_COLOUR, GROUND_LINE = "#a39b8f", "#4d4842"
 WATER_COLOUR, WATER_LINE = "#d3e6f5", "#2a6fa8"
@@ -33,7 +41,76 @@ TEXT_COLOUR = "#222222"
 # Thin lines must be seen on dark points and on white.
 HALO = [Stroke(linewidth=2.4, foreground="white", alpha=0.75), Normal()]
 
-LAYER = {"water": 1, "points": 2.1, "ground": 3, "lines": 4, "overlay": 6, "stamp": 8}
+LAYER = {"water": 1, "soil": 2.1, "points": 2.2, "ground": 3, "lines": 4, "overlay": 6, "stamp": 8}
+
+
+@dataclass(frozen=True)
+class DrawnSoil:
+    """The soil on some axes; `show` moves it to another frame."""
+
+    run: Run
+    colouring: Colouring
+    points: EllipseCollection
+    body: AxesImage
+
+    def show(self, frame: int) -> None:
+        """Move the points to where they are in `frame` (0 to T - 1) and colour them for it."""
+        positions, values = self.run.positions[frame], self.colouring.values(frame)
+        self.points.set_offsets(positions)
+        self.points.set_array(values)
+        rows, columns = self.body.get_size()
+        self.body.set_data(
+            paint_body(
+                positions,
+                values,
+                extent=self.body.get_extent(),
+                shape=(rows, columns),
+                reach=REACH * self.run.scene.spacing,
+            )
+        )
+
+    @property
+    def artists(self) -> list[Artist]:
+        """What changes from frame to frame."""
+        return [self.body, self.points]
+
+
+def paint_body(
+    positions: np.ndarray,
+    values: np.ndarray,
+    *,
+    extent: tuple[float, float, float, float],
+    shape: tuple[int, int],
+    reach: float,
+) -> np.ma.MaskedArray:
+    """The soil as a picture: a pixel has the value of the nearest point, masked outside the soil.
+
+    The soil is the morphological closing of the points with a disc: gaps up to twice its radius are
+    filled, and the outline is not pushed outwards.
+
+    Args:
+        positions: (N, 2) [m].
+        values: (N,).
+        extent: left, right, bottom, top of the picture [m].
+        shape: rows and columns; row 0 is the lowest.
+        reach: radius of the disc [m].
+
+    Returns:
+        (rows, columns) of the values' kind.
+    """
+    left, right, bottom, top = extent
+    pixel = np.array([(right - left) / shape[1], (top - bottom) / shape[0]])
+    with np.errstate(invalid="ignore"):
+        column, row = np.floor((positions - [left, bottom]) / pixel).T
+    seen = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+    place = np.full(shape, -1)
+    place[row[seen].astype(int), column[seen].astype(int)] = np.flatnonzero(seen)
+    if not seen.any():
+        return np.ma.masked_all(shape, values.dtype)
+    away, nearest = distance_transform_edt(place < 0, sampling=pixel[::-1], return_indices=True)
+    near = away <= reach
+    inside = near & (distance_transform_edt(near, sampling=pixel[::-1]) > reach)
+    return np.ma.array(values[place[tuple(nearest)]], mask=~inside)
 
 
 def draw_frame(
@@ -44,7 +121,7 @@ def draw_frame(
     colour: str = "displacement",
     colouring: Colouring | None = None,
     overlay: Overlay | None = None,
-) -> EllipseCollection:
+) -> DrawnSoil:
     """Draw one frame on `ax`: water, points, ground, initial outline, then the overlay.
 
     Args:
@@ -56,7 +133,7 @@ def draw_frame(
         overlay: called with `ax` last.
 
     Returns:
-        The points, so that a caller can move and colour them for another frame.
+        The soil, so that a caller can move it to another frame.
     """
     refuse_empty(run)
     colouring = colouring or colouring_of(run, colour)
@@ -65,27 +142,45 @@ def draw_frame(
     ax.tick_params(labelsize=8, colors=TEXT_COLOUR)
     ax.spines[["top", "right"]].set_visible(False)
     _draw_water(ax, run.scene, x_limits)
+    soil = _draw_soil(ax, run, colouring)
+    soil.show(frame % run.frames)
+    _draw_ground(ax, run.scene, x_limits, y_limits)
+    _draw_outline(ax, run.scene)
+    if overlay is not None:
+        overlay(ax)
+    return soil
+
+
+def _draw_soil(ax: Axes, run: Run, colouring: Colouring) -> DrawnSoil:
+    """The points and the body below them, still without a place and a colour."""
+    style = {"cmap": colouring.colour_map, "norm": colouring.norm}
     diameter = DISC * run.scene.spacing
     points = EllipseCollection(
         widths=diameter,
         heights=diameter,
         angles=0.0,
         units="xy",
-        offsets=run.positions[frame],
         offset_transform=ax.transData,
-        cmap=colouring.colour_map,
-        norm=colouring.norm,
         linewidths=0,
         zorder=LAYER["points"],
         rasterized=True,  # thousands of discs would make an svg or a pdf slow to open
+        **style,
     )
-    points.set_array(colouring.values(frame % run.frames))
     ax.add_collection(points, autolim=False)
-    _draw_ground(ax, run.scene, x_limits, y_limits)
-    _draw_outline(ax, run.scene)
-    if overlay is not None:
-        overlay(ax)
-    return points
+    left, right = ax.get_xlim()
+    bottom, top = ax.get_ylim()
+    pixel = max(run.scene.spacing / PIXELS_PER_SPACING, (right - left) / 1600)
+    shape = (round((top - bottom) / pixel), round((right - left) / pixel))
+    body = ax.imshow(
+        np.ma.masked_all(shape),
+        extent=(left, right, bottom, top),
+        origin="lower",
+        interpolation="nearest",
+        aspect="equal",
+        zorder=LAYER["soil"],
+        **style,
+    )
+    return DrawnSoil(run, colouring, points, body)
 
 
 def profile_overlay(x: np.ndarray, y: np.ndarray, label: str = "measured profile") -> Overlay:

@@ -44,10 +44,10 @@ POINT_FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
 }
 FIELDS = ("positions", "time", *POINT_FIELDS, "energy")
 
-# Measured on a slide of the Lower San Fernando section, 251 frames of 6,242 points, 12.5 MB raw:
-# chunks (32, 512, 1) with shuffle and gzip 1 give 5.6 MB, 0.12 s to write, 0.05 s to read, 5 ms for
-# a window of 6 frames. x and y in one chunk: 6.4 MB; no shuffle: 9.7 MB; one frame a chunk: 8.6 MB;
-# gzip 4: 3 % smaller, a fifth slower; all frames in a chunk: 5.3 MB, but 35 ms for a window.
+# Measured on a run of the Lower San Fernando section, 176 frames of 6,242 points, 8.8 MB raw:
+# chunks (32, 512, 1) with shuffle and gzip 1 give 4.1 MB, 0.1 s to write, 0.04 s to read, 5 ms for
+# a window of 6 frames. x and y in one chunk: 4.8 MB; no shuffle: 7.0 MB; one frame a chunk: 6.0 MB;
+# gzip 4: 3 % smaller, half as slow again; all frames in a chunk: 4.0 MB, but 30 ms for a window.
 COMPRESSION_LEVEL = 1
 POSITION_CHUNK = (32, 512, 1)
 

@@ -11,6 +11,7 @@ from PIL import Image
 
 from mpm_taichi import draw
 from mpm_taichi.colouring import COLOURS, colouring_of, material_colours, rounded_up
+from mpm_taichi.frame import paint_body
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
 from tests.mpm_taichi.ballistic import FAST, fly, make_scene
@@ -48,6 +49,27 @@ def test_points_are_drawn_where_they_are(run):
     column, row = ax.transData.transform(inside).round().astype(int)
     assert tuple(picture[row, column]) == shell
     assert ax.get_aspect() == 1.0
+
+
+def test_the_body_fills_gaps_and_keeps_the_outline():
+    x, y = np.meshgrid(np.arange(4, 20, dtype=float), np.arange(4, 12, dtype=float))
+    positions = np.stack([x, y], axis=-1)
+    positions[:, 8:, 0] += 1.0  # a crack two spacings wide ...
+    positions[:, 12:, 0] += 3.0  # ... and one of four
+    positions = np.concatenate([positions.reshape(-1, 2), [[np.nan, 0.0], [999.0, 5.0]]])
+    values = np.arange(len(positions), dtype=float)
+    body = paint_body(positions, values, extent=(0, 40, 0, 16), shape=(64, 160), reach=1.3)
+    inside = ~body.mask
+    row = inside[32]  # y = 8
+    centres = (np.arange(160) + 0.5) / 4
+    assert row[(centres > 4.2) & (centres < 15.8)].all()
+    assert not row[(centres > 17) & (centres < 19)].any()
+    outer = np.argwhere(inside)
+    assert outer[:, 0].min() / 4 >= 3.7 and (outer[:, 0].max() + 1) / 4 <= 11.3
+    assert body[32, 16] == values[np.argmin(np.hypot(*(positions[:-2] - [4.1, 8.1]).T))]
+    assert paint_body(
+        positions[-2:], values[-2:], extent=(0, 4, 0, 4), shape=(8, 8), reach=1
+    ).mask.all()
 
 
 def test_panels_show_the_moments_asked_for(tmp_path, run):
