@@ -89,7 +89,10 @@ class GeometrySettings(Settings):
         "histories (Soil 3 from 1 to 60 kPa at the large scale)",
     )
     water_share: float = Field(
-        0.25, ge=0, le=1, description="share of the scenes with a reservoir; 0 in the paper"
+        0.25,
+        ge=0,
+        le=1,
+        description="share of the scenes of templates (a) to (d) with a reservoir; 0 in the paper",
     )
     jitter: float = Field(
         0.0,
