@@ -335,12 +335,10 @@ def _scale_bar(ax: Axes, scene: Scene) -> None:
 def _legend(figure: Figure, total: float) -> None:
     edge = {"edgecolor": "#333333", "linewidth": 0.6}
     handles = [
-        Patch(
-            facecolor=LIQUEFIED, hatch="//////", label="Soil 3, cohesion alone (liquefied)", **edge
-        ),
-        Patch(facecolor=FRICTIONAL[0], label="Soil 1, φ 20°", **edge),
+        Patch(facecolor=LIQUEFIED, hatch="//////", label="cohesion alone, liquefied", **edge),
+        Patch(facecolor=FRICTIONAL[0], label="c up to 5 kPa, φ 20°", **edge),
         Patch(facecolor=FRICTIONAL[1], label="47°", **edge),
-        Patch(facecolor=COHESIVE[0], label="Soil 2, with cohesion, φ 20°", **edge),
+        Patch(facecolor=COHESIVE[0], label="c over 5 kPa, φ 20°", **edge),
         Patch(facecolor=COHESIVE[1], label="47°", **edge),
         Patch(facecolor=GROUND_COLOUR, edgecolor=GROUND_LINE, linewidth=0.6, label="rigid base"),
         Patch(facecolor=WATER_COLOUR, linewidth=0, label="pool"),
