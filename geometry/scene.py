@@ -118,7 +118,11 @@ class Ground(Document):
     """The rigid base: a polyline from left to right, level beyond its ends."""
 
     points: list[Point] = Field(min_length=1, description="(x, y), x ascending [m]")
-    contact: Literal["no_slip", "coulomb"] = Field("no_slip", description="what the base resists")
+    contact: Literal["rough", "no_slip", "coulomb"] = Field(
+        "rough",
+        description="rough: slip where the soil's own strength is exceeded; no_slip: bonded; "
+        "coulomb: with a coefficient",
+    )
     friction_coefficient: float | None = Field(
         None, ge=0, description="Coulomb coefficient; for contact: coulomb only"
     )
@@ -135,8 +139,10 @@ class Ground(Document):
     def _coefficient_belongs_to_coulomb(self) -> Ground:
         if self.contact == "coulomb" and self.friction_coefficient is None:
             raise ValueError("contact: coulomb needs a friction_coefficient")
-        if self.contact == "no_slip" and self.friction_coefficient is not None:
-            raise ValueError("friction_coefficient has no effect with contact: no_slip; remove it")
+        if self.contact != "coulomb" and self.friction_coefficient is not None:
+            raise ValueError(
+                f"friction_coefficient has no effect with contact: {self.contact}; remove it"
+            )
         return self
 
     def height(self, x: np.ndarray | float) -> np.ndarray:

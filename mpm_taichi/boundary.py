@@ -20,8 +20,15 @@ if TYPE_CHECKING:
 
 vec2 = ti.types.vector(2, ti.f32)
 
-STICK, SLIDE, LEFT, RIGHT, TOP = 1, 2, 4, 8, 16
-"""Bits of a node's type: no-slip ground or fixed body; Coulomb ground; walls; lid."""
+STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION = 1, 2, 4, 8, 16, 32, 64
+"""Bits of a node's type: bonded ground or fixed body; Coulomb ground; walls; lid; rough ground; node
+with a share of the traction of rough ground."""
+
+# Columns of the table of a node.
+NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, EMPTINESS = range(7)
+
+FULL_CONTACT = 0.5
+"""Share of soil around a node of the base at which the base counts as fully covered."""
 
 MARGIN = 3
 """Rows of nodes beyond the domain on every side, all of them wall: no point can pass three."""
@@ -78,8 +85,9 @@ def node_tables(
 
     Returns:
         kind: (nodes,) int32, the bits above.
-        contact: (nodes, 8) float32: normal x, y (out of the ground), Coulomb coefficient, 0;
-            water force per volume x, y [N/m3], 0, 0.
+        table: (nodes, 8) float32: normal x, y (out of the ground), Coulomb coefficient, area of
+            rough ground [m2 per m], water force per volume x, y [N/m3], 1 / volume at full contact
+            [1/m2], 0.
     """
     x, y = grid.coordinates()
     kind = np.zeros(grid.shape, np.int32)
@@ -87,10 +95,17 @@ def node_tables(
     tolerance = 1e-6 * grid.cell
 
     below = y <= scene.ground.height(x) + tolerance
-    kind[below] |= STICK if scene.ground.contact == "no_slip" else SLIDE
+    kind[below] |= {"no_slip": STICK, "coulomb": SLIDE, "rough": ROUGH}[scene.ground.contact]
     normal = ground_normal(scene, x)
-    table[..., 0], table[..., 1] = normal[..., 0], normal[..., 1]
-    table[..., 2] = scene.ground.friction_coefficient or 0.0
+    table[..., NORMAL_X], table[..., NORMAL_Y] = normal[..., 0], normal[..., 1]
+    table[..., COEFFICIENT] = scene.ground.friction_coefficient or 0.0
+    if scene.ground.contact == "rough":
+        area, volume = ground_shares(scene, grid)
+        kind[area > 0] |= TRACTION
+        table[..., AREA] = area
+        table[..., EMPTINESS] = np.where(
+            area > 0, 1.0 / np.maximum(FULL_CONTACT * volume, tolerance), 0
+        )
 
     # An open domain is enlarged before anything comes near, so its grid has the same three rows.
     last_x, last_y = grid.shape[0] - 1 - MARGIN, grid.shape[1] - 1 - MARGIN
@@ -101,8 +116,29 @@ def node_tables(
     kind[last_x:] |= RIGHT
     kind[:, last_y:] |= TOP
 
-    table[..., 4], table[..., 5] = water_force(scene, x, y, grid.cell, water, gravity)
+    table[..., WATER_X], table[..., WATER_Y] = water_force(scene, x, y, grid.cell, water, gravity)
     return kind.ravel(), table.reshape(-1, 8)
+
+
+def ground_shares(scene: Scene, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Area of the ground and volume above it that belong to each node, both of `grid.shape`.
+
+    The integrals of the B-splines over the ground line [m2 per m] and over the space above it [m2]:
+    a traction t on the ground loads a node with t x area, wherever the line lies in the cell.
+    """
+    fine = grid.cell / 8
+    left = grid.origin[0] + 1.5 * grid.cell
+    right = grid.origin[0] + (grid.shape[0] - 2.5) * grid.cell
+    x = np.arange(left + 0.5 * fine, right, fine)
+    ends = scene.ground.height(np.stack([x - 0.5 * fine, x + 0.5 * fine]))
+    length = np.hypot(fine, ends[1] - ends[0])
+    base = ends.mean(axis=0)
+    area = node_weight(grid, np.stack([x, base], axis=1), length)
+    heights = fine * (np.arange(0.5, 8 * 3))
+    space = np.stack([np.repeat(x, len(heights)), (base[:, None] + heights[None]).ravel()], axis=1)
+    volume = node_weight(grid, space, np.full(len(space), fine**2))
+    area[area < 1e-6 * grid.cell] = 0.0
+    return area, volume
 
 
 def ground_normal(scene: Scene, x: np.ndarray) -> np.ndarray:
@@ -148,45 +184,57 @@ def fixed_by_bodies(grid: Grid, soil: np.ndarray, fixed: np.ndarray) -> np.ndarr
     """
     if len(fixed) == 0:
         return np.zeros(grid.nodes, bool)
-    return (node_weight(grid, fixed) > node_weight(grid, soil)).ravel()
+    held = node_weight(grid, fixed, np.ones(len(fixed)))
+    return (held > node_weight(grid, soil, np.ones(len(soil)))).ravel()
 
 
-def node_weight(grid: Grid, points: np.ndarray) -> np.ndarray:
-    """Sum of the quadratic B-spline weights of `points` (N, 2) [m] at each node, `grid.shape`."""
+def node_weight(grid: Grid, points: np.ndarray, amount: np.ndarray) -> np.ndarray:
+    """Sum of `amount` (N,) x quadratic B-spline of `points` (N, 2) [m] at each node, `grid.shape`."""
     total = np.zeros(grid.shape)
     scaled = (points - np.asarray(grid.origin)) / grid.cell
+    scaled = np.clip(scaled, 1.0, np.asarray(grid.shape) - 2.0)
     centre = np.floor(scaled + 0.5).astype(int)
     offset = scaled - centre
     weights = [0.5 * (0.5 - offset) ** 2, 0.75 - offset**2, 0.5 * (0.5 + offset) ** 2]
     for i in range(3):
         for j in range(3):
-            share = weights[i][:, 0] * weights[j][:, 1]
+            share = amount * weights[i][:, 0] * weights[j][:, 1]
             np.add.at(total, (centre[:, 0] + i - 1, centre[:, 1] + j - 1), share)
     return total
 
 
 @ti.func
-def contact(velocity, kind, normal_x, normal_y, friction):
+def contact(velocity, kind, table, friction, adhesion):
     """Velocity of a node after ground and walls have acted on it [m/s].
 
-    Contact is unilateral: soil may leave a Coulomb ground or a wall, never enter it.
+    Args:
+        velocity: without contact [m/s].
+        kind: the bits of the node.
+        table: the row of the node.
+        friction: Coulomb coefficient of the ground, of rough ground sin(phi) of the soil.
+        adhesion: most the traction of rough ground changes the velocity in this step [m/s].
+
+    Contact is unilateral: soil may leave a ground or a wall, never enter it; only bonded ground
+    ("no_slip") holds it. The tangential impulse is at most friction x the normal one + adhesion.
     """
     v = velocity
     if kind & 1:
         v = vec2(0.0, 0.0)
-    else:
-        if kind & 2:
-            into = v[0] * normal_x + v[1] * normal_y
-            if into < 0.0:
-                along = v[1] * normal_x - v[0] * normal_y
-                # Coulomb: the tangential impulse is at most friction x the normal one.
-                slowed = ti.max(ti.abs(along) + friction * into, 0.0)
-                along = ti.select(along > 0.0, slowed, -slowed)
-                v = vec2(-normal_y * along, normal_x * along)
-        if kind & 4:
-            v[0] = ti.max(v[0], 0.0)
-        if kind & 8:
-            v[0] = ti.min(v[0], 0.0)
-        if kind & 16:
-            v[1] = ti.min(v[1], 0.0)
+    elif kind & 98:
+        normal_x, normal_y = table[0], table[1]
+        out = v[0] * normal_x + v[1] * normal_y
+        along = v[1] * normal_x - v[0] * normal_y
+        limit = adhesion
+        if kind & 34:
+            limit -= friction * ti.min(out, 0.0)
+            out = ti.max(out, 0.0)
+        slowed = ti.max(ti.abs(along) - limit, 0.0)
+        along = ti.select(along > 0.0, slowed, -slowed)
+        v = vec2(out * normal_x - along * normal_y, out * normal_y + along * normal_x)
+    if kind & 4:
+        v[0] = ti.max(v[0], 0.0)
+    if kind & 8:
+        v[0] = ti.min(v[0], 0.0)
+    if kind & 16:
+        v[1] = ti.min(v[1], 0.0)
     return v

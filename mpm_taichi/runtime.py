@@ -126,7 +126,8 @@ class Slots:
         numbers[solver.SPEED] = np.sqrt(np.max(np.sum(scene.motion[:, 2:] ** 2, axis=1)))
         numbers[solver.FIXED_STEP] = settings.time_step_s or 0.0
         numbers[solver.DAMPING] = settings.local_damping
-        numbers[solver.RELIEF] = settings.pressure_relaxation_per_s
+        relaxation = settings.pressure_relaxation * scene.wave_speed / scene.grid.cell
+        numbers[solver.RELIEF] = relaxation
         self.home[where] = scene.home + slot * self.nodes
         self._lay_nodes(slot, scene)
 

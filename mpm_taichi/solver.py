@@ -80,7 +80,7 @@ def steps_of_frame(numbers: A, slot):
 def settle_contact(velocity, kind):
     """Contact while settling: the ground holds, walls are smooth and hold as well."""
     v = velocity
-    if kind & 3:
+    if kind & 35:
         v = vec2(0.0, 0.0)
     if kind & 12:
         v[0] = 0.0
@@ -121,7 +121,7 @@ def build_kernels(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNam
         stress[p] = new_stress
         history[p] = new
         scatter(
-            load, node, columns, point_motion, velocity_gradient, new_stress, new[0], limits[3],
+            load, node, columns, point_motion, velocity_gradient, new_stress, new[0], strength[r], limits[3],
             volume, cell, affine, atomic,
         )  # fmt: skip
 
@@ -211,7 +211,7 @@ def build_kernels(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNam
                 stress[p] = new_stress
                 still = vec4(motion[p][0], motion[p][1], 0.0, 0.0)
                 scatter(
-                    load, node, columns, still, zero, new_stress, 0.0, edges[r][3], volume, cell,
+                    load, node, columns, still, zero, new_stress, 0.0, strength[r], edges[r][3], volume, cell,
                     False, False,
                 )  # fmt: skip
             unbalanced = ti.cast(0.0, ti.f64)

@@ -91,7 +91,7 @@ def update_stress(
 
 @ti.func
 def scatter(
-    load: ti.template(), home, columns, motion, gradient, stress, strain, mass, volume, cell,
+    load: ti.template(), home, columns, motion, gradient, stress, strain, strength, mass, volume, cell,
     affine: ti.template(), atomic: ti.template(),
 ):  # fmt: skip
     """Add a point's momentum, internal force, mass and volume to its nine nodes.
@@ -108,7 +108,16 @@ def scatter(
         spread * gradient[1], spread * gradient[3], pull * stress[3], pull * stress[1],
         0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
-    here = vec8(mass * motion[2], mass * motion[3], 0.0, 0.0, mass, volume, 0.0, 0.0)
+    here = vec8(
+        mass * motion[2],
+        mass * motion[3],
+        0.0,
+        0.0,
+        mass,
+        volume,
+        0.5 * volume * strength[1],
+        volume * strength[0],
+    )
     base = here - motion[0] * across - motion[1] * upward
     weight_x = spline_weights(motion[0])
     weight_y = spline_weights(motion[1])
@@ -119,7 +128,7 @@ def scatter(
             node = home + (i - 1) * columns + (j - 1)
             value = weight * (line + (j - 1) * upward)
             if ti.static(atomic):
-                for k in ti.static(range(6)):
+                for k in ti.static(range(8)):
                     ti.atomic_add(load[node][k], value[k])
             else:
                 load[node] = load[node] + value
@@ -143,7 +152,14 @@ def update_node(load, table, kind, dt, gravity, damping):
         for k in ti.static(range(2)):
             force[k] -= damping * ti.abs(force[k]) * ti.math.sign(old[k])
     free = old + dt * inverse * force
-    new = contact(free, kind, table[0], table[1], table[2])
+    friction = table[2]
+    adhesion = 0.0
+    if kind & 96:  # rough ground: the soil's own strength in simple shear, sigma sin(phi) + k / 2
+        share = 1.0 / load[5]
+        friction = load[7] * share
+        covered = ti.min(load[5] * table[6], 1.0)
+        adhesion = load[6] * share * table[3] * covered * dt * inverse
+    new = contact(free, kind, table, friction, adhesion)
     lost = 0.5 * load[4] * (free.dot(free) - new.dot(new))
     water_work = 0.5 * dt * water.dot(old + new)
     change = new - old

@@ -141,11 +141,11 @@ class SimulationSettings(Settings):
     volumetric_averaging: bool = Field(
         True, description="average the volumetric strain over a cell (F-bar), against locking"
     )
-    pressure_relaxation_per_s: float = Field(
-        20.0,
+    pressure_relaxation: float = Field(
+        1.0,
         ge=0,
-        description="rate, 1/s, at which the pressure of a point nears the mean of its cell; keeps "
-        "F-bar stable, no effect without volumetric_averaging",
+        description="rate at which the pressure of a point nears the mean of its cell, in units of "
+        "wave speed / cell; keeps F-bar stable, has no effect without volumetric_averaging",
     )
     volume_correction: bool = Field(
         True, description="take back the volume that material points gain at the free surface"
