@@ -8,7 +8,7 @@
 #   snakemake --report report.html simulate_coarse           a page about what was made
 #
 # profiles/default is used of itself (all cores of this machine); on a cluster add
-# `--profile profiles/slurm` (docs/hpc.md). Settings: config/config.yaml.
+# `--workflow-profile profiles/slurm` (docs/hpc.md). Settings: config/config.yaml.
 
 from snakemake.utils import min_version
 

@@ -140,7 +140,7 @@ def update_node(load, table, kind, dt, gravity, damping):
 
     Returns:
         flow: velocity x, y and its change over the step x, y [m/s].
-        lost: kinetic energy taken by ground and walls [J/m].
+        lost: work done against ground and walls, impulse x mean velocity [J/m].
         water_work: work done by the water forces [J/m].
     """
     inverse = 1.0 / load[4]
@@ -160,7 +160,7 @@ def update_node(load, table, kind, dt, gravity, damping):
         covered = ti.min(load[5] * table[6], 1.0)
         adhesion = load[6] * share * table[3] * covered * dt * inverse
     new = contact(free, kind, table, friction, adhesion)
-    lost = 0.5 * load[4] * (free.dot(free) - new.dot(new))
+    lost = 0.5 * load[4] * (free - new).dot(old + new)
     water_work = 0.5 * dt * water.dot(old + new)
     change = new - old
     return vec4(new[0], new[1], change[0], change[1]), lost, water_work
