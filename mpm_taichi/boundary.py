@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 vec2 = ti.types.vector(2, ti.f32)
 
-STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION = 1, 2, 4, 8, 16, 32, 64
+STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION, NEAR = 1, 2, 4, 8, 16, 32, 64, 128
 """Bits of a node's type: bonded ground or fixed body; Coulomb ground; walls; lid; rough ground; node
-with a share of the traction of rough ground."""
+with a share of the traction of rough ground; node that has such
+a node, or water, beside it, so that points there scatter their volume too."""
 
 # Columns of the table of a node.
 NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, EMPTINESS = range(7)
@@ -117,6 +118,8 @@ def node_tables(
     kind[:, last_y:] |= TOP
 
     table[..., WATER_X], table[..., WATER_Y] = water_force(scene, x, y, grid.cell, water, gravity)
+    wet = np.any(table[..., [WATER_X, WATER_Y]] != 0.0, axis=-1)
+    kind[beside((kind & (TRACTION | ROUGH) > 0) | wet)] |= NEAR
     return kind.ravel(), table.reshape(-1, 8)
 
 
@@ -139,6 +142,15 @@ def ground_shares(scene: Scene, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     volume = node_weight(grid, space, np.full(len(space), fine**2))
     area[area < 1e-6 * grid.cell] = 0.0
     return area, volume
+
+
+def beside(chosen: np.ndarray) -> np.ndarray:
+    """Nodes that are chosen or have a chosen node among their eight neighbours, same shape."""
+    padded = np.pad(chosen, 1)
+    across, upward = chosen.shape
+    return np.logical_or.reduce(
+        [padded[i : i + across, j : j + upward] for i in range(3) for j in range(3)]
+    )
 
 
 def ground_normal(scene: Scene, x: np.ndarray) -> np.ndarray:

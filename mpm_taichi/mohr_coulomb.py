@@ -65,13 +65,13 @@ def elastic_trial(stress, gradient, volumetric, dt, elastic):
     """Trial stress after one step: exact rotation by the spin, then linear elasticity.
 
     `stress` and the result are (xx, yy, zz, xy) [Pa]; `gradient` is the velocity gradient
-    (dvx/dx, dvx/dy, dvy/dx, dvy/dy) [1/s]; `volumetric` the volumetric strain increment [-], which
+    (dvx/dx, dvy/dx, dvx/dy, dvy/dy) [1/s]; `volumetric` the volumetric strain increment [-], which
     F-bar averages over a cell and which may thus differ from dt tr(gradient).
     The rotation (angle theta, tan(theta) = dt spin) leaves the invariants as they are.
     """
     shear2 = 2.0 * elastic[0]
     third = dt * (gradient[0] + gradient[3]) * (1.0 / 3.0)
-    tangent = 0.5 * dt * (gradient[2] - gradient[1])
+    tangent = 0.5 * dt * (gradient[1] - gradient[2])
     scale = 1.0 / (1.0 + tangent * tangent)
     cos2 = (1.0 - tangent * tangent) * scale
     sin2 = 2.0 * tangent * scale

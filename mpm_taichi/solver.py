@@ -16,12 +16,14 @@ from types import SimpleNamespace
 
 import taichi as ti
 
+from mpm_taichi.boundary import NEAR
 from mpm_taichi.mohr_coulomb import vec4
 from mpm_taichi.transfer import (
     gather,
     move,
     pressure_relief,
     scatter,
+    scatter_volume,
     strain_increment,
     update_node,
     update_stress,
@@ -104,7 +106,8 @@ def build_kernels(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNam
     @ti.func
     def stress_and_scatter(
         p, dt, share, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, history: A,
-        row: A, elastic: A, strength: A, edges: A, load: A, swelling: A, atomic: ti.template(),
+        row: A, elastic: A, strength: A, edges: A, load: A, swelling: A, kind: A,
+        atomic: ti.template(),
     ):  # fmt: skip
         r = row[p]
         node = home[p]
@@ -121,9 +124,11 @@ def build_kernels(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNam
         stress[p] = new_stress
         history[p] = new
         scatter(
-            load, node, columns, point_motion, velocity_gradient, new_stress, new[0], strength[r], limits[3],
+            load, node, columns, point_motion, velocity_gradient, new_stress, new[0], limits[3],
             volume, cell, affine, atomic,
         )  # fmt: skip
+        if kind[node] & NEAR:
+            scatter_volume(load, node, columns, point_motion, volume, strength[r], atomic)
 
     @ti.func
     def gather_and_move(
@@ -211,9 +216,11 @@ def build_kernels(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNam
                 stress[p] = new_stress
                 still = vec4(motion[p][0], motion[p][1], 0.0, 0.0)
                 scatter(
-                    load, node, columns, still, zero, new_stress, 0.0, strength[r], edges[r][3], volume, cell,
+                    load, node, columns, still, zero, new_stress, 0.0, edges[r][3], volume, cell,
                     False, False,
                 )  # fmt: skip
+                if kind[node] & NEAR:
+                    scatter_volume(load, node, columns, still, volume, strength[r], False)
             unbalanced = ti.cast(0.0, ti.f64)
             weight = ti.cast(0.0, ti.f64)
             for n in range(first_node, last_node):
@@ -292,7 +299,7 @@ def build_kernels(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNam
                         for p in range(first, last):
                             stress_and_scatter(
                                 p, dt, share, cell, volume, columns, motion, home, gradient, stress,
-                                history, row, elastic, strength, edges, load, swelling, False,
+                                history, row, elastic, strength, edges, load, swelling, kind, False,
                             )  # fmt: skip
                         for n in range(first_node, last_node):
                             if load[n][4] > 0.0:

@@ -90,34 +90,38 @@ def update_stress(
 
 
 @ti.func
+def add(
+    load: ti.template(), node, value, first: ti.template(), last: ti.template(),
+    atomic: ti.template(),
+):  # fmt: skip
+    """Add `value` (8,) to a node; it is nil outside the lanes `first` to `last` - 1."""
+    if ti.static(atomic):
+        for k in ti.static(range(first, last)):
+            ti.atomic_add(load[node][k], value[k])
+    else:
+        load[node] = load[node] + value
+
+
+@ti.func
 def scatter(
-    load: ti.template(), home, columns, motion, gradient, stress, strain, strength, mass, volume, cell,
+    load: ti.template(), home, columns, motion, gradient, stress, strain, mass, volume, cell,
     affine: ti.template(), atomic: ti.template(),
 ):  # fmt: skip
-    """Add a point's momentum, internal force, mass and volume to its nine nodes.
+    """Add a point's momentum, internal force and mass to its nine nodes.
 
     The value at a node is linear in its distance from the point: base + i across + j upward.
     """
     pull = -(4.0 / cell) * volume * (1.0 + strain)
     spread = mass * cell if ti.static(affine) else 0.0
     across = vec8(
-        spread * gradient[0], spread * gradient[2], pull * stress[0], pull * stress[3],
+        spread * gradient[0], spread * gradient[1], pull * stress[0], pull * stress[3],
         0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
     upward = vec8(
-        spread * gradient[1], spread * gradient[3], pull * stress[3], pull * stress[1],
+        spread * gradient[2], spread * gradient[3], pull * stress[3], pull * stress[1],
         0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
-    here = vec8(
-        mass * motion[2],
-        mass * motion[3],
-        0.0,
-        0.0,
-        mass,
-        volume,
-        0.5 * volume * strength[1],
-        volume * strength[0],
-    )
+    here = vec8(mass * motion[2], mass * motion[3], 0.0, 0.0, mass, 0.0, 0.0, 0.0)
     base = here - motion[0] * across - motion[1] * upward
     weight_x = spline_weights(motion[0])
     weight_y = spline_weights(motion[1])
@@ -126,12 +130,28 @@ def scatter(
         for j in ti.static(range(3)):
             weight = weight_x[i] * weight_y[j]
             node = home + (i - 1) * columns + (j - 1)
-            value = weight * (line + (j - 1) * upward)
-            if ti.static(atomic):
-                for k in ti.static(range(8)):
-                    ti.atomic_add(load[node][k], value[k])
-            else:
-                load[node] = load[node] + value
+            add(load, node, weight * (line + (j - 1) * upward), 0, 5, atomic)
+
+
+@ti.func
+def scatter_volume(
+    load: ti.template(), home, columns, motion, volume, strength, atomic: ti.template()
+):
+    """Add a point's volume, and volume x strength in simple shear, to its nine nodes.
+
+    Water acts on the volume. Soil that shears along a plane at constant volume resists
+    sigma sin(phi) + c cos(phi) (psi = 0; Davis 1968), and rough ground resists as much. Points far
+    from water and from rough ground need not call this.
+    """
+    value = vec8(
+        0.0, 0.0, 0.0, 0.0, 0.0, volume, 0.5 * volume * strength[1], volume * strength[0]
+    )  # fmt: skip
+    weight_x = spline_weights(motion[0])
+    weight_y = spline_weights(motion[1])
+    for i in ti.static(range(3)):
+        for j in ti.static(range(3)):
+            node = home + (i - 1) * columns + (j - 1)
+            add(load, node, weight_x[i] * weight_y[j] * value, 5, 8, atomic)
 
 
 @ti.func
@@ -172,7 +192,7 @@ def gather(flow: ti.template(), home, columns, motion, cell):
 
     Returns:
         mean: (velocity x, y, change x, y) [m/s].
-        gradient: (dvx/dx, dvx/dy, dvy/dx, dvy/dy) [1/s].
+        gradient: (dvx/dx, dvy/dx, dvx/dy, dvy/dy) [1/s].
     """
     weight_x = spline_weights(motion[0])
     weight_y = spline_weights(motion[1])
@@ -189,35 +209,33 @@ def gather(flow: ti.template(), home, columns, motion, cell):
         upward += weight_x[i] * (high - low)
     across -= motion[0] * mean
     upward -= motion[1] * mean
-    return mean, vec4(across[0], upward[0], across[1], upward[1]) * (4.0 / cell)
+    return mean, vec4(across[0], across[1], upward[0], upward[1]) * (4.0 / cell)
 
 
 @ti.func
 def move(motion, home, columns, mean, blend, dt, cell):
     """New motion and home of a point; `blend` is the share of PIC in this step.
 
-    A point that would move more than a cell in one step, or whose position is no number, stays
-    where it is and raises the alarm; the test is on the bits, which no fast-math rule removes.
+    A point that would move more than two cells in one step, or whose position is no number, stays
+    where it is and raises the alarm; the test is on integers, which no fast-math rule removes.
 
     Returns:
         motion: (4,); home: node number; alarm: 1 or 0.
     """
     x = motion[0] + (dt / cell) * mean[0]
     y = motion[1] + (dt / cell) * mean[1]
-    limit = ti.bit_cast(ti.cast(1.5, ti.f32), ti.i32)
-    magnitude = ti.max(ti.bit_cast(x, ti.i32) & 0x7FFFFFFF, ti.bit_cast(y, ti.i32) & 0x7FFFFFFF)
+    right = ti.cast(ti.floor(x + 0.5), ti.i32)
+    up = ti.cast(ti.floor(y + 0.5), ti.i32)
     alarm = 0
-    if magnitude > limit:
+    if ((right + 1) | (up + 1)) & ~3:  # allowed are -1, 0, 1, 2; no number becomes the lowest int
         alarm = 1
-        x = motion[0]
-        y = motion[1]
-    right = ti.floor(x + 0.5)
-    up = ti.floor(y + 0.5)
+        x, y = motion[0], motion[1]
+        right, up = 0, 0
     flip = 1.0 - blend
     new = vec4(
-        x - right,
-        y - up,
+        x - ti.cast(right, ti.f32),
+        y - ti.cast(up, ti.f32),
         flip * (motion[2] + mean[2]) + blend * mean[0],
         flip * (motion[3] + mean[3]) + blend * mean[1],
     )
-    return new, home + ti.cast(right, ti.i32) * columns + ti.cast(up, ti.i32), alarm
+    return new, home + right * columns + up, alarm

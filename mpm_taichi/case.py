@@ -1,0 +1,294 @@
+"""A case history: simulate its section, read the deposit as the survey did, put both side by side.
+
+In: a folder with `scene.yaml` and `measurements.yaml`. Out: `runout.png`, `runout.mp4` (or a gif),
+`observables.csv` and a table of what was measured and what was simulated. Data that are marked
+`constructed` are drawn and compared with nothing.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from geometry.measurements import (
+    FILE_NAME,
+    Deposit,
+    Measurements,
+    Number,
+    Profile,
+    ToeRunout,
+    load_measurements,
+    load_profile,
+)
+from geometry.observables import naked_eye_toe
+from geometry.scene import Scene, load_scene, scene_from_mapping
+from mpm_taichi.trajectory import Run
+from pipeline.cli import InputError, WorkFailed
+from pipeline.config import SimulationSettings
+from pipeline.files import atomic_path
+from pipeline.table import aligned
+
+SCENE_FILE = "scene.yaml"
+FILMS = ("mp4", "gif", "none")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A section and what was measured on it."""
+
+    folder: Path
+    scene: Scene
+    measurements: Measurements
+    profiles: list[tuple[Profile, bool]]  # and whether it is constructed
+
+    @property
+    def title(self) -> str:
+        """The name in words."""
+        return self.scene.name.replace("_", " ").title()
+
+    def foot(self, side: str) -> float:
+        """Where the section ended before the slide, x [m]: as surveyed, else as drawn."""
+        surveyed = self.measurements.foot(side)
+        return self.scene.foot(side) if surveyed is None else surveyed
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One line of the table; lengths in m. A reading by eye has no measurement beside it."""
+
+    name: str
+    type: str
+    simulated: float
+    at_start: float  # the same reading before anything moved; nothing is subtracted
+    measurement: Number | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """Simulated minus measured [m]."""
+        return None if self.measurement is None else self.simulated - self.measurement.value_m
+
+    @property
+    def difference_in_std(self) -> float | None:
+        """The same in standard deviations of the survey."""
+        return None if self.measurement is None else self.difference / self.measurement.std_m
+
+
+def load_case(
+    folder: str | Path,
+    *,
+    water: bool = True,
+    spacing: float | None = None,
+    strengths: Mapping[str, float] | None = None,
+) -> Case:
+    """Read a case folder and change the scene as asked.
+
+    Args:
+        folder: with `scene.yaml` and `measurements.yaml`.
+        water: False takes the reservoir and the groundwater away.
+        spacing: distance between material points [m]; None: the scene's own.
+        strengths: material -> cohesion, which is S_r where it liquefied [kPa].
+
+    Raises:
+        InputError: no such folder or file, or a document that does not hold together; one line.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; a case has {SCENE_FILE} and {FILE_NAME}")
+    scene = load_scene(folder / SCENE_FILE)
+    document = scene.model_dump()
+    if not water:
+        document["water_level"] = None
+    if spacing is not None:
+        document["spacing"] = spacing
+    for name, cohesion in (strengths or {}).items():
+        if name not in document["materials"]:
+            known = ", ".join(document["materials"])
+            raise InputError(f"--strength: {scene.name} has no material {name!r}; it has {known}")
+        document["materials"][name]["cohesion_kpa"] = cohesion
+    measurements = load_measurements(folder)
+    profiles = [(load_profile(folder / m.file), m.constructed) for m in measurements.profiles]
+    changed = scene_from_mapping(document, f"{folder / SCENE_FILE} with the options given")
+    return Case(folder, changed, measurements, profiles)
+
+
+def simulate_case(
+    case: Case,
+    settings: SimulationSettings,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    on_time: Callable[[float], None] | None = None,
+) -> Run:
+    """Simulate a case.
+
+    Args:
+        case: the case.
+        settings: of the simulation.
+        device: "cpu" or "cuda".
+        threads: CPU threads; None: all.
+        on_time: called with the time reached [s] now and then.
+
+    Raises:
+        WorkFailed: a guard stopped the run.
+    """
+    from mpm_taichi.simulate import simulate
+
+    def on_frame(place: int, time: float, kinetic: float) -> None:
+        if on_time is not None:
+            on_time(time)
+
+    (run,) = simulate([case.scene], settings, device=device, threads=threads, on_frame=on_frame)
+    if run.failed:
+        raise WorkFailed(f"{case.scene.name}: stopped at {run.end_time_s:.3g} s: {run.reason}")
+    return run
+
+
+def read_deposit(case: Case, run: Run) -> list[Reading]:
+    """Every number that was measured, read on the first and on the last frame of a run."""
+    start, end = (_deposit(case, run, frame) for frame in (0, -1))
+    readings = []
+    for measurement in case.measurements.numbers:
+        readings.append(
+            Reading(
+                measurement.name,
+                measurement.type,
+                measurement.observe(end),
+                measurement.observe(start),
+                measurement,
+            )
+        )
+        if isinstance(measurement, ToeRunout):
+            readings.append(
+                Reading(
+                    f"{measurement.name}, by eye",
+                    "naked_eye_toe",
+                    *(_runout_by_eye(deposit, measurement.side) for deposit in (end, start)),
+                )
+            )
+    return readings
+
+
+def _deposit(case: Case, run: Run, frame: int) -> Deposit:
+    return Deposit(
+        position=run.positions[frame].astype(float),
+        initial_position=run.positions[0].astype(float),
+        volume=case.scene.spacing**2,
+        spacing=case.scene.spacing,
+        foot={side: case.foot(side) for side in ("left", "right")},
+    )
+
+
+def _runout_by_eye(deposit: Deposit, side: str) -> float:
+    toe = naked_eye_toe(deposit.position, deposit.volume, spacing=deposit.spacing, side=side)
+    return deposit.foot[side] - toe if side == "left" else toe - deposit.foot[side]
+
+
+# --- text ---
+
+
+def heading(case: Case, run: Run) -> str:
+    """What was simulated, in two lines."""
+    scene = case.scene
+    strengths = [
+        f"{name.replace('_', ' ')} {_strength(material)}"
+        for name, material in scene.materials.items()
+        if material.liquefied
+    ]
+    water = f"water at {scene.water_level:g} m ({run.settings.water.replace('_', ' ')})"
+    details = [*strengths, water if scene.has_water else "no water"]
+    rest = "at rest" if run.time[-1] < run.settings.duration_s - 1e-6 else "stopped"
+    return (
+        f"{case.title}: {'; '.join(details)}\n"
+        f"{run.points:,} points every {scene.spacing:g} m; {rest} after {run.time[-1]:.1f} s of "
+        f"motion, computed in {run.wall_time_s:.1f} s ({run.steps:,} steps, {run.settings.transfer})"
+    )
+
+
+def _strength(material: object) -> str:
+    """S_r, or phi and c, in plain characters."""
+    if material.friction_deg == 0:
+        return f"S_r {material.cohesion_kpa:g} kPa"
+    return f"phi {material.friction_deg:g} deg, c {material.cohesion_kpa:g} kPa"
+
+
+def table(case: Case, readings: list[Reading]) -> str:
+    """Measured and simulated values, one line each, and what to know about them."""
+    rows = [["m", "measured", "std", "range", "simulated", "difference", "in std", "at t = 0", ""]]
+    for reading in readings:
+        m = reading.measurement
+        known = ["", "", ""]
+        trust = "not what a survey reads: the outermost connected point"
+        if m is not None:
+            span = f"{m.low_m:g}-{m.high_m:g}" if m.low_m is not None else ""
+            known = [f"{m.value_m:.1f}", f"{m.std_m:g}", span]
+            trust = f"value {m.confidence}, std {m.std_is}"
+        rows.append(
+            [
+                label(reading),
+                *known,
+                f"{reading.simulated:.1f}",
+                "" if reading.difference is None else f"{reading.difference:+.1f}",
+                "" if reading.difference is None else f"{reading.difference_in_std:+.1f}",
+                f"{reading.at_start:.1f}",
+                trust,
+            ]
+        )
+    for measurement in case.measurements.profiles:
+        trust = f"{measurement.confidence}: drawn, not compared"
+        rows.append([measurement.name, *[""] * 7, trust])
+    note = (
+        "Nothing is subtracted: a gentle foot that has not moved reads as short as `at t = 0` says "
+        "(docs/geometry.md)."
+    )
+    return f"{aligned(rows, left={0, 8})}\n{note}"
+
+
+def label(reading: Reading) -> str:
+    """The quantity in words, with the name of the measurement where that says more."""
+    words = reading.type.replace("_", " ")
+    if reading.type == "naked_eye_toe":
+        return "  by eye"
+    return words if reading.name in words else f"{words} ({reading.name})"
+
+
+def energy_line(run: Run) -> str:
+    """Where the released energy went, as shares of it; and the growth of the volume."""
+    audit = run.audit
+    released = float(audit["released_j_per_m"])
+    shares = {
+        "plastic": float(audit["plastic_share"]),
+        "contact with ground and walls": float(audit["contact_share"]),
+        "numerical": float(audit["numerical_share"]),
+    }
+    shares["kept as motion and elastic strain"] = 1.0 - sum(shares.values())
+    parts = ", ".join(f"{100 * share:.1f} % {name}" for name, share in shares.items())
+    return (
+        f"Energy: {released / 1e6:.0f} MJ per metre released: {parts}. "
+        f"Volume of the points: {100 * float(audit['volume_growth']):+.2f} %."
+    )
+
+
+# --- files ---
+
+
+def write_observables(path: Path, readings: list[Reading]) -> None:
+    """Write the readings as CSV; lengths in metres."""
+    columns = (
+        "name,type,measured_m,low_m,high_m,std_m,std_is,confidence,simulated_m,"
+        "simulated_at_start_m,difference_m,difference_in_std,source"
+    )
+    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns.split(","))
+        for reading in readings:
+            m = reading.measurement
+            known = [""] * 6 if m is None else [m.value_m, m.low_m, m.high_m, m.std_m, m.std_is]
+            known = known if m is None else [*known, m.confidence]
+            numbers = [reading.simulated, reading.at_start]
+            if m is not None:
+                numbers += [reading.difference, reading.difference_in_std]
+            texts = [f"{value:.4f}" for value in numbers] + [""] * (4 - len(numbers))
+            source = "" if m is None else m.source
+            writer.writerow([reading.name, reading.type, *known, *texts, source])
