@@ -8,5 +8,11 @@ Nothing heavy is imported here: Taichi starts only when `mpm_taichi.simulate` is
 
 from __future__ import annotations
 
+import os
+
+# Read by Taichi while it is imported: no greeting, and no guesses about an interactive shell.
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")
+
 PHYSICS_VERSION = 1
 """Raised whenever the same scene and settings give other numbers; part of every cache key."""

@@ -1,4 +1,4 @@
-"""Commands of the material point method: `python -m mpm_taichi run|show|export|status`.
+"""Commands of the material point method: `python -m mpm_taichi run|case|show|export|status`.
 
 Each command is one `_add_...` function, which describes its options, and one handler, which does
 the work; `COMMANDS` lists them.
@@ -169,6 +169,100 @@ def totals(runs: Sequence[RunSummary]) -> str:
     seconds = sum(run.wall_time_s for run in runs)
     rate = f", {work / seconds / 1e6:.1f} million point-steps/s" if seconds > 0 else ""
     return f"{len(runs)} runs, {failed} failed{rate}"
+
+
+# --- case ---
+
+
+def _add_case(commands: argparse._SubParsersAction) -> None:
+    from mpm_taichi.case import FILMS
+
+    parser = commands.add_parser(
+        "case",
+        help="simulate a case history and compare it with what was measured",
+        description="Simulate the section of a case history, write runout.png, a film and "
+        "observables.csv, and print what was measured beside what was simulated.",
+    )
+    parser.add_argument(
+        "folder", metavar="FOLDER", help="folder with scene.yaml and measurements.yaml"
+    )
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder of the results")
+    parser.add_argument("--no-water", action="store_true", help="without reservoir and groundwater")
+    parser.add_argument(
+        "--spacing", type=float, metavar="M", help="distance between material points [m]"
+    )
+    parser.add_argument(
+        "--strength",
+        type=_strength,
+        action="append",
+        default=[],
+        metavar="MATERIAL=KPA",
+        help="cohesion of a material, which is S_r where it liquefied; may be repeated",
+    )
+    parser.add_argument("--film", choices=FILMS, default="mp4", help="default: mp4")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
+    parser.add_argument("--threads", type=_positive, help="CPU threads; default: all")
+    add_common(parser)
+    parser.set_defaults(handler=_case)
+
+
+def _case(arguments: argparse.Namespace) -> None:
+    from mpm_taichi import case as history
+    from mpm_taichi.video import check_video
+
+    settings = load_config(arguments.config, arguments.overrides).simulation
+    case = history.load_case(
+        arguments.folder,
+        water=not arguments.no_water,
+        spacing=arguments.spacing,
+        strengths=dict(arguments.strength),
+    )
+    out = Path(arguments.out)
+    film = None if arguments.film == "none" else out / f"runout.{arguments.film}"
+    if film is not None:
+        check_video(film)
+    seconds = max(round(settings.duration_s), 1)
+    with Progress(
+        seconds, f"simulating {case.title}, s of motion", quiet=arguments.quiet
+    ) as progress:
+        run = history.simulate_case(
+            case,
+            settings,
+            device=arguments.device,
+            threads=arguments.threads,
+            on_time=lambda time: progress.advance(max(min(int(time), seconds) - progress.done, 0)),
+        )
+        progress.advance(seconds - progress.done, note=f"ended at {run.time[-1]:.1f} s")
+    readings = history.read_deposit(case, run)
+    _write_case(case, run, readings, out, film)
+    print(history.heading(case, run), history.table(case, readings), sep="\n\n")
+    print(history.energy_line(run))
+    print(f"Picture: {out / 'runout.png'}; numbers: {out / 'observables.csv'}", end="")
+    print(f"; film: {film}" if film else "")
+
+
+def _write_case(case, run, readings, out: Path, film: Path | None) -> None:  # noqa: ANN001
+    from mpm_taichi.case import write_observables
+    from mpm_taichi.case_picture import save_case_film, save_case_picture
+
+    save_case_picture(case, run, readings, out / "runout.png")
+    if film is not None:
+        save_case_film(case, run, film)
+    write_observables(out / "observables.csv", readings)
+
+
+def _strength(text: str) -> tuple[str, float]:
+    """`clay_core=30` -> ("clay_core", 30.0)."""
+    name, separator, value = text.partition("=")
+    try:
+        cohesion = float(value)
+    except ValueError:
+        cohesion = -1.0
+    if not separator or not name or not 0.0 <= cohesion < float("inf"):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not MATERIAL=KPA with a cohesion of at least 0, such as clay_core=30"
+        )
+    return name, cohesion
 
 
 # --- show ---
@@ -363,6 +457,7 @@ def _numbers(text: str) -> list[float]:
 
 COMMANDS: tuple[Callable[[argparse._SubParsersAction], None], ...] = (
     _add_run,
+    _add_case,
     _add_show,
     _add_export,
     _add_status,

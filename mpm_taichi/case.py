@@ -8,7 +8,9 @@ In: a folder with `scene.yaml` and `measurements.yaml`. Out: `runout.png`, `runo
 from __future__ import annotations
 
 import csv
+import sys
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +25,7 @@ from geometry.measurements import (
     load_profile,
 )
 from geometry.observables import naked_eye_toe
-from geometry.scene import Scene, load_scene, scene_from_mapping
+from geometry.scene import Material, Scene, load_scene, scene_from_mapping
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import SimulationSettings
@@ -139,7 +141,9 @@ def simulate_case(
         if on_time is not None:
             on_time(time)
 
-    (run,) = simulate([case.scene], settings, device=device, threads=threads, on_frame=on_frame)
+    # Taichi tells of its start on the standard output, where results alone belong.
+    with redirect_stdout(sys.stderr):
+        (run,) = simulate([case.scene], settings, device=device, threads=threads, on_frame=on_frame)
     if run.failed:
         raise WorkFailed(f"{case.scene.name}: stopped at {run.end_time_s:.3g} s: {run.reason}")
     return run
@@ -206,7 +210,7 @@ def heading(case: Case, run: Run) -> str:
     )
 
 
-def _strength(material: object) -> str:
+def _strength(material: Material) -> str:
     """S_r, or phi and c, in plain characters."""
     if material.friction_deg == 0:
         return f"S_r {material.cohesion_kpa:g} kPa"
@@ -262,7 +266,7 @@ def energy_line(run: Run) -> str:
         "contact with ground and walls": float(audit["contact_share"]),
         "numerical": float(audit["numerical_share"]),
     }
-    shares["kept as motion and elastic strain"] = 1.0 - sum(shares.values())
+    shares["change of elastic strain and motion"] = 1.0 - sum(shares.values())
     parts = ", ".join(f"{100 * share:.1f} % {name}" for name, share in shares.items())
     return (
         f"Energy: {released / 1e6:.0f} MJ per metre released: {parts}. "

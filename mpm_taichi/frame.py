@@ -121,6 +121,7 @@ def draw_frame(
     colour: str = "displacement",
     colouring: Colouring | None = None,
     overlay: Overlay | None = None,
+    limits: tuple[tuple[float, float], tuple[float, float]] | None = None,
 ) -> DrawnSoil:
     """Draw one frame on `ax`: water, points, ground, initial outline, then the overlay.
 
@@ -131,13 +132,14 @@ def draw_frame(
         colour: one of `COLOURS`.
         colouring: as made by `colouring_of`, so that several frames share one colour scale.
         overlay: called with `ax` last.
+        limits: (left, right), (bottom, top) [m]; None: `view_limits`.
 
     Returns:
         The soil, so that a caller can move it to another frame.
     """
     refuse_empty(run)
     colouring = colouring or colouring_of(run, colour)
-    x_limits, y_limits = view_limits(run, overlay)
+    x_limits, y_limits = limits or view_limits(run, overlay)
     ax.set(xlim=x_limits, ylim=y_limits, aspect="equal", xlabel="x (m)", ylabel="y (m)")
     ax.tick_params(labelsize=8, colors=TEXT_COLOUR)
     ax.spines[["top", "right"]].set_visible(False)

@@ -8,6 +8,7 @@ chunk of frames is done.
 from __future__ import annotations
 
 import os
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
 
-from mpm_taichi import solver
+from mpm_taichi import layout, solver
 from pipeline.cli import InputError, WorkFailed
 
 if TYPE_CHECKING:
@@ -63,6 +64,9 @@ def aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     return raw[offset : offset + size].view(dtype).reshape(shape)
 
 
+_TAICHI = {"int32": ti.i32, "float32": ti.f32, "float64": ti.f64}
+
+
 class Slots:
     """Arrays for `number` scenes of up to `points` points and `nodes` nodes each."""
 
@@ -75,9 +79,9 @@ class Slots:
     ) -> None:
         self.number, self.points, self.nodes, self.frames = number, points, nodes, frames
         self.device, self.kernels = device, kernels
-        self.integers = aligned((number, solver.INTEGERS), np.int32)
-        self.numbers = aligned((number, solver.NUMBERS), np.float32)
-        self.sums = aligned((number, frames, solver.SUMS), np.float64)
+        self.integers = aligned((number, layout.INTEGERS), np.int32)
+        self.numbers = aligned((number, layout.NUMBERS), np.float32)
+        self.sums = aligned((number, frames, layout.SUMS), np.float64)
         self.places = aligned((number, frames, points, 2), np.float32)
         self.home = aligned((number * points,), np.int32)
         self.row = aligned((number * points,), np.int32)
@@ -91,8 +95,8 @@ class Slots:
 
     def point_range(self, slot: int) -> slice:
         """Where the points of a slot lie in the arrays."""
-        first = self.integers[slot, solver.FIRST_POINT]
-        return slice(first, self.integers[slot, solver.LAST_POINT])
+        first = self.integers[slot, layout.FIRST_POINT]
+        return slice(first, self.integers[slot, layout.LAST_POINT])
 
     def admit(self, slot: int, scene: PreparedScene) -> None:
         """Put a prepared scene into a slot."""
@@ -109,25 +113,25 @@ class Slots:
         settings = scene.settings
         integers, numbers = self.integers[slot], self.numbers[slot]
         integers[:] = 0
-        integers[solver.FIRST_POINT : solver.LAST_SETTLED + 1] = (
+        integers[layout.FIRST_POINT : layout.LAST_SETTLED + 1] = (
             point, point + count, point + scene.settled,
         )  # fmt: skip
-        integers[solver.PHASE] = solver.SETTLING
-        integers[solver.FRAME_COUNT] = self.frames
+        integers[layout.PHASE] = layout.SETTLING
+        integers[layout.FRAME_COUNT] = self.frames
         numbers[:] = 0.0
-        numbers[solver.CELL] = scene.grid.cell
-        numbers[solver.VOLUME] = scene.points.volume
-        numbers[solver.FRAME_TIME] = scene.frame_time
+        numbers[layout.CELL] = scene.grid.cell
+        numbers[layout.VOLUME] = scene.points.volume
+        numbers[layout.FRAME_TIME] = scene.frame_time
         full = settings.transfer in ("apic", "pic")
-        numbers[solver.PIC_RATE] = 1e30 if full else settings.pic_rate_per_s
-        numbers[solver.GRAVITY] = settings.gravity_m_per_s2
-        numbers[solver.COURANT] = settings.courant
-        numbers[solver.WAVE_SPEED] = scene.wave_speed
-        numbers[solver.SPEED] = np.sqrt(np.max(np.sum(scene.motion[:, 2:] ** 2, axis=1)))
-        numbers[solver.FIXED_STEP] = settings.time_step_s or 0.0
-        numbers[solver.DAMPING] = settings.local_damping
+        numbers[layout.PIC_RATE] = 1e30 if full else settings.pic_rate_per_s
+        numbers[layout.GRAVITY] = settings.gravity_m_per_s2
+        numbers[layout.COURANT] = settings.courant
+        numbers[layout.WAVE_SPEED] = scene.wave_speed
+        numbers[layout.SPEED] = np.sqrt(np.max(np.sum(scene.motion[:, 2:] ** 2, axis=1)))
+        numbers[layout.FIXED_STEP] = settings.time_step_s or 0.0
+        numbers[layout.DAMPING] = settings.local_damping
         relaxation = settings.pressure_relaxation * scene.wave_speed / scene.grid.cell
-        numbers[solver.RELIEF] = relaxation
+        numbers[layout.RELIEF] = relaxation
         self.home[where] = scene.home + slot * self.nodes
         self._lay_nodes(slot, scene)
 
@@ -140,9 +144,9 @@ class Slots:
         """Nodes of a slot; the divergences still to be used move along where `keep` says."""
         node, nodes = slot * self.nodes, scene.grid.nodes
         integers = self.integers[slot]
-        old = self.swelling[integers[solver.FIRST_NODE] : integers[solver.LAST_NODE]].copy()
-        integers[solver.FIRST_NODE], integers[solver.LAST_NODE] = node, node + nodes
-        integers[solver.COLUMNS] = scene.grid.shape[1]
+        old = self.swelling[integers[layout.FIRST_NODE] : integers[layout.LAST_NODE]].copy()
+        integers[layout.FIRST_NODE], integers[layout.LAST_NODE] = node, node + nodes
+        integers[layout.COLUMNS] = scene.grid.shape[1]
         where = slice(node, node + nodes)
         self.kind[where], self.table[where] = scene.kind, scene.table
         self.load[where] = self.flow[where] = self.swelling[where] = 0.0
@@ -162,14 +166,14 @@ class Slots:
         for name in self.PER_ROW:
             rows = slice(slot * MAX_ROWS, (slot + 1) * MAX_ROWS)
             getattr(self, name)[rows] = getattr(other, name)[rows]
-        nodes = other.integers[slot, solver.LAST_NODE] - other.integers[slot, solver.FIRST_NODE]
+        nodes = other.integers[slot, layout.LAST_NODE] - other.integers[slot, layout.FIRST_NODE]
         for name in (*self.PER_NODE, "kind"):
             first, from_ = slot * self.nodes, slot * other.nodes
             getattr(self, name)[first : first + nodes] = getattr(other, name)[from_ : from_ + nodes]
         shift = mine - theirs
-        columns = slice(solver.FIRST_POINT, solver.LAST_SETTLED + 1)
+        columns = slice(layout.FIRST_POINT, layout.LAST_SETTLED + 1)
         self.integers[slot, columns] += shift
-        self.integers[slot, [solver.FIRST_NODE, solver.LAST_NODE]] += slot * (
+        self.integers[slot, [layout.FIRST_NODE, layout.LAST_NODE]] += slot * (
             self.nodes - other.nodes
         )
 
@@ -181,3 +185,99 @@ class Slots:
             self.settle_strength, self.settle_edges, self.initial_stress, self.load, self.flow,
             self.swelling, self.kind, self.table, self.places, self.sums,
         )  # fmt: skip
+
+    def fetch(self) -> None:
+        """Bring everything to the host; nothing to do where the arrays are numpy's own."""
+
+
+class DeviceSlots(Slots):
+    """Slots whose arrays live on the device and run by the point schedule.
+
+    The numpy arrays of `Slots` are the host's copy. Tables and frames come back after every chunk,
+    the rest when `fetch` is called, which must be done before the host's copy is changed.
+    """
+
+    SETTLE_CHECK = 20
+    """Settling steps between two looks at the unbalanced force."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._device: dict[str, Any] = {}
+        self._host_is_new = True
+        vectors = {"places": 2, **self.PER_POINT, **self.PER_NODE, **dict.fromkeys(self.PER_ROW, 4)}
+        for name in self._names():
+            array = getattr(self, name)
+            if name in vectors:
+                kind = ti.types.vector(vectors[name], ti.f32)
+                self._device[name] = ti.ndarray(dtype=kind, shape=array.shape[:-1])
+            else:
+                self._device[name] = ti.ndarray(dtype=_TAICHI[array.dtype.name], shape=array.shape)
+
+    def _names(self) -> tuple[str, ...]:
+        small = ("integers", "numbers", "sums", "places", "home", "row", "kind")
+        return (*small, *self.PER_POINT, *self.PER_NODE, *self.PER_ROW)
+
+    def _pull(self, *names: str) -> None:
+        for name in names:
+            getattr(self, name)[...] = self._device[name].to_numpy()
+
+    def fetch(self) -> None:
+        """Bring everything to the host, whose copy then counts."""
+        if not self._host_is_new:
+            self._pull(*(name for name in self._names() if name not in self.PER_ROW))
+            self._host_is_new = True
+
+    def run(self) -> None:
+        """Advance every slot by one chunk of frames (settling first where a scene is new)."""
+        if self._host_is_new:
+            for name in self._names():
+                self._device[name].from_numpy(getattr(self, name))
+            self._host_is_new = False
+        if (self.integers[:, layout.PHASE] == layout.SETTLING).any():
+            self._settle()
+        d, kernels = SimpleNamespace(**self._device), self.kernels.point
+        size = (self.number, self.points, self.nodes)
+        for frame in range(self.frames):
+            kernels.begin_frame(self.number, frame, d.integers, d.numbers, d.sums)
+            for turn in range(int(d.integers.to_numpy()[:, layout.SUBSTEPS].max())):
+                kernels.step(
+                    turn, frame, *size, d.integers, d.numbers, d.motion, d.home, d.gradient,
+                    d.stress, d.history, d.row, d.elastic, d.strength, d.edges, d.load, d.flow,
+                    d.swelling, d.kind, d.table, d.sums,
+                )  # fmt: skip
+            kernels.end_frame(
+                frame, self.number, self.points, d.integers, d.numbers, d.motion, d.home, d.stress,
+                d.history, d.row, d.elastic, d.edges, d.places, d.sums,
+            )  # fmt: skip
+        self._pull("integers", "numbers", "sums", "places")
+
+    def _settle(self) -> None:
+        """Settle all new scenes; each stops when its own forces balance."""
+        d, kernels = SimpleNamespace(**self._device), self.kernels.point
+        waiting = self.integers[:, layout.PHASE] == layout.SETTLING
+        first, last = layout.FIRST_POINT, layout.LAST_SETTLED
+        at_rest = self.integers[:, last] > self.integers[:, first]
+        active = waiting & at_rest
+        steps = 0
+        while active.any() and steps < layout.SETTLE_LIMIT:
+            for _ in range(self.SETTLE_CHECK):
+                kernels.settle_step(
+                    self.number, self.points, self.nodes, d.integers, d.numbers, d.motion, d.home,
+                    d.gradient, d.stress, d.row, d.elastic, d.settle_strength, d.settle_edges,
+                    d.load, d.flow, d.swelling, d.kind, d.table, d.sums,
+                )  # fmt: skip
+            steps += self.SETTLE_CHECK
+            sums = d.sums.to_numpy()[:, 0]
+            ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-30)
+            self.numbers[active, layout.UNBALANCED] = ratio[active]
+            self.integers[active, layout.SETTLE_STEPS] = steps
+            settled = active & (ratio <= layout.SETTLE_TOLERANCE)
+            active &= ~settled
+            self.integers[settled, layout.PHASE] = layout.IDLE
+            d.integers.from_numpy(self.integers)
+        self.integers[waiting, layout.PHASE] = layout.SETTLING
+        d.integers.from_numpy(self.integers)
+        d.numbers.from_numpy(self.numbers)
+        kernels.start_moving(
+            self.number, self.points, d.integers, d.gradient, d.stress, d.history, d.initial_stress
+        )

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpm_taichi import solver
+from mpm_taichi import layout, solver
 from mpm_taichi.boundary import MARGIN
 from mpm_taichi.initial_state import PreparedScene, prepare
-from mpm_taichi.runtime import Slots, start
+from mpm_taichi.runtime import DeviceSlots, Slots, start
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
 
@@ -29,6 +29,9 @@ CHUNK = 8
 
 SLOTS = {"cpu": 8, "cuda": 256}
 """Scenes in flight."""
+
+SCHEDULES = {"cpu": "scene", "cuda": "point"}
+"""How scenes are run on a device, see `solver`."""
 
 EFFECTS: dict[str, str] = {}
 """Physical effects a scene may switch on (name -> what it is)."""
@@ -98,6 +101,8 @@ def simulate_each(
         slots = _make_room(
             slots, flying, arrivals, min(SLOTS[device], len(scenes)), device, kernels
         )
+        if arrivals:
+            slots.fetch()
         for slot, flight in arrivals.items():
             slots.admit(slot, flight.prepared)
         flying.update(arrivals)
@@ -111,10 +116,11 @@ def simulate_each(
             flight.collect(slot, slots)
             if on_frame is not None and flight.energies:
                 on_frame(flight.place, len(flight.energies) * flight.prepared.frame_time,
-                         float(flight.energies[-1][solver.KINETIC]))  # fmt: skip
+                         float(flight.energies[-1][layout.KINETIC]))  # fmt: skip
             if flight.ended:
+                slots.fetch()
                 yield flight.place, flight.finish(slot, slots)
-                slots.integers[slot, solver.PHASE] = solver.IDLE
+                slots.integers[slot, layout.PHASE] = layout.IDLE
                 del flying[slot]
 
 
@@ -142,8 +148,11 @@ def _make_room(
     nodes = max(flight.nodes_wanted() for flight in (*flying.values(), *arrivals.values()))
     if slots is not None and points <= slots.points and nodes <= slots.nodes:
         return slots
-    larger = Slots(number, points + points // 8, nodes + nodes // 4, CHUNK,
+    kind = DeviceSlots if SCHEDULES[device] == "point" else Slots
+    larger = kind(number, points + points // 8, nodes + nodes // 4, CHUNK,
                    device=device, kernels=kernels)  # fmt: skip
+    if slots is not None:
+        slots.fetch()
     for slot in flying:
         larger.take_over(slot, slots, flying[slot].prepared)
     return larger
@@ -171,8 +180,8 @@ class Flight:
         self.frames.append(position)
         speed = self.prepared.motion[:, 2:].astype(np.float64)
         kinetic = 0.5 * float(self.prepared.mass @ np.sum(speed**2, axis=1))
-        first = np.zeros(solver.SUMS)
-        first[solver.KINETIC] = kinetic
+        first = np.zeros(layout.SUMS)
+        first[layout.KINETIC] = kinetic
         self.energies.append(first)
         self.peak = kinetic
         self._note_walls(position, 0.0)
@@ -189,7 +198,7 @@ class Flight:
         if self.scene.domain.walls != "open":
             return 0, 0
         grid, position = self.prepared.grid, self.frames[-1]
-        speed = self.energies[-1][solver.TOP_SPEED] + 10.0
+        speed = self.energies[-1][layout.TOP_SPEED] + 10.0
         reach = 2 * MARGIN + 2 + int(CHUNK * self.prepared.frame_time * speed / grid.cell)
         right_end = grid.origin[0] + (grid.shape[0] - 1) * grid.cell
         left = reach - int((position[:, 0].min() - grid.origin[0]) / grid.cell)
@@ -204,6 +213,7 @@ class Flight:
         """Enlarge an open domain so that nothing reaches its ends in the coming chunk."""
         left, right = self.growth()
         if left or right:
+            slots.fetch()
             slots.lay_grid(slot, self.prepared.enlarge(left, right), left)
 
     # -- results --------------------------------------------------------------------------------
@@ -213,12 +223,13 @@ class Flight:
         settings, frame_time = self.prepared.settings, self.prepared.frame_time
         count = len(self.prepared.order)
         origin = np.asarray(self.prepared.grid.origin, np.float32)
-        alarm = int(slots.integers[slot, solver.ALARM])
+        alarm = int(slots.integers[slot, layout.ALARM])
         if len(self.frames) == 1:
-            self.energies[0][solver.ELASTIC] = self._elastic(
+            slots.fetch()
+            self.energies[0][layout.ELASTIC] = self._elastic(
                 slots.initial_stress[slots.point_range(slot)]
             )
-        self.steps = int(slots.integers[slot, solver.STEPS])
+        self.steps = int(slots.integers[slot, layout.STEPS])
         for frame in range(CHUNK):
             if self.ended:
                 return
@@ -229,13 +240,13 @@ class Flight:
             if self.reason:
                 self.ended, self.failed_at = True, now
                 return
-            sums[[solver.CONTACT_LOSS, solver.WATER_WORK]] += self.energies[-1][
-                [solver.CONTACT_LOSS, solver.WATER_WORK]
+            sums[[layout.CONTACT_LOSS, layout.WATER_WORK]] += self.energies[-1][
+                [layout.CONTACT_LOSS, layout.WATER_WORK]
             ]
             self.frames.append(position)
             self.energies.append(sums)
             self._note_walls(position, now)
-            self._note_rest(sums[solver.KINETIC])
+            self._note_rest(sums[layout.KINETIC])
             if now >= settings.duration_s - 0.5 * frame_time:
                 self.ended = True
 
@@ -262,11 +273,11 @@ class Flight:
 
     def _surplus(self, position: np.ndarray, sums: np.ndarray) -> float:
         """Mechanical energy above what was there, as a share of the energy released so far."""
-        start_energy = self.energies[0][solver.KINETIC]
-        stored = sums[solver.ELASTIC] - self.energies[0][solver.ELASTIC]
-        water = sums[solver.WATER_WORK] + self.energies[-1][solver.WATER_WORK]
+        start_energy = self.energies[0][layout.KINETIC]
+        stored = sums[layout.ELASTIC] - self.energies[0][layout.ELASTIC]
+        water = sums[layout.WATER_WORK] + self.energies[-1][layout.WATER_WORK]
         fall = self._potential(self.frames[0]) - self._potential(position) + water
-        excess = sums[solver.KINETIC] - start_energy + stored + sums[solver.PLASTIC] - fall
+        excess = sums[layout.KINETIC] - start_energy + stored + sums[layout.PLASTIC] - fall
         scale = max(start_energy, abs(fall), self._scale())
         return float(excess / scale)
 
@@ -325,8 +336,8 @@ class Flight:
         energies = np.stack(self.energies)
         potential = np.array([self._potential(frame) for frame in self.frames])
         names = {
-            "kinetic": solver.KINETIC, "elastic": solver.ELASTIC, "plastic": solver.PLASTIC,
-            "contact_loss": solver.CONTACT_LOSS, "water_work": solver.WATER_WORK,
+            "kinetic": layout.KINETIC, "elastic": layout.ELASTIC, "plastic": layout.PLASTIC,
+            "contact_loss": layout.CONTACT_LOSS, "water_work": layout.WATER_WORK,
         }  # fmt: skip
         energy = {name: energies[:, column].copy() for name, column in names.items()}
         energy["potential"] = potential
@@ -371,10 +382,10 @@ class Flight:
             "volume_growth": float(np.mean(history[:, 0])),
             "volume_opened": float(np.mean(history[:, 1])),
             "volume_m2": volume * len(history),
-            "settle_steps": int(slots.integers[slot, solver.SETTLE_STEPS]),
-            "settle_unbalanced": float(slots.numbers[slot, solver.UNBALANCED]),
+            "settle_steps": int(slots.integers[slot, layout.SETTLE_STEPS]),
+            "settle_unbalanced": float(slots.numbers[slot, layout.UNBALANCED]),
             "peak_kinetic_j_per_m": self.peak,
-            "peak_speed_m_per_s": float(max(e[solver.TOP_SPEED] for e in self.energies)),
+            "peak_speed_m_per_s": float(max(e[layout.TOP_SPEED] for e in self.energies)),
         }
         if self.reason:
             audit["failed_at_s"] = self.failed_at

@@ -1,0 +1,40 @@
+"""How the arrays of the scenes in flight are laid out: types, columns, phases, limits of settling."""
+
+import taichi as ti
+
+vec2 = ti.types.vector(2, ti.f32)
+vec4 = ti.types.vector(4, ti.f32)
+vec8 = ti.types.vector(8, ti.f32)
+
+A = ti.template()
+"""How a function takes an array: as it is, not by value."""
+
+F32 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+F64 = ti.types.ndarray(dtype=ti.f64, ndim=3)
+I32 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+INDEX = ti.types.ndarray(dtype=ti.i32, ndim=1)
+VEC4 = ti.types.ndarray(dtype=vec4, ndim=1)
+VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)
+FRAMES = ti.types.ndarray(dtype=vec2, ndim=3)
+
+# Columns of the integer table of a slot (a slot holds one scene).
+FIRST_POINT, LAST_POINT, LAST_SETTLED, FIRST_NODE, LAST_NODE, COLUMNS, PHASE, FRAME_COUNT = range(8)
+ALARM, SETTLE_STEPS, STEPS, SUBSTEPS = range(8, 12)
+INTEGERS = 12
+# Columns of the table of numbers of a slot.
+CELL, VOLUME, FRAME_TIME, PIC_RATE, GRAVITY, COURANT, WAVE_SPEED, SPEED = range(8)
+FIXED_STEP, DAMPING, UNBALANCED, RELIEF, TIME_STEP, BLEND, SHARE = range(8, 15)
+NUMBERS = 16
+# Columns of the sums of a frame [J/m; m/s].
+KINETIC, ELASTIC, PLASTIC, CONTACT_LOSS, WATER_WORK, TOP_SPEED = range(6)
+SUMS = 6
+
+IDLE, SETTLING, MOVING = 0, 1, 2
+"""Phases of a slot."""
+
+SETTLE_LIMIT = 6000
+"""Most steps of settling; reaching it is reported."""
+SETTLE_TOLERANCE = 1e-4
+"""Settled: unbalanced nodal forces below this share of the weight."""
+SETTLE_DAMPING = 0.7
+SETTLE_COURANT = 0.5

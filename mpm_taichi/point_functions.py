@@ -1,0 +1,194 @@
+"""What one point, one node, one frame does; both schedules are made of these.
+
+A step: stress of the points and scatter; nodes; gather and motion. The stress comes first because
+F-bar needs the divergence of all points of a cell, which the gather before has summed.
+"""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations as objects.
+
+from types import SimpleNamespace
+
+import taichi as ti
+
+from mpm_taichi.boundary import NEAR
+from mpm_taichi.layout import (
+    CELL,
+    COURANT,
+    FIXED_STEP,
+    FRAME_TIME,
+    SETTLE_DAMPING,
+    SPEED,
+    WAVE_SPEED,
+    A,
+    vec2,
+    vec4,
+)
+from mpm_taichi.transfer import (
+    gather,
+    move,
+    pressure_relief,
+    scatter,
+    scatter_volume,
+    strain_increment,
+    update_stress,
+)
+
+
+@ti.func
+def steps_of_frame(numbers: A, slot):
+    """Number of steps in the coming frame: CFL with the present top speed, or the fixed step."""
+    longest = numbers[slot, FIXED_STEP]
+    if longest <= 0.0:
+        speed = numbers[slot, WAVE_SPEED] + numbers[slot, SPEED]
+        longest = numbers[slot, COURANT] * numbers[slot, CELL] / speed
+    return ti.max(ti.cast(ti.ceil(numbers[slot, FRAME_TIME] / longest - 1.0e-4), ti.i32), 1)
+
+
+@ti.func
+def settle_node(load, flow, table, kind, dt, gravity):
+    """Velocity of a node in dynamic relaxation (Cundall's damping), its unbalanced force, weight.
+
+    The ground holds; walls are smooth and hold as well.
+    """
+    weight = gravity * load[4]
+    force = vec2(load[2], load[3]) + load[5] * vec2(table[4], table[5])
+    force[1] -= weight
+    if kind & 35:
+        force = vec2(0.0, 0.0)
+    if kind & 12:
+        force[0] = 0.0
+    unbalanced = ti.abs(force[0]) + ti.abs(force[1])
+    new = vec2(0.0, 0.0)
+    for k in ti.static(range(2)):
+        damped = force[k] - SETTLE_DAMPING * ti.abs(force[k]) * ti.math.sign(flow[k])
+        new[k] = flow[k] + (dt / load[4]) * damped
+    return vec4(new[0], new[1], 0.0, 0.0), unbalanced, weight
+
+
+def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNamespace:
+    """The functions of a point for one choice of transfer and material options.
+
+    In each, `p` is the number of a point and `atomic` says that other threads add to its nodes.
+    """
+
+    @ti.func
+    def stress_and_scatter(
+        p, dt, share, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, history: A,
+        row: A, elastic: A, strength: A, edges: A, load: A, swelling: A, kind: A,
+        atomic: ti.template(),
+    ):  # fmt: skip
+        r = row[p]
+        node = home[p]
+        point_motion = motion[p]
+        velocity_gradient = gradient[p]
+        old = history[p]
+        limits = edges[r]
+        volumetric = strain_increment(velocity_gradient, swelling[node], dt, averaged)
+        relief = pressure_relief(stress[p], old, swelling[node], share, averaged)
+        new_stress, new = update_stress(
+            stress[p], velocity_gradient, old, volumetric, relief, dt, volume, elastic[r],
+            strength[r], limits, corrected,
+        )  # fmt: skip
+        stress[p] = new_stress
+        history[p] = new
+        scatter(
+            load, node, columns, point_motion, velocity_gradient, new_stress, new[0], limits[3],
+            volume, cell, affine, atomic,
+        )  # fmt: skip
+        if kind[node] & NEAR:
+            scatter_volume(load, node, columns, point_motion, volume, strength[r], atomic)
+
+    @ti.func
+    def gather_and_move(
+        p, dt, cell, blend, columns, motion: A, home: A, gradient: A, stress: A, history: A,
+        flow: A, swelling: A, atomic: ti.template(),
+    ):  # fmt: skip
+        node = home[p]
+        mean, velocity_gradient = gather(flow, node, columns, motion[p], cell)
+        new, node, alarm = move(motion[p], node, columns, mean, blend, dt, cell)
+        gradient[p] = velocity_gradient
+        motion[p] = new
+        home[p] = node
+        if ti.static(averaged):
+            divergence = velocity_gradient[0] + velocity_gradient[3]
+            s = stress[p]
+            closed = ti.select(history[p][1] <= 0.0, 1.0, 0.0)
+            sums = vec4(divergence, 1.0, closed * (s[0] + s[1] + s[2]) * (1.0 / 3.0), closed)
+            if ti.static(atomic):
+                for k in ti.static(range(4)):
+                    ti.atomic_add(swelling[node][k], sums[k])
+            else:
+                swelling[node] = swelling[node] + sums
+        return alarm
+
+    @ti.func
+    def settle_gather(
+        p, cell, columns, motion: A, home: A, gradient: A, flow: A, swelling: A,
+        atomic: ti.template(),
+    ):  # fmt: skip
+        node = home[p]
+        _, velocity_gradient = gather(flow, node, columns, motion[p], cell)
+        gradient[p] = velocity_gradient
+        if ti.static(averaged):
+            sums = vec4(velocity_gradient[0] + velocity_gradient[3], 1.0, 0.0, 0.0)
+            if ti.static(atomic):
+                for k in ti.static(range(2)):
+                    ti.atomic_add(swelling[node][k], sums[k])
+            else:
+                swelling[node] = swelling[node] + sums
+
+    @ti.func
+    def settle_scatter(
+        p, dt, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, row: A,
+        elastic: A, strength: A, edges: A, load: A, swelling: A, kind: A, atomic: ti.template(),
+    ):  # fmt: skip
+        r = row[p]
+        node = home[p]
+        volumetric = strain_increment(gradient[p], swelling[node], dt, averaged)
+        zero = vec4(0.0, 0.0, 0.0, 0.0)
+        new_stress, _ = update_stress(
+            stress[p], gradient[p], zero, volumetric, 0.0, dt, volume, elastic[r], strength[r],
+            edges[r], False,
+        )  # fmt: skip
+        stress[p] = new_stress
+        still = vec4(motion[p][0], motion[p][1], 0.0, 0.0)
+        scatter(
+            load, node, columns, still, zero, new_stress, 0.0, edges[r][3], volume, cell, False,
+            atomic,
+        )  # fmt: skip
+        if kind[node] & NEAR:
+            scatter_volume(load, node, columns, still, volume, strength[r], atomic)
+
+    @ti.func
+    def point_energy(p, volume, motion: A, stress: A, history: A, row: A, elastic: A, edges: A):
+        """Kinetic, elastic, dissipated energy [J/m] and squared speed of a point."""
+        m = motion[p]
+        s = stress[p]
+        moduli = elastic[row[p]]
+        squared = m[2] * m[2] + m[3] * m[3]
+        pressure = (s[0] + s[1] + s[2]) * (1.0 / 3.0)
+        shear = (
+            (s[0] - pressure) ** 2 + (s[1] - pressure) ** 2 + (s[2] - pressure) ** 2
+        ) + 2.0 * s[3] * s[3]  # fmt: skip
+        strained = volume * (1.0 + history[p][0])
+        stored = strained * 0.5 * (pressure * pressure * moduli[3] + shear * moduli[2])
+        return vec4(0.5 * edges[row[p]][3] * squared, stored, history[p][3], squared)
+
+    @ti.func
+    def place(p, first_node, columns, cell, motion: A, home: A):
+        """Position of a point relative to its grid's first node [m]."""
+        node = home[p] - first_node
+        i = node // columns
+        j = node - i * columns
+        return vec2(
+            (ti.cast(i, ti.f32) + motion[p][0]) * cell, (ti.cast(j, ti.f32) + motion[p][1]) * cell
+        )
+
+    return SimpleNamespace(
+        stress_and_scatter=stress_and_scatter,
+        gather_and_move=gather_and_move,
+        settle_gather=settle_gather,
+        settle_scatter=settle_scatter,
+        point_energy=point_energy,
+        place=place,
+    )
