@@ -320,7 +320,7 @@ def scene_from_mapping(document: Mapping[str, Any], source: str = "scene") -> Sc
     try:
         return Scene.model_validate(document)
     except ValidationError as error:
-        raise InputError(_one_line(error, source)) from None
+        raise InputError(document_error(error, source)) from None
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -350,7 +350,8 @@ def scene_text(scene: Scene, suffix: str = ".json") -> str:
     return yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
 
 
-def _one_line(error: ValidationError, source: str) -> str:
+def document_error(error: ValidationError, source: str) -> str:
+    """The first problem of a document in one line: source, field, value, what is allowed."""
     first = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"])
     message = first["msg"].removeprefix("Value error, ")

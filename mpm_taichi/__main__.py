@@ -20,6 +20,7 @@ from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_e
 from pipeline.config import Config, SimulationSettings, load_config
 from pipeline.files import atomic_path
 from pipeline.progress import Progress
+from pipeline.table import aligned
 
 SHOW_FIELDS = ("positions", "time", "material", "velocity", "plastic_shear_strain")
 
@@ -407,16 +408,7 @@ def _table(runs: Sequence[RunSummary]) -> str:
         ]
         for run in runs
     ]
-    rows.insert(0, [*heading, "status"])
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    left_aligned = {1, len(widths) - 1}
-    return "\n".join(
-        "  ".join(
-            text.ljust(width) if column in left_aligned else text.rjust(width)
-            for column, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    )
+    return aligned([[*heading, "status"], *rows], left={1, len(heading)})
 
 
 # --- arguments ---

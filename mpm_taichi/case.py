@@ -200,13 +200,16 @@ def heading(case: Case, run: Run) -> str:
         for name, material in scene.materials.items()
         if material.liquefied
     ]
-    water = f"water at {scene.water_level:g} m ({run.settings.water.replace('_', ' ')})"
-    details = [*strengths, water if scene.has_water else "no water"]
+    water = "no water"
+    if scene.has_water:
+        water = f"water at {scene.water_level:g} m ({run.settings.water.replace('_', ' ')})"
+    details = [*strengths, water]
     rest = "at rest" if run.time[-1] < run.settings.duration_s - 1e-6 else "stopped"
     return (
         f"{case.title}: {'; '.join(details)}\n"
         f"{run.points:,} points every {scene.spacing:g} m; {rest} after {run.time[-1]:.1f} s of "
-        f"motion, computed in {run.wall_time_s:.1f} s ({run.steps:,} steps, {run.settings.transfer})"
+        f"motion, computed in {run.wall_time_s:.1f} s "
+        f"({run.steps:,} steps, {run.settings.transfer})"
     )
 
 

@@ -1,7 +1,7 @@
 """Picture and film of a case history: the section before, the deposit after, what was measured.
 
-In: a `Case`, its `Run` and the `Reading`s. Out: a picture of two panels with a small table above, and
-the overlay of the film. What is constructed is dotted and says so.
+In: a `Case`, its `Run` and the `Reading`s. Out: a picture of two panels with a small table above,
+and a film. What is constructed is dotted and says so.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from shapely.geometry import Polygon
+from shapely.ops import polylabel
 
 from geometry.measurements import ToeRunout
 from mpm_taichi.case import Case, Reading, label
@@ -209,7 +210,7 @@ def _zone_names(case: Case) -> Overlay:
 
     def draw(ax: Axes) -> None:
         for zone in case.scene.zones:
-            inside = Polygon(zone.polygon).representative_point()
+            inside = polylabel(Polygon(zone.polygon), tolerance=0.5 * case.scene.spacing)
             ax.text(
                 inside.x,
                 inside.y,
@@ -248,8 +249,8 @@ def _draw_heading(figure: Figure, case: Case, run: Run, height: float) -> None:
 
 def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> None:
     """Measured and simulated values in the upper right corner."""
-    columns = [WIDTH_IN - 4.2, WIDTH_IN - 1.55, WIDTH_IN - 0.72, WIDTH_IN - 0.2]
-    rows = [("", "measured", "simulated", "std off")]
+    columns = [WIDTH_IN - 4.3, WIDTH_IN - 1.75, WIDTH_IN - 0.95, WIDTH_IN - 0.2]
+    rows = [("", "measured", "simulated", "off, in std")]
     for reading in readings:
         m = reading.measurement
         if m is None:
@@ -268,7 +269,7 @@ def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> N
             figure.text(
                 columns[column] / WIDTH_IN,
                 y,
-                text,
+                text.replace("-", "−"),
                 ha="left" if column == 0 else "right",
                 va="top",
                 fontsize=9 if line else 8,

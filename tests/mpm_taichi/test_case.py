@@ -1,0 +1,181 @@
+"""The command `case`, with the real solver on Lower San Fernando at coarse spacing."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+
+import numpy as np
+import pytest
+import yaml
+from matplotlib.figure import Figure
+from PIL import Image
+
+from mpm_taichi import case as history
+from mpm_taichi.__main__ import main
+from mpm_taichi.case_picture import profile_overlay, toe_distances
+from pipeline.cli import InputError, WorkFailed
+from pipeline.config import SimulationSettings
+
+SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
+LIQUEFIED = "liquefied_hydraulic_fill"
+
+
+@pytest.fixture(scope="module")
+def folder(request):
+    return request.config.rootpath / "case_histories" / "lower_san_fernando"
+
+
+@pytest.fixture(scope="module")
+def simulated(folder):
+    """The whole slide at 4 m spacing."""
+    case = history.load_case(folder, spacing=4.0)
+    return case, history.simulate_case(case, SimulationSettings(), threads=1)
+
+
+def test_readings_of_a_coarse_slide(simulated):
+    case, run = simulated
+    readings = {r.type: r for r in history.read_deposit(case, run)}
+    assert set(readings) == {"toe_runout", "naked_eye_toe", "crest_settlement", "freeboard"}
+    assert 20 < readings["toe_runout"].simulated < 110
+    assert readings["toe_runout"].simulated < readings["naked_eye_toe"].simulated
+    assert readings["toe_runout"].at_start < -4  # a gentle foot reads short, and is not hidden
+    assert 10 < readings["crest_settlement"].simulated < 25
+    assert readings["crest_settlement"].at_start == 0.0
+    assert readings["freeboard"].at_start == pytest.approx(46.37 - 35.9, abs=1.5)
+    toe = readings["toe_runout"]
+    assert toe.difference == pytest.approx(toe.simulated - 53.0)
+    assert toe.difference_in_std == pytest.approx((toe.simulated - 53.0) / 5.75)
+    assert readings["naked_eye_toe"].difference is None
+
+
+def test_the_table_says_how_far_each_value_may_be_trusted(simulated):
+    case, run = simulated
+    text = history.table(case, history.read_deposit(case, run))
+    lines = {line.split("  ")[0]: line for line in text.splitlines()}
+    assert "value paper, std assumed" in lines["toe runout (upstream toe)"]
+    assert "value published, std published" in lines["freeboard"]
+    assert lines["profile"].endswith("constructed: drawn, not compared")
+    assert "Nothing is subtracted" in text
+    assert "S_r 21.5 kPa; water at 35.9 m (buoyant)" in history.heading(case, run)
+
+
+def test_the_energy_adds_up(simulated):
+    _, run = simulated
+    text = history.energy_line(run)
+    shares = [float(part.split(" %")[0]) for part in text.split("released: ")[1].split(", ")]
+    assert sum(shares) == pytest.approx(100.0, abs=0.3)
+    assert "plastic" in text and "numerical" in text
+
+
+def test_the_command_writes_all(folder, tmp_path, capsys):
+    main(["case", str(folder), "--out", str(tmp_path), "--spacing", "4", *SHORT])
+    out = capsys.readouterr().out
+    assert out.startswith("Lower San Fernando: liquefied hydraulic fill S_r 21.5 kPa; water at")
+    assert "stopped after 2.0 s" in out and f"Picture: {tmp_path / 'runout.png'}" in out
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "runout.png",
+        "runout.mp4",
+        "observables.csv",
+    }
+    with Image.open(tmp_path / "runout.png") as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    assert pixels.shape[1] == 1430 and pixels.std() > 20
+    with (tmp_path / "observables.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["type"] for row in rows] == [
+        "toe_runout", "naked_eye_toe", "crest_settlement", "freeboard",
+    ]  # fmt: skip
+    toe = rows[0]
+    assert (toe["measured_m"], toe["low_m"], toe["std_m"], toe["std_is"]) == (
+        "53.0", "42.0", "5.75", "assumed",
+    )  # fmt: skip
+    difference = float(toe["simulated_m"]) - 53.0
+    assert float(toe["difference_m"]) == pytest.approx(difference, abs=1e-3)
+    assert rows[1]["measured_m"] == rows[1]["difference_m"] == ""
+
+
+def test_options_change_the_scene(folder, tmp_path, capsys):
+    dry = ["--no-water", "--strength", f"{LIQUEFIED}=40", "--strength", "clay_core=25"]
+    options = ["--spacing", "4", "--film", "gif", *dry, *SHORT]
+    main(["case", str(folder), "--out", str(tmp_path), *options])
+    assert "liquefied hydraulic fill S_r 40 kPa; no water" in capsys.readouterr().out
+    assert (tmp_path / "runout.gif").exists() and not (tmp_path / "runout.mp4").exists()
+    case = history.load_case(folder, water=False, strengths={"clay_core": 25.0})
+    assert case.scene.materials["clay_core"].cohesion_kpa == 25.0 and not case.scene.has_water
+    assert case.scene.spacing == 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--spacing", "-1"], "spacing: Input should be greater than 0"),
+        (["--spacing", "30"], "scene.yaml with the options given"),
+        (["--strength", "jelly=3"], "has no material 'jelly'; it has liquefied_hydraulic_fill"),
+        (["--set", "simulation.corant=1"], "did you mean courant"),
+    ],
+)
+def test_bad_choices_are_one_line_and_leave_nothing(folder, tmp_path, options, complaint):
+    with pytest.raises(InputError, match=complaint):
+        main(["case", str(folder), "--out", str(tmp_path / "out"), *options])
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "value", ["clay_core", "clay_core=", "clay_core=-1", "clay_core=nan", "=3"]
+)
+def test_a_strength_is_material_and_number(folder, tmp_path, value, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["case", str(folder), "--out", str(tmp_path), "--strength", value])
+    assert caught.value.code == 2
+    assert "is not MATERIAL=KPA" in capsys.readouterr().err
+
+
+def test_folders_that_are_no_case(folder, tmp_path):
+    with pytest.raises(InputError, match="no such folder; a case has scene.yaml and meas"):
+        main(["case", str(tmp_path / "nowhere"), "--out", str(tmp_path)])
+    shutil.copy(folder / "scene.yaml", tmp_path)
+    with pytest.raises(InputError, match="measurements.yaml: no such file"):
+        main(["case", str(tmp_path), "--out", str(tmp_path)])
+
+
+def test_a_run_that_a_guard_stops_is_failed_work(folder, tmp_path):
+    options = ["--spacing", "4", "--set", "simulation.time_step_s=0.5", *SHORT]
+    with pytest.raises(WorkFailed, match="lower_san_fernando: stopped at .* s: "):
+        main(["case", str(folder), "--out", str(tmp_path), *options])
+    assert not list(tmp_path.iterdir())
+
+
+def test_marks_of_the_picture(simulated):
+    case, run = simulated
+    ax = Figure().add_subplot()
+    profile_overlay(case)(ax)
+    labels = ax.get_legend_handles_labels()[1]
+    assert labels == ["profile after the slide: constructed", "profile after the slide: unchanged"]
+    ax = Figure().add_subplot()
+    toe_distances(case, history.read_deposit(case, run))(ax)
+    words = [text.get_text() for text in ax.texts if text.get_text()]
+    assert words[0] == "53 m measured (42-65 m)" and words[1].endswith(" m simulated")
+
+
+def test_a_case_of_another_shape(folder, tmp_path):
+    """A right-hand toe, no range, no profile, no water: nothing is special about one dam."""
+    shutil.copytree(folder, tmp_path / "case")
+    path = tmp_path / "case" / "measurements.yaml"
+    document = yaml.safe_load(path.read_text())
+    document["sets"]["field"] = [
+        {
+            "name": "downstream toe",
+            "type": "toe_runout",
+            "side": "right",
+            "value_m": 0.5,
+            "std_m": 1.0,
+            "confidence": "recalled",
+            "source": "a test",
+        }
+    ]
+    path.write_text(yaml.safe_dump(document))
+    out = tmp_path / "out"
+    options = ["--no-water", "--spacing", "4", "--film", "none", *SHORT]
+    main(["case", str(tmp_path / "case"), "--out", str(out), *options])
+    assert {path.name for path in out.iterdir()} == {"runout.png", "observables.csv"}
