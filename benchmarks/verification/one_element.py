@@ -1,0 +1,74 @@
+"""The solver's material law driven point by point, without a grid.
+
+`solver_return` returns trial stresses to yield, `solver_path` follows displacement gradients; both
+call the functions that the time loop calls.
+"""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations as objects.
+
+import numpy as np
+import taichi as ti
+
+from benchmarks.verification.mohr_coulomb_reference import Soil
+from mpm_taichi.mohr_coulomb import elastic_trial, material_constants, return_to_yield, vec4
+from mpm_taichi.runtime import start
+
+VECTORS = ti.types.ndarray(dtype=vec4, ndim=1)
+
+
+@ti.kernel
+def return_all(
+    trial: VECTORS, elastic: VECTORS, strength: VECTORS, edges: VECTORS, stress: VECTORS,
+    plastic: VECTORS,
+):  # fmt: skip
+    """`return_to_yield` of each trial; `plastic` holds (shear, opening, work, 0)."""
+    for p in trial:
+        new, shear, opening, work = return_to_yield(trial[p], elastic[p], strength[p], edges[p])
+        stress[p] = new
+        plastic[p] = vec4(shear, opening, work, 0.0)
+
+
+@ti.kernel
+def step_all(
+    stress: VECTORS, gradient: VECTORS, elastic: VECTORS, strength: VECTORS, edges: VECTORS
+):
+    """One step of unit time of each element: elastic trial, return to yield."""
+    for p in stress:
+        g = gradient[p]
+        trial = elastic_trial(stress[p], g, g[0] + g[3], 1.0, elastic[p])
+        new, _, _, _ = return_to_yield(trial, elastic[p], strength[p], edges[p])
+        stress[p] = new
+
+
+def constants(soil: Soil, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Constants of one soil as the kernels read them, each (count, 4) float32."""
+    values = material_constants(
+        friction_angle=soil.friction,
+        cohesion=soil.cohesion,
+        youngs_modulus=soil.youngs_modulus,
+        poisson_ratio=soil.poisson_ratio,
+        tension_cap=soil.tension_cap,
+    )
+    return tuple(np.tile(value, (count, 1)) for value in values)
+
+
+def solver_return(trial: np.ndarray, soil: Soil) -> tuple[np.ndarray, np.ndarray]:
+    """The solver's return of trial stresses (N, 4) [Pa]: stress (N, 4) [Pa], plastic (N, 3)."""
+    start("cpu", 1)
+    trial = np.ascontiguousarray(trial, np.float32)
+    stress, plastic = np.zeros_like(trial), np.zeros_like(trial)
+    return_all(trial, *constants(soil, len(trial)), stress, plastic)
+    return stress.astype(float), plastic[:, :3].astype(float)
+
+
+def solver_path(begin: np.ndarray, gradients: np.ndarray, soil: Soil) -> np.ndarray:
+    """The solver's stresses (S + 1, N, 4) [Pa] along displacement gradients (S, N, 2, 2) [-]."""
+    start("cpu", 1)
+    stress = np.ascontiguousarray(begin, np.float32)
+    history = [stress.astype(float)]
+    table = constants(soil, len(stress))
+    for gradient in gradients:
+        columns = gradient.transpose(0, 2, 1).reshape(-1, 4)  # dvx/dx, dvy/dx, dvx/dy, dvy/dy
+        step_all(stress, np.ascontiguousarray(columns, np.float32), *table)
+        history.append(stress.astype(float))
+    return np.stack(history)

@@ -1,0 +1,9 @@
+from __future__ import annotations
+
+from benchmarks.verification import material_paths
+
+
+def test_quick_version_is_within_tolerance(tmp_path):
+    for row in material_paths.run(tmp_path, quick=True):
+        assert row.passed, row
+    assert (tmp_path / "material_paths.png").stat().st_size > 10_000
