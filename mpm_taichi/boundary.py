@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 vec2 = ti.types.vector(2, ti.f32)
 
 STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION, NEAR = 1, 2, 4, 8, 16, 32, 64, 128
-"""Bits of a node's type: bonded ground or fixed body; Coulomb ground; walls; lid; rough ground; node
-with a share of the traction of rough ground; node that has such
-a node, or water, beside it, so that points there scatter their volume too."""
+"""Bits of a node's type: bonded ground or fixed body; Coulomb ground; walls; lid; rough ground;
+share of the traction of rough ground; rough ground or water within reach of points at this node."""
 
 # Columns of the table of a node.
 NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, EMPTINESS = range(7)
@@ -201,7 +200,7 @@ def fixed_by_bodies(grid: Grid, soil: np.ndarray, fixed: np.ndarray) -> np.ndarr
 
 
 def node_weight(grid: Grid, points: np.ndarray, amount: np.ndarray) -> np.ndarray:
-    """Sum of `amount` (N,) x quadratic B-spline of `points` (N, 2) [m] at each node, `grid.shape`."""
+    """Sum of `amount` (N,) x B-spline of `points` (N, 2) [m] at each node, shape `grid.shape`."""
     total = np.zeros(grid.shape)
     scaled = (points - np.asarray(grid.origin)) / grid.cell
     scaled = np.clip(scaled, 1.0, np.asarray(grid.shape) - 2.0)

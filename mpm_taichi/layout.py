@@ -1,4 +1,4 @@
-"""How the arrays of the scenes in flight are laid out: types, columns, phases, limits of settling."""
+"""Layout of the arrays of the scenes in flight: types, columns, phases, limits of settling."""
 
 import taichi as ti
 

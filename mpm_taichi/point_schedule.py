@@ -51,7 +51,7 @@ from mpm_taichi.layout import (
     vec8,
 )
 from mpm_taichi.point_functions import settle_node, steps_of_frame
-from mpm_taichi.transfer import update_node
+from mpm_taichi.transfer import cell_means, update_node
 
 
 def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
@@ -79,6 +79,9 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
                     p, numbers[slot, CELL], integers[slot, COLUMNS], motion, home, gradient, flow,
                     swelling, True,
                 )  # fmt: skip
+        for n in range(slots * nodes):
+            if integers[n // nodes, PHASE] == SETTLING and swelling[n][1] > 0.0:
+                swelling[n] = cell_means(swelling[n])
         for p in range(slots * points):
             slot = p // points
             if integers[slot, PHASE] == SETTLING and p < integers[slot, LAST_SETTLED]:
@@ -172,6 +175,9 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
                 )  # fmt: skip
                 if alarm != 0:
                     integers[slot, ALARM] = 1
+        for n in range(slots * nodes):
+            if turn < integers[n // nodes, SUBSTEPS] and swelling[n][1] > 0.0:
+                swelling[n] = cell_means(swelling[n])
 
     @ti.kernel
     def end_frame(

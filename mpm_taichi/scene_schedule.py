@@ -54,7 +54,7 @@ from mpm_taichi.layout import (
     vec8,
 )
 from mpm_taichi.point_functions import settle_node, steps_of_frame
-from mpm_taichi.transfer import update_node
+from mpm_taichi.transfer import cell_means, update_node
 
 # Taichi hands a CPU thread at least 512 turns of a loop; a scene takes one turn in 512.
 _TURNS = 512
@@ -65,6 +65,12 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
     stress_and_scatter, gather_and_move = point.stress_and_scatter, point.gather_and_move
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
+
+    @ti.func
+    def average_cells(first_node, last_node, swelling: A):
+        for n in range(first_node, last_node):
+            if swelling[n][1] > 0.0:
+                swelling[n] = cell_means(swelling[n])
 
     @ti.func
     def settle(
@@ -86,6 +92,7 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
         while step < SETTLE_LIMIT and ratio > SETTLE_TOLERANCE and last > first:
             for p in range(first, last):
                 settle_gather(p, cell, columns, motion, home, gradient, flow, swelling, False)
+            average_cells(first_node, last_node, swelling)
             for p in range(first, last):
                 settle_scatter(
                     p, dt, cell, volume, columns, motion, home, gradient, stress, row, elastic,
@@ -183,6 +190,7 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                                 p, dt, cell, blend, columns, motion, home, gradient, stress,
                                 history, flow, swelling, False,
                             )  # fmt: skip
+                        average_cells(first_node, last_node, swelling)
                         step += 1
                     integers[slot, STEPS] += step
                     frame_sums(

@@ -9,8 +9,8 @@ Every function is written once; the flag `atomic` alone tells the two schedules 
 Arrays, one row a point:   motion (offset x, y [cells], velocity x, y [m/s]); home, node number;
 gradient of velocity [1/s]; stress [Pa]; history (volumetric strain, opening, plastic shear strain,
 dissipated energy [J/m]); row, material. One row a node: `load` (momentum x, y; internal force x, y;
-mass; volume; 0; 0), `flow` (new velocity x, y; change of velocity x, y), `swelling` (sum of
-velocity divergences, points).
+mass; volume; 0; 0), `flow` (new velocity x, y; change of velocity x, y), `swelling` (sum, then mean, of velocity
+divergence, points, the same of mean stress, points that are closed).
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -34,26 +34,37 @@ def spline_weights(offset):
 
 
 @ti.func
-def strain_increment(gradient, swelling, dt, averaged: ti.template()):
-    """Volumetric strain increment of a point: its own, or the mean over its cell (F-bar).
+def cell_means(swelling):
+    """Means over the points of a cell from their sums: (divergence, points, pressure, closed).
 
     The cell of F-bar is the knot span around a node, in which the velocity is one polynomial.
     """
-    increment = dt * (gradient[0] + gradient[3])
-    if ti.static(averaged):
-        if swelling[1] > 0.0:
-            increment = dt * swelling[0] / swelling[1]
-    return increment
+    means = swelling
+    means[0] /= ti.max(swelling[1], 1.0)
+    means[2] /= ti.max(swelling[3], 1.0)
+    return means
 
 
 @ti.func
-def pressure_relief(stress, history, swelling, share, averaged: ti.template()):
-    """Change of mean stress [Pa] that brings a point nearer to its cell's mean."""
+def strain_increment(gradient, means, dt, averaged: ti.template()):
+    """Volumetric strain increment of a point: its own, or the mean over its cell (F-bar)."""
+    divergence = gradient[0] + gradient[3]
+    if ti.static(averaged):
+        divergence = means[0]
+    return dt * divergence
+
+
+@ti.func
+def pressure_relief(stress, history, means, share, averaged: ti.template()):
+    """Change of mean stress [Pa] that brings a point nearer to its cell's mean.
+
+    Without it, pressures that differ within a cell would drive its points apart for ever, since
+    F-bar hides their own volume change from them. Opened points neither give nor take.
+    """
     relief = 0.0
     if ti.static(averaged):
-        if swelling[3] > 0.0 and history[1] <= 0.0:
-            mean = swelling[2] / swelling[3]
-            relief = share * (mean - (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0))
+        if history[1] <= 0.0 and means[3] > 0.0:
+            relief = share * (means[2] - (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0))
     return relief
 
 
