@@ -4,6 +4,7 @@
 #   snakemake simulate_large         2,500 scenes (paper, Table 1); also simulate_small
 #   snakemake geometry_large         the scenes alone, with a gallery
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
+#   snakemake verify                 the verification suite, with its pictures
 #   snakemake everything --configfile config/test.yaml       all of it in about a minute
 #   snakemake --report report.html simulate_coarse           a page about what was made
 #
@@ -25,6 +26,7 @@ include: "rules/common.smk"
 include: "rules/geometry.smk"
 include: "rules/simulation.smk"
 include: "rules/cases.smk"
+include: "rules/verification.smk"
 
 
 rule all:

@@ -46,7 +46,7 @@ rule simulate_case:
         "Simulating the case history {wildcards.case}"
     shell:
         "python -m mpm_taichi case {params.case} --out {params.folder} --config {params.config}"
-        " > {output.summary} 2> {log}"
+        " --threads {threads} > {output.summary} 2> {log}"
 
 
 for target, case in [*CASE_ALIASES.items(), *((case, case) for case in CASES)]:
