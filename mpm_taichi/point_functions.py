@@ -1,7 +1,8 @@
 """What one point, one node, one frame does; both schedules are made of these.
 
-A step: stress of the points and scatter; nodes; gather and motion. The stress comes first because
-F-bar needs the divergence of all points of a cell, which the gather before has summed.
+A step: stress of the points; scatter; nodes; gather and motion; means of the cells. The stress comes first because
+F-bar needs the divergence of all points of a cell, which the gather before has summed. Stress and
+scatter are two loops on the CPU: together they need more registers than there are (10 % slower).
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -72,31 +73,36 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
     """
 
     @ti.func
-    def stress_and_scatter(
-        p, dt, share, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, history: A,
-        row: A, elastic: A, strength: A, edges: A, load: A, swelling: A, kind: A,
-        atomic: ti.template(),
+    def strain_point(
+        p, dt, share, volume, home: A, gradient: A, stress: A, history: A, row: A, elastic: A,
+        strength: A, edges: A, swelling: A,
     ):  # fmt: skip
         r = row[p]
-        node = home[p]
-        point_motion = motion[p]
+        means = swelling[home[p]]
         velocity_gradient = gradient[p]
         old = history[p]
-        limits = edges[r]
-        volumetric = strain_increment(velocity_gradient, swelling[node], dt, averaged)
-        relief = pressure_relief(stress[p], old, swelling[node], share, averaged)
+        volumetric = strain_increment(velocity_gradient, means, dt, averaged)
+        relief = pressure_relief(stress[p], old, means, share, averaged)
         new_stress, new = update_stress(
             stress[p], velocity_gradient, old, volumetric, relief, dt, volume, elastic[r],
-            strength[r], limits, corrected,
+            strength[r], edges[r], corrected,
         )  # fmt: skip
         stress[p] = new_stress
         history[p] = new
+
+    @ti.func
+    def scatter_point(
+        p, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, history: A, row: A,
+        strength: A, edges: A, load: A, kind: A, atomic: ti.template(),
+    ):  # fmt: skip
+        r = row[p]
+        node = home[p]
         scatter(
-            load, node, columns, point_motion, velocity_gradient, new_stress, new[0], limits[3],
+            load, node, columns, motion[p], gradient[p], stress[p], history[p][0], edges[r][3],
             volume, cell, affine, atomic,
         )  # fmt: skip
         if kind[node] & NEAR:
-            scatter_volume(load, node, columns, point_motion, volume, strength[r], atomic)
+            scatter_volume(load, node, columns, motion[p], volume, strength[r], atomic)
 
     @ti.func
     def gather_and_move(
@@ -185,7 +191,8 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
         )
 
     return SimpleNamespace(
-        stress_and_scatter=stress_and_scatter,
+        strain_point=strain_point,
+        scatter_point=scatter_point,
         gather_and_move=gather_and_move,
         settle_gather=settle_gather,
         settle_scatter=settle_scatter,

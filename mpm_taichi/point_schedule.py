@@ -59,7 +59,8 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
 
     Each runs over `slots` slots of `points` points and `nodes` nodes.
     """
-    stress_and_scatter, gather_and_move = point.stress_and_scatter, point.gather_and_move
+    strain_point, scatter_point = point.strain_point, point.scatter_point
+    gather_and_move = point.gather_and_move
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
 
@@ -145,10 +146,13 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
         for p in range(slots * points):
             slot = p // points
             if turn < integers[slot, SUBSTEPS] and p < integers[slot, LAST_POINT]:
-                stress_and_scatter(
-                    p, numbers[slot, TIME_STEP], numbers[slot, SHARE], numbers[slot, CELL],
-                    numbers[slot, VOLUME], integers[slot, COLUMNS], motion, home, gradient, stress,
-                    history, row, elastic, strength, edges, load, swelling, kind, True,
+                strain_point(
+                    p, numbers[slot, TIME_STEP], numbers[slot, SHARE], numbers[slot, VOLUME], home,
+                    gradient, stress, history, row, elastic, strength, edges, swelling,
+                )  # fmt: skip
+                scatter_point(
+                    p, numbers[slot, CELL], numbers[slot, VOLUME], integers[slot, COLUMNS], motion,
+                    home, gradient, stress, history, row, strength, edges, load, kind, True,
                 )  # fmt: skip
         for n in range(slots * nodes):
             slot = n // nodes

@@ -62,7 +62,8 @@ _TURNS = 512
 
 def scene_schedule(point: SimpleNamespace) -> Callable:
     """The kernel `run_scenes`: settling where a scene is new, then a chunk of frames."""
-    stress_and_scatter, gather_and_move = point.stress_and_scatter, point.gather_and_move
+    strain_point, scatter_point = point.strain_point, point.scatter_point
+    gather_and_move = point.gather_and_move
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
 
@@ -170,10 +171,14 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                     step = 0
                     while step < count and alarm == 0:
                         for p in range(first, last):
-                            stress_and_scatter(
-                                p, dt, share, cell, volume, columns, motion, home, gradient, stress,
-                                history, row, elastic, strength, edges, load, swelling, kind,
-                                False,
+                            strain_point(
+                                p, dt, share, volume, home, gradient, stress, history, row, elastic,
+                                strength, edges, swelling,
+                            )  # fmt: skip
+                        for p in range(first, last):
+                            scatter_point(
+                                p, cell, volume, columns, motion, home, gradient, stress, history,
+                                row, strength, edges, load, kind, False,
                             )  # fmt: skip
                         for n in range(first_node, last_node):
                             if load[n][4] > 0.0:

@@ -30,7 +30,8 @@ ORDER = ("material_paths", "elastic_column", "block_on_incline", "free_motion")
 """Cases that come first in the table, from the single point to the moving mass; others follow."""
 
 SOLVER = (
-    "mohr_coulomb", "transfer", "boundary", "solver", "runtime", "initial_state", "simulate",
+    "mohr_coulomb", "transfer", "boundary", "layout", "point_functions", "scene_schedule",
+    "solver", "runtime", "initial_state", "simulate",
 )  # fmt: skip
 """Modules of `mpm_taichi` on which every figure depends."""
 
