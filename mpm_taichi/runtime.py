@@ -179,8 +179,15 @@ class Slots:
 
     def run(self) -> None:
         """Advance every slot by one chunk of frames (settling first where a scene is new)."""
+        self._run(self.number)
+
+    def compile(self) -> None:
+        """Have the kernels compiled, so that no run's wall time counts it."""
+        self._run(0)
+
+    def _run(self, number: int) -> None:
         self.kernels.run_scenes(
-            self.number, self.integers, self.numbers, self.motion, self.home, self.gradient,
+            number, self.integers, self.numbers, self.motion, self.home, self.gradient,
             self.stress, self.history, self.row, self.elastic, self.strength, self.edges,
             self.settle_strength, self.settle_edges, self.initial_stress, self.load, self.flow,
             self.swelling, self.kind, self.table, self.places, self.sums,
@@ -220,6 +227,9 @@ class DeviceSlots(Slots):
     def _pull(self, *names: str) -> None:
         for name in names:
             getattr(self, name)[...] = self._device[name].to_numpy()
+
+    def compile(self) -> None:
+        """Nothing to do: kernels of the point schedule compile one by one in the first run."""
 
     def fetch(self) -> None:
         """Bring everything to the host, whose copy then counts."""

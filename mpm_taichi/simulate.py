@@ -151,7 +151,9 @@ def _make_room(
     kind = DeviceSlots if SCHEDULES[device] == "point" else Slots
     larger = kind(number, points + points // 8, nodes + nodes // 4, CHUNK,
                    device=device, kernels=kernels)  # fmt: skip
-    if slots is not None:
+    if slots is None:
+        larger.compile()
+    else:
         slots.fetch()
     for slot in flying:
         larger.take_over(slot, slots, flying[slot].prepared)
