@@ -2,7 +2,7 @@
 # make test     the fast tests, under 5 minutes on two processor cores
 # make verify   the whole verification suite, with its pictures
 # make lint     the linters
-# make clean    remove what the tool and its tests have made (not .venv)
+# make clean    remove what tests and linters have left (neither results/ nor .venv)
 #
 # Each of them first makes .venv where it is missing, and brings it up to date where pyproject.toml
 # or constraints.txt have changed. Another Python: make PYTHON=python3.12 test. Another place for
@@ -52,5 +52,5 @@ $(READY): pyproject.toml constraints.txt
 	@touch "$@"
 
 clean:
-	rm -rf results .snakemake .pytest_cache .ruff_cache .hypothesis build flowslide.egg-info
-	find . -name __pycache__ -type d -not -path "./.venv/*" -prune -exec rm -rf {} +
+	rm -rf results/test .pytest_cache .ruff_cache .hypothesis build flowslide.egg-info
+	find . -name __pycache__ -type d -not -path "./$(VENV)/*" -prune -exec rm -rf {} +

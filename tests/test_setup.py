@@ -1,0 +1,68 @@
+"""Setting up: what is pinned, and what `make` says when it cannot go on."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parent.parent
+PINS = {
+    canonicalize_name(line.split("==")[0]): line.split("==")[1].strip()
+    for line in (ROOT / "constraints.txt").read_text().splitlines()
+    if line and not line.startswith("#")
+}
+
+
+def required(name: str, extras: tuple[str, ...] = (), seen: set | None = None) -> set[str]:
+    """All distributions that `name` needs, directly or not, on this Python."""
+    seen = set() if seen is None else seen
+    if (name, extras) in seen:
+        return set()
+    seen.add((name, extras))
+    found = {canonicalize_name(name)}
+    for text in metadata.requires(name) or []:
+        need = Requirement(text)
+        chosen = [{"extra": extra} for extra in extras] or [{"extra": ""}]
+        if need.marker is None or any(need.marker.evaluate(extra) for extra in chosen):
+            found |= required(need.name, tuple(sorted(need.extras)), seen)
+    return found
+
+
+def test_everything_that_is_installed_is_pinned():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    needed = required("flowslide", tuple(extras["optional-dependencies"])) - {"flowslide"}
+    assert needed | {"setuptools"} <= set(PINS)
+
+
+def test_make_installs_every_extra():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    listed = re.search(r"^EXTRAS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert listed[1].split(",") == list(extras["optional-dependencies"])
+
+
+def test_files_name_no_package_index():
+    for name in ("constraints.txt", "Makefile", "pyproject.toml", ".ci/run"):
+        text = (ROOT / name).read_text()
+        assert "://" not in text and "index-url" not in text, name
+
+
+@pytest.mark.parametrize(
+    ("python", "message"),
+    [("", "no Python found"), ("/bin/false", "Python 3.11, 3.12 or 3.13 is needed")],
+)
+def test_make_says_which_python_it_needs(tmp_path, python, message):
+    done = subprocess.run(
+        ["make", "install", f"VENV={tmp_path / 'venv'}", f"PYTHON={python}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and message in done.stdout
+    assert not (tmp_path / "venv").exists()
