@@ -1,8 +1,9 @@
 """What one point, one node, one frame does; both schedules are made of these.
 
-A step: stress of the points; scatter; nodes; gather and motion; means of the cells. The stress comes first because
-F-bar needs the divergence of all points of a cell, which the gather before has summed. Stress and
-scatter are two loops on the CPU: together they need more registers than there are (10 % slower).
+A step: stress of the points; scatter; nodes; gather and motion; means of the cells. The stress
+comes first because F-bar needs the divergence of all points of a cell, which the gather before has
+summed. Stress and scatter are two loops on the CPU: in one they need more registers than there are,
+and take a tenth longer.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.

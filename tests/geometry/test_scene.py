@@ -71,7 +71,7 @@ def changed(document: dict, path: str, value) -> dict:
         ("ground.points", [[0, 2], [60, 2], [30, 2]], "x must ascend, but 30 follows 60"),
         ("ground.points", [[0, 2], [60, 50]], "not below the domain's y_max"),
         ("ground.contact", "coulomb", "needs a friction_coefficient"),
-        ("ground.friction_coefficient", 0.4, "has no effect with contact: no_slip"),
+        ("ground.friction_coefficient", 0.4, "has no effect with contact: rough"),
         ("materials.sand.friction_deg", 95.0, "less than 89 (got 95.0)"),
         ("materials.sand.cohesion_kpa", -1.0, "greater than or equal to 0 (got -1.0)"),
         ("materials.sand.poisson_ratio", 0.5, "less than 0.5"),

@@ -1,8 +1,8 @@
 """Numbers that must not change without a new PHYSICS_VERSION.
 
-A run of three drawn scenes is compared with what is recorded in `golden.json`: to the bit on the kind
-of processor that recorded it (other instruction sets round sums in another order), to a millimetre
-elsewhere. After a wanted change of the physics raise `mpm_taichi.PHYSICS_VERSION` and run
+A run of three drawn scenes is compared with what is recorded in `golden.json`: to the bit on the
+kind of processor that recorded it (other instruction sets round sums in another order), to a
+millimetre elsewhere. After a wanted change of the physics raise `mpm_taichi.PHYSICS_VERSION` and run
 
     PYTHONPATH=. python tests/mpm_taichi/test_golden.py
 """
