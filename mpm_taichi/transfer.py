@@ -6,12 +6,12 @@ offset from that node in cells, -0.5 <= offset < 0.5: float32 then resolves a mo
 2018), so that force and affine momentum travel in one matrix.
 
 Every function is written once; the flag `atomic` alone tells the two schedules of `solver` apart.
-Arrays with a row per point: `motion` (offset x, y [cells], velocity x, y [m/s]); `home`, number of
-the node; `gradient` of velocity [1/s]; `stress` [Pa]; `history` (volumetric strain, opening, plastic
-shear strain, dissipated energy [J/m]); `row`, of the material. With a row per node: `load` (momentum
-x, y; internal force x, y; mass; volume, volume x k/2, volume x sin phi where asked for); `flow` (new
-velocity x, y; its change x, y); `swelling` (sum, then mean, of the divergence of velocity; points;
-sum, then mean, of mean stress; points that are closed).
+Arrays with a row per point: `motion` (offset x, y [cells], velocity x, y [m/s]); `home`, number
+of the node; `gradient` of velocity [1/s]; `stress` [Pa]; `history` (volumetric strain, opening,
+plastic shear strain, dissipated energy [J/m]); `row`, of the material. With a row per node: `load`
+(momentum x, y; internal force x, y; mass; volume, volume x k/2, volume x sin phi where asked for);
+`flow` (new velocity x, y; its change x, y); `swelling` (sum, then mean, of the divergence of
+velocity; points; sum, then mean, of mean stress; points that are closed).
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.

@@ -83,8 +83,8 @@ def test_area_and_zones_of_a_leaning_block(make_scene, x0, width, height, lean, 
     rings = [ring(0.0, middle), ring(middle, height)]
     points = fill(make_scene(rings, spacing=spacing))
     total = sum(area(r) for r in rings)
-    # Level edges cost up to half a row, upright ones up to half a column (drawn scenes whose area is
-    # off by more than 1 % are refused and drawn again).
+    # Level edges cost up to half a row, upright ones up to half a column (drawn scenes whose area
+    # is off by more than 1 % are refused and drawn again).
     edges = 0.5 * spacing * (width + height)
     assert abs(len(points) * points.volume - total) < 0.01 * total + edges
     for number, polygon in enumerate(rings):

@@ -2,7 +2,7 @@
 
 A run of three drawn scenes is compared with what is recorded in `golden.json`: to the bit on the
 kind of processor that recorded it (other instruction sets round sums in another order), to a
-millimetre elsewhere. After a wanted change of the physics raise `mpm_taichi.PHYSICS_VERSION` and run
+millimetre elsewhere. After a wanted change of the physics raise `mpm_taichi.PHYSICS_VERSION`, run
 
     PYTHONPATH=. python tests/mpm_taichi/test_golden.py
 """
