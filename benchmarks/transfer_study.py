@@ -2,11 +2,11 @@
 
     python -m benchmarks.transfer_study [--scenes slump column lsfd] [--redo]
 
-Three scenes: a phi = 0 slump (c = 30 kPa), a frictional column (phi = 30, c = 0), the section of the
-Lower San Fernando dam with its reservoir. For each scheme, on rough and on bonded (no_slip) ground:
-toe runout at 1 m spacing, with the time step halved, and at 2 m spacing. What is found is kept in
-`benchmarks/transfer_study.json` run by run, so the study goes on where it was stopped; at the end it
-writes the table between the markers of `docs/transfer.md` and the picture beside it.
+Three scenes: a phi = 0 slump (c = 30 kPa), a frictional column (phi = 30, c = 0), the section of
+the Lower San Fernando dam with its reservoir. For each scheme, on rough and on bonded ground:
+toe runout at 1 m spacing, with the time step halved, and at 2 m. What is found is kept in
+`benchmarks/transfer_study.json` run by run, so the study goes on where it was stopped; at the end
+it writes the table between the markers of `docs/transfer.md` and the picture beside it.
 """
 
 from __future__ import annotations
