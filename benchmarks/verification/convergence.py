@@ -1,0 +1,125 @@
+"""The same runout with the time step halved and with the cell halved; the numerical strength.
+
+The three scenes of `benchmarks.transfer_study`, default settings, from 1 m spacing (quick: the
+slump from 2 m). A change of the runout is also given as the S_r that would cause it, from a run
+with 5 % more S_r: the effective numerical strength, which should stay under 2 % of S_r.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.transfer_study import SCENES
+from benchmarks.verification.rows import Row
+from geometry.observables import surface_profile, toe_runout
+from geometry.scene import Scene
+from pipeline.config import SimulationSettings
+
+TITLE = "Time step and cell halved"
+
+#: Material whose strength is the scene's S_r, and the strength [kPa]; the column has none.
+LIQUEFIED = {"slump": ("soil", 30.0), "lsfd": ("liquefied_hydraulic_fill", 21.5)}
+MORE = 1.05
+COURANT = 0.3
+
+
+def _closed(scene: Scene, side: str) -> Scene:
+    if side == "left":
+        return scene
+    return scene.changed(domain={**scene.domain.model_dump(), "walls": "closed"})
+
+
+def _runs(name: str, spacing: float) -> dict[str, tuple[float, np.ndarray, Scene]]:
+    """Runout [m], final positions (N, 2) and scene of each variant of one scene."""
+    from mpm_taichi.simulate import simulate
+
+    variants: dict[str, tuple[Scene, float]] = {}
+    for label, step, courant in (
+        ("base", spacing, COURANT),
+        ("dt/2", spacing, COURANT / 2),
+        ("dx/2", spacing / 2, COURANT),
+    ):
+        scene, foot, side = SCENES[name](step, "rough")
+        variants[label] = (_closed(scene, side), courant)
+    if name in LIQUEFIED:
+        material, strength = LIQUEFIED[name]
+        stronger = variants["base"][0].with_strength(material, cohesion_kpa=MORE * strength)
+        variants["more S_r"] = (stronger, COURANT)
+    found = {}
+    for label, (scene, courant) in variants.items():
+        run = simulate([scene], SimulationSettings(courant=courant), threads=1)[0]
+        if run.failed:
+            raise RuntimeError(f"{name}, {label}: {run.reason}")
+        position = run.positions[-1].astype(float)
+        # One threshold for both cells: the toe of the finer run is read where the coarse one is.
+        runout = toe_runout(
+            position, scene.spacing**2, spacing=spacing, side=side, initial_toe=foot
+        )
+        found[label] = (float(runout), position, scene)
+    return found
+
+
+def _rows(name: str, spacing: float, found: dict) -> list[Row]:
+    base = found["base"][0]
+    rows = []
+    for label, tolerance in (("dt/2", 0.02), ("dx/2", 0.03)):
+        value = found[label][0]
+        rows.append(
+            Row("convergence", f"{name}, {spacing:g} m: runout with {label}", value, base,
+                tolerance, "m")
+        )  # fmt: skip
+    if name in LIQUEFIED:
+        strength = LIQUEFIED[name][1]
+        slope = (found["more S_r"][0] - base) / ((MORE - 1.0) * strength)  # m per kPa
+        for label in ("dt/2", "dx/2"):
+            kpa = abs((found[label][0] - base) / slope)
+            rows.append(
+                Row("convergence", f"{name}, {spacing:g} m: S_r worth of {label}", kpa,
+                    0.02 * strength, 0.0, "kPa", bound=True, note=f"{100 * kpa / strength:.1f} %")
+            )  # fmt: skip
+    return rows
+
+
+def run(folder: Path | None, quick: bool = False) -> list[Row]:
+    """Rows of all scenes; picture: the final surfaces of the three resolutions."""
+    spacing = 2.0 if quick else 1.0
+    names = ["slump"] if quick else list(SCENES)
+    rows, all_found = [], {}
+    for name in names:
+        all_found[name] = _runs(name, spacing)
+        rows += _rows(name, spacing, all_found[name])
+    if folder is not None:
+        _draw(folder / "convergence.png", all_found, spacing)
+    return rows
+
+
+def _draw(path: Path, all_found: dict, spacing: float) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(
+        len(all_found), 1, figsize=(10, 2.6 * len(all_found)), layout="constrained", squeeze=False
+    )
+    styles = {"base": ("k", "-"), "dt/2": ("#0072B2", "--"), "dx/2": ("#D55E00", "-"),
+              "more S_r": ("#999999", ":")}  # fmt: skip
+    for ax, (name, found) in zip(axes[:, 0], all_found.items(), strict=True):
+        for label, (runout, position, scene) in found.items():
+            x = np.linspace(position[:, 0].min() - 2, position[:, 0].max() + 2, 400)
+            y = surface_profile(
+                position, scene.spacing**2, x, spacing=spacing, ground=scene.ground.lowest
+            )
+            colour, line = styles[label]
+            ax.plot(x, y, line, color=colour, label=f"{label}: runout {runout:.1f} m")
+        ax.set_title(f"{name}, from {spacing:g} m", loc="left", fontsize=10)
+        ax.set_aspect("equal")
+        ax.set_ylabel("y (m)")
+        ax.legend(frameon=False, fontsize=8)
+        ax.grid(alpha=0.3)
+    axes[-1, 0].set_xlabel("x (m)")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
