@@ -1,0 +1,357 @@
+"""Transfer between points and grid: what the splines, the scatter and the gather keep exactly."""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations as objects.
+
+import numpy as np
+import pytest
+import taichi as ti
+
+from mpm_taichi.layout import vec2, vec4, vec8
+from mpm_taichi.mohr_coulomb import material_constants
+from mpm_taichi.runtime import aligned, start
+from mpm_taichi.transfer import (
+    gather,
+    move,
+    pressure_relief,
+    scatter,
+    scatter_volume,
+    spline_weights,
+    strain_increment,
+    update_node,
+    update_stress,
+)
+
+VEC4 = ti.types.ndarray(dtype=vec4, ndim=1)
+VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)
+VEC2 = ti.types.ndarray(dtype=vec2, ndim=1)
+INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
+NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=1)
+
+CELL, ROWS, COLUMNS = 2.0, 12, 10
+SPIN, SHIFT = np.array([[0.3, -1.2], [0.8, -0.1]]), np.array([2.0, -3.0])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def taichi():
+    start("cpu", 1)
+
+
+@ti.kernel
+def weights_of(offset: NUMBERS, weights: VEC4):
+    for p in offset:
+        w = spline_weights(offset[p])
+        weights[p] = vec4(w[0], w[1], w[2], 0.0)
+
+
+@ti.kernel
+def gather_all(
+    flow: VEC4, home: INTEGERS, motion: VEC4, mean: VEC4, gradient: VEC4, columns: ti.i32,
+    cell: ti.f32,
+):  # fmt: skip
+    ti.loop_config(serialize=True)
+    for p in home:
+        m, g = gather(flow, home[p], columns, motion[p], cell)
+        mean[p] = m
+        gradient[p] = g
+
+
+@ti.kernel
+def scatter_all(
+    load: VEC8, home: INTEGERS, motion: VEC4, gradient: VEC4, stress: VEC4, strain: NUMBERS,
+    mass: NUMBERS, volume: ti.f32, strength: VEC4, columns: ti.i32, cell: ti.f32,
+    affine: ti.template(),
+):  # fmt: skip
+    ti.loop_config(serialize=True)
+    for p in home:
+        scatter(
+            load, home[p], columns, motion[p], gradient[p], stress[p], strain[p], mass[p], volume,
+            cell, affine, False,
+        )  # fmt: skip
+        scatter_volume(load, home[p], columns, motion[p], volume, strength[p], False)
+
+
+@ti.kernel
+def move_all(
+    motion: VEC4, home: INTEGERS, mean: VEC4, alarm: INTEGERS, columns: ti.i32, blend: ti.f32,
+    dt: ti.f32, cell: ti.f32,
+):  # fmt: skip
+    for p in home:
+        new, node, raised = move(motion[p], home[p], columns, mean[p], blend, dt, cell)
+        motion[p] = new
+        home[p] = node
+        alarm[p] = raised
+
+
+@ti.kernel
+def node_of(
+    load: VEC8, table: VEC8, flow: VEC4, work: VEC2, kind: ti.i32, dt: ti.f32, gravity: ti.f32,
+    damping: ti.f32,
+):  # fmt: skip
+    for n in load:
+        new, lost, water = update_node(load[n], table[n], kind, dt, gravity, damping)
+        flow[n] = new
+        work[n] = vec2(lost, water)
+
+
+@ti.kernel
+def stress_of(
+    stress: VEC4, history: VEC4, gradient: VEC4, means: VEC4, elastic: VEC4, strength: VEC4,
+    edges: VEC4, dt: ti.f32, share: ti.f32, averaged: ti.template(), corrected: ti.template(),
+):  # fmt: skip
+    for p in stress:
+        volumetric = strain_increment(gradient[p], means[p], dt, averaged)
+        relief = pressure_relief(stress[p], history[p], means[p], share, averaged)
+        new, past = update_stress(
+            stress[p], gradient[p], history[p], volumetric, relief, dt, 1.0, elastic[p],
+            strength[p], edges[p], corrected,
+        )  # fmt: skip
+        stress[p] = new
+        history[p] = past
+
+
+class Cloud:
+    """P points anywhere among the nodes of a grid, with masses and stresses drawn at random."""
+
+    def __init__(self, count=200, seed=0):
+        random = np.random.default_rng(seed)
+        self.position = CELL * random.uniform(2.0, [ROWS - 3, COLUMNS - 3], (count, 2))
+        centre = np.floor(self.position / CELL + 0.5).astype(int)
+        self.home = (centre[:, 0] * COLUMNS + centre[:, 1]).astype(np.int32)
+        self.motion = np.zeros((count, 4), np.float32)
+        self.motion[:, :2] = self.position / CELL - centre
+        self.mass = random.uniform(1e3, 3e3, count).astype(np.float32)
+        self.stress = random.normal(-5e4, 3e4, (count, 4)).astype(np.float32)
+        self.strain = random.uniform(-0.1, 0.1, count).astype(np.float32)
+        self.strength = random.uniform(0.1, 1.0, (count, 4)).astype(np.float32)
+        self.gradient = np.zeros((count, 4), np.float32)
+        self.volume = 1.5
+
+    def with_linear_velocity(self):
+        self.motion[:, 2:] = linear_velocity(self.position)
+        self.gradient[:] = SPIN.T.ravel()  # dvx/dx, dvy/dx, dvx/dy, dvy/dy
+        return self
+
+    def scattered(self, affine=True) -> np.ndarray:
+        load = aligned((ROWS * COLUMNS, 8), np.float32)
+        scatter_all(
+            load, self.home, self.motion, self.gradient, self.stress, self.strain, self.mass,
+            self.volume, self.strength, COLUMNS, CELL, affine,
+        )  # fmt: skip
+        return load.astype(float)
+
+
+def linear_velocity(position):
+    return position @ SPIN.T + SHIFT
+
+
+def nodes() -> np.ndarray:
+    i, j = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
+    return CELL * np.stack([i, j], axis=1)
+
+
+def gathered(cloud, flow):
+    mean, gradient = np.zeros((2, *cloud.motion.shape), np.float32)
+    gather_all(flow.astype(np.float32), cloud.home, cloud.motion, mean, gradient, COLUMNS, CELL)
+    return mean.astype(float), gradient.astype(float)
+
+
+def test_spline_weights_keep_constants_lines_and_the_second_moment():
+    offset = np.linspace(-0.5, 0.5, 41, dtype=np.float32)
+    weights = np.zeros((41, 4), np.float32)
+    weights_of(offset, weights)
+    weights, place = weights[:, :3].astype(float), np.array([-1.0, 0.0, 1.0])
+    assert (weights >= 0).all()
+    assert np.abs(weights.sum(axis=1) - 1.0).max() < 1e-6
+    assert np.abs(weights @ place - offset).max() < 1e-6
+    distance = place[None] - offset[:, None].astype(float)
+    assert np.abs((weights * distance**2).sum(axis=1) - 0.25).max() < 1e-6
+
+
+def test_gather_of_a_linear_velocity_field_is_exact():
+    cloud = Cloud()
+    flow = np.concatenate([linear_velocity(nodes()), 0.5 * linear_velocity(nodes())], axis=1)
+    mean, gradient = gathered(cloud, flow)
+    speed = np.abs(linear_velocity(cloud.position)).max()
+    assert np.abs(mean[:, :2] - linear_velocity(cloud.position)).max() < 1e-6 * speed
+    assert np.abs(mean[:, 2:] - 0.5 * linear_velocity(cloud.position)).max() < 1e-6 * speed
+    assert np.abs(gradient - SPIN.T.ravel()).max() < 1e-5 * speed
+
+
+def test_scatter_keeps_mass_momentum_and_angular_momentum():
+    cloud = Cloud().with_linear_velocity()
+    cloud.motion[:, 2:] += np.random.default_rng(1).normal(0, 1, (len(cloud.mass), 2))
+    load, mass = cloud.scattered(), cloud.mass.astype(float)
+    velocity = cloud.motion[:, 2:].astype(float)
+    assert load[:, 4].sum() == pytest.approx(mass.sum(), rel=1e-6)
+    assert load[:, :2].sum(axis=0) == pytest.approx(mass @ velocity, rel=1e-5)
+    x, y = cloud.position.T
+    # Each point also carries the angular momentum of its affine velocity, m h^2 / 4 x spin.
+    own = mass @ (x * velocity[:, 1] - y * velocity[:, 0])
+    affine = mass.sum() * 0.25 * CELL**2 * (SPIN[1, 0] - SPIN[0, 1])
+    a, b = nodes().T
+    assert (a * load[:, 1] - b * load[:, 0]).sum() == pytest.approx(own + affine, rel=1e-5)
+
+
+def test_scatter_of_a_linear_velocity_field_is_exact_wherever_the_points_lie():
+    load = Cloud().with_linear_velocity().scattered()
+    near = load[:, 4] > 1.0
+    velocity = load[near, :2] / load[near, 4:5]
+    expected = linear_velocity(nodes()[near])
+    assert np.abs(velocity - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+def test_without_the_affine_part_only_the_velocity_travels():
+    cloud = Cloud().with_linear_velocity()
+    load = cloud.scattered(affine=False)
+    assert load[:, :2].sum(axis=0) == pytest.approx(cloud.mass @ cloud.motion[:, 2:], rel=1e-5)
+    a, b = nodes().T
+    x, y = cloud.position.T
+    own = cloud.mass @ (x * cloud.motion[:, 3] - y * cloud.motion[:, 2])
+    assert (a * load[:, 1] - b * load[:, 0]).sum() == pytest.approx(own, rel=1e-5)
+
+
+def test_internal_force_has_no_sum_no_moment_and_the_power_of_the_stress():
+    cloud = Cloud()
+    load, stress = cloud.scattered(), cloud.stress.astype(float)
+    force, place = load[:, 2:4], nodes()
+    size = np.abs(force).sum()
+    assert np.abs(force.sum(axis=0)).max() < 1e-6 * size
+    moment = place[:, 0] * force[:, 1] - place[:, 1] * force[:, 0]
+    assert abs(moment.sum()) < 1e-6 * np.abs(moment).sum()
+    volume = cloud.volume * (1.0 + cloud.strain.astype(float))
+    xx, yy, xy = stress[:, 0], stress[:, 1], stress[:, 3]
+    power = xx * SPIN[0, 0] + yy * SPIN[1, 1] + xy * (SPIN[0, 1] + SPIN[1, 0])
+    given = np.sum(force * linear_velocity(place))
+    assert given == pytest.approx(-volume @ power, rel=1e-4)
+
+
+def test_scattered_volume_and_strength():
+    cloud = Cloud()
+    load, strength = cloud.scattered(), cloud.strength.astype(float)
+    sums = load[:, 5:].sum(axis=0) / cloud.volume
+    assert sums == pytest.approx(
+        [len(strength), 0.5 * strength[:, 1].sum(), strength[:, 0].sum()], rel=1e-5
+    )
+
+
+def moved(velocity, change=(0.0, 0.0), own=(0.0, 0.0), blend=0.0, dt=0.1, offset=(0.4, -0.4)):
+    motion = np.array([[*offset, *own]], np.float32)
+    home, alarm = np.array([35], np.int32), np.zeros(1, np.int32)
+    mean = np.array([[*velocity, *change]], np.float32)
+    move_all(motion, home, mean, alarm, COLUMNS, blend, dt, CELL)
+    return motion[0].astype(float), int(home[0]), int(alarm[0])
+
+
+def test_move_keeps_the_place_and_changes_the_home():
+    motion, home, alarm = moved((4.0, -6.0))  # 0.2 and -0.3 cells
+    assert home == 35 + COLUMNS - 1 and not alarm
+    assert motion[:2] == pytest.approx([-0.4, 0.3])
+
+
+def test_move_blends_flip_and_pic():
+    flip, _, _ = moved((4.0, -6.0), change=(0.5, 0.25), own=(1.0, 2.0), blend=0.0)
+    assert flip[2:] == pytest.approx([1.5, 2.25])
+    pic, _, _ = moved((4.0, -6.0), change=(0.5, 0.25), own=(1.0, 2.0), blend=1.0)
+    assert pic[2:] == pytest.approx([4.0, -6.0])
+    half, _, _ = moved((4.0, -6.0), change=(0.5, 0.25), own=(1.0, 2.0), blend=0.5)
+    assert half[2:] == pytest.approx([2.75, -1.875])
+
+
+@pytest.mark.parametrize("velocity", [(60.0, 0.0), (0.0, -60.0), (np.nan, 0.0), (0.0, np.inf)])
+def test_move_raises_the_alarm_and_stays(velocity):
+    motion, home, alarm = moved(velocity)
+    assert alarm == 1 and home == 35
+    assert motion[:2] == pytest.approx([0.4, -0.4])
+
+
+def updated(load, *, table=None, kind=0, dt=0.01, gravity=0.0, damping=0.0):
+    flow, work = np.zeros((1, 4), np.float32), np.zeros((1, 2), np.float32)
+    rows = np.zeros((1, 8), np.float32) if table is None else np.array([table], np.float32)
+    node_of(np.array([load], np.float32), rows, flow, work, kind, dt, gravity, damping)
+    return flow[0].astype(float), work[0].astype(float)
+
+
+def test_node_follows_newton():
+    flow, work = updated([20.0, -10.0, 100.0, 50.0, 10.0, 0, 0, 0], gravity=9.81)
+    assert flow[:2] == pytest.approx([2.1, -1.0 + 0.05 - 0.0981])
+    assert flow[2:] == pytest.approx([0.1, 0.05 - 0.0981])
+    assert (work == 0).all()
+
+
+def test_local_damping_takes_a_share_of_the_force_against_the_motion():
+    flow, _ = updated([20.0, -10.0, 100.0, 50.0, 10.0, 0, 0, 0], damping=0.2)
+    assert flow[2:] == pytest.approx([0.08, 0.06])
+
+
+def test_water_pushes_with_its_force_per_volume_and_its_work_is_counted():
+    table = [0, 1, 0, 0, 300.0, 800.0, 0, 0]
+    flow, work = updated([0, 0, 0, 0, 10.0, 2.0, 0, 0], table=table)
+    assert flow[:2] == pytest.approx([0.6, 1.6])
+    assert work[1] == pytest.approx(0.5 * 0.01 * (600 * 0.6 + 1600 * 1.6))
+
+
+def test_work_of_contact_is_the_kinetic_energy_it_takes():
+    mass, dt = 10.0, 0.01
+    load = [20.0, -10.0, 0.0, 0.0, mass, 0, 0, 0]
+    flow, work = updated(load, table=[0, 1, 0.3, 0, 0, 0, 0, 0], kind=2, dt=dt)
+    before, after = np.array([2.0, -1.0]), flow[:2]
+    assert work[0] == pytest.approx(0.5 * mass * (before @ before - after @ after), rel=1e-5)
+
+
+def law(soil, stress, history, gradient, *, means=(0, 0, 0, 0), dt=1.0, share=0.0, averaged=False,
+        corrected=False):  # fmt: skip
+    """One call of the material law with everything around it; returns stress and history."""
+    state = np.array([stress], np.float32)
+    past = np.array([history], np.float32)
+    table = [np.array([row]) for row in material_constants(**soil)]
+    stress_of(
+        state, past, np.array([gradient], np.float32), np.array([means], np.float32), *table, dt,
+        share, averaged, corrected,
+    )  # fmt: skip
+    return state[0].astype(float), past[0].astype(float)
+
+
+STRONG = {"friction_angle": 0.0, "cohesion": 1e9, "youngs_modulus": 30e6, "poisson_ratio": 0.25}
+LOOSE = {"friction_angle": 0.5, "cohesion": 0.0, "youngs_modulus": 30e6, "poisson_ratio": 0.25}
+
+
+def test_f_bar_takes_the_volume_from_the_cell_and_the_shape_from_the_point():
+    gradient = (1e-3, 0.0, 0.0, -3e-3)
+    alone, _ = law(STRONG, (0,) * 4, (0,) * 4, gradient)
+    shared, past = law(STRONG, (0,) * 4, (0,) * 4, gradient, means=(5e-4, 3, 0, 0), averaged=True)
+    bulk = 30e6 / 1.5
+    assert alone[:3].mean() == pytest.approx(bulk * -2e-3, rel=1e-5)
+    assert shared[:3].mean() == pytest.approx(bulk * 5e-4, rel=1e-4)
+    assert past[0] == pytest.approx(5e-4)
+    assert shared[:3] - shared[:3].mean() == pytest.approx(alone[:3] - alone[:3].mean(), rel=1e-4)
+
+
+def test_pressure_relief_moves_the_mean_stress_towards_that_of_the_cell():
+    stress, means = (-10e3, -20e3, -30e3, 5e3), (0.0, 4.0, -12e3, 4.0)
+    new, _ = law(STRONG, stress, (0,) * 4, (0,) * 4, means=means, share=0.25, averaged=True)
+    assert new == pytest.approx([-8e3, -18e3, -28e3, 5e3])
+    opened, _ = law(
+        STRONG, stress, (0, 1e-3, 0, 0), (0,) * 4, means=means, share=0.25, averaged=True
+    )
+    assert opened == pytest.approx(stress), "opened soil has no part in it"
+
+
+def test_opened_soil_closes_before_it_resists():
+    swell, press = (2e-3, 0, 0, 2e-3), (-1.5e-3, 0, 0, -1.5e-3)
+    stress, history = law(LOOSE, (0,) * 4, (0,) * 4, swell, corrected=True)
+    assert np.abs(stress).max() < 1.0 and history[1] == pytest.approx(4e-3, rel=1e-4)
+    assert history[0] == pytest.approx(0.0, abs=1e-8), "opening is no volume of soil"
+    stress, history = law(LOOSE, stress, history, press, corrected=True)
+    assert stress[:3].mean() == pytest.approx(0.0, abs=5.0)
+    assert history[1] == pytest.approx(1e-3, rel=1e-3)
+    kept, _ = law(LOOSE, stress, history, press, corrected=True)
+    assert kept[:3].mean() == pytest.approx(-30e6 / 1.5 * 2e-3, rel=0.02)
+
+
+def test_plastic_work_is_summed_per_point():
+    soil = {**STRONG, "cohesion": 1e3}
+    _, history = law(soil, (0,) * 4, (0,) * 4, (0.01, 0.0, 0.0, -0.01))
+    shear = 30e6 / 2.5
+    elastic_strain = 2e3 / (2 * shear)  # hi - lo over 2 G
+    assert history[2] == pytest.approx(0.02 - elastic_strain, rel=1e-4)
+    assert history[3] == pytest.approx(1e3 * (0.02 - elastic_strain), rel=1e-3)
