@@ -31,6 +31,7 @@ from mpm_taichi.transfer import (
     pressure_relief,
     scatter,
     scatter_volume,
+    smooth_pressure,
     strain_increment,
     update_stress,
 )
@@ -129,6 +130,16 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
         return alarm
 
     @ti.func
+    def smooth_cell(n, columns, smoothing, swelling: A):
+        own = swelling[n]
+        if own[3] > 0.0:
+            own[1] = smooth_pressure(
+                own, swelling[n - 1], swelling[n + 1], swelling[n - columns],
+                swelling[n + columns], smoothing,
+            )  # fmt: skip
+            swelling[n] = own
+
+    @ti.func
     def settle_gather(
         p, cell, columns, motion: A, home: A, gradient: A, flow: A, swelling: A,
         atomic: ti.template(),
@@ -195,6 +206,7 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
         strain_point=strain_point,
         scatter_point=scatter_point,
         gather_and_move=gather_and_move,
+        smooth_cell=smooth_cell,
         settle_gather=settle_gather,
         settle_scatter=settle_scatter,
         point_energy=point_energy,

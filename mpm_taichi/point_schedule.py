@@ -36,6 +36,7 @@ from mpm_taichi.layout import (
     SETTLE_COURANT,
     SETTLING,
     SHARE,
+    SMOOTHING,
     SPEED,
     STEPS,
     SUBSTEPS,
@@ -63,6 +64,7 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
     gather_and_move = point.gather_and_move
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
+    smooth_cell = point.smooth_cell
 
     @ti.kernel
     def settle_step(
@@ -178,10 +180,14 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
                     swelling, True,
                 )  # fmt: skip
                 if alarm != 0:
-                    integers[slot, ALARM] = 1
+                    integers[slot, ALARM] = frame + 1
         for n in range(slots * nodes):
             if turn < integers[n // nodes, SUBSTEPS] and swelling[n][1] > 0.0:
                 swelling[n] = cell_means(swelling[n])
+        for n in range(slots * nodes):
+            slot = n // nodes
+            if turn < integers[slot, SUBSTEPS]:
+                smooth_cell(n, integers[slot, COLUMNS], numbers[slot, SMOOTHING], swelling)
 
     @ti.kernel
     def end_frame(

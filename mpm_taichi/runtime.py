@@ -8,6 +8,8 @@ chunk of frames is done.
 from __future__ import annotations
 
 import os
+import sys
+from contextlib import redirect_stdout
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +47,8 @@ def start(device: str, threads: int | None) -> int:
         return count
     arch = ti.cpu if device == "cpu" else ti.cuda
     try:
-        ti.init(arch=arch, cpu_max_num_threads=count, default_fp=ti.f32, log_level=ti.ERROR)
+        with redirect_stdout(sys.stderr):  # where Taichi says on what it starts
+            ti.init(arch=arch, cpu_max_num_threads=count, default_fp=ti.f32, log_level=ti.ERROR)
     except Exception as error:
         raise WorkFailed(f"device {device}: Taichi did not start: {error}") from error
     if ti.lang.impl.current_cfg().arch != arch:
@@ -132,6 +135,7 @@ class Slots:
         numbers[layout.DAMPING] = settings.local_damping
         relaxation = settings.pressure_relaxation * scene.wave_speed / scene.grid.cell
         numbers[layout.RELIEF] = relaxation
+        numbers[layout.SMOOTHING] = settings.pressure_smoothing
         self.home[where] = scene.home + slot * self.nodes
         self._lay_nodes(slot, scene)
 

@@ -40,6 +40,7 @@ from mpm_taichi.layout import (
     SETTLE_STEPS,
     SETTLE_TOLERANCE,
     SETTLING,
+    SMOOTHING,
     SPEED,
     STEPS,
     TOP_SPEED,
@@ -66,6 +67,7 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
     gather_and_move = point.gather_and_move
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
+    smooth_cell = point.smooth_cell
 
     @ti.func
     def average_cells(first_node, last_node, swelling: A):
@@ -150,6 +152,7 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                 columns = integers[slot, COLUMNS]
                 cell, volume = numbers[slot, CELL], numbers[slot, VOLUME]
                 gravity, damping = numbers[slot, GRAVITY], numbers[slot, DAMPING]
+                smoothing = numbers[slot, SMOOTHING]
                 if integers[slot, PHASE] == SETTLING:
                     settle(
                         slot, integers, numbers, motion, home, gradient, stress, row, elastic,
@@ -196,8 +199,12 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                                 history, flow, swelling, False,
                             )  # fmt: skip
                         average_cells(first_node, last_node, swelling)
+                        for n in range(first_node, last_node):
+                            smooth_cell(n, columns, smoothing, swelling)
                         step += 1
                     integers[slot, STEPS] += step
+                    if alarm != 0 and integers[slot, ALARM] == 0:
+                        integers[slot, ALARM] = frame + 1
                     frame_sums(
                         slot, frame, integers, numbers, motion, stress, history, row, elastic,
                         edges, sums,
@@ -208,6 +215,5 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                         places[slot, frame, p - first] = place(
                             p, first_node, columns, cell, motion, home
                         )
-                integers[slot, ALARM] |= alarm
 
     return run_scenes

@@ -225,7 +225,7 @@ class Flight:
         settings, frame_time = self.prepared.settings, self.prepared.frame_time
         count = len(self.prepared.order)
         origin = np.asarray(self.prepared.grid.origin, np.float32)
-        alarm = int(slots.integers[slot, layout.ALARM])
+        alarm = int(slots.integers[slot, layout.ALARM])  # frame of this chunk, from 1; 0: none
         if len(self.frames) == 1:
             slots.fetch()
             self.energies[0][layout.ELASTIC] = self._elastic(
@@ -238,7 +238,7 @@ class Flight:
             position = slots.places[slot, frame, :count] + origin
             sums = slots.sums[slot, frame].copy()
             now = len(self.frames) * frame_time
-            self.reason = self._fault(position, sums, alarm and frame == CHUNK - 1)
+            self.reason = self._fault(position, sums, alarm == frame + 1)
             if self.reason:
                 self.ended, self.failed_at = True, now
                 return
@@ -258,7 +258,7 @@ class Flight:
             return "a position or an energy is not a number"
         domain = self.scene.domain
         top = float(position[:, 1].max())
-        if top > domain.y_max + self.prepared.grid.cell:
+        if top > domain.y_max:  # there is a lid, which must not be taken for physics
             return f"left the domain: a point at y = {top:.1f} m, domain.y_max {domain.y_max:g} m"
         if domain.walls == "closed":
             slack = self.prepared.grid.cell

@@ -11,7 +11,7 @@ of the node; `gradient` of velocity [1/s]; `stress` [Pa]; `history` (volumetric 
 plastic shear strain, dissipated energy [J/m]); `row`, of the material. With a row per node: `load`
 (momentum x, y; internal force x, y; mass; volume, volume x k/2, volume x sin phi where asked for);
 `flow` (new velocity x, y; its change x, y); `swelling` (sum, then mean, of the divergence of
-velocity; points; sum, then mean, of mean stress; points that are closed).
+velocity; points, then smoothed mean stress; sum, then mean, of mean stress; closed points).
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -47,6 +47,22 @@ def cell_means(swelling):
 
 
 @ti.func
+def smooth_pressure(own, below, above, left, right, smoothing):
+    """Mean pressure of a cell, drawn towards a line through its neighbours above and beside it.
+
+    Each argument but the last is a row of `cell_means`. Cells of quadratic splines can alternate in
+    pressure without any force noticing; a linear pressure, as weight gives, is left as it is.
+    A direction counts only where both neighbours hold closed points.
+    """
+    bend = 0.0
+    if ti.min(below[3], above[3]) > 0.0:
+        bend += 0.25 * (2.0 * own[2] - below[2] - above[2])
+    if ti.min(left[3], right[3]) > 0.0:
+        bend += 0.25 * (2.0 * own[2] - left[2] - right[2])
+    return own[2] - smoothing * bend
+
+
+@ti.func
 def strain_increment(gradient, means, dt, averaged: ti.template()):
     """Volumetric strain increment of a point: its own, or the mean over its cell (F-bar)."""
     divergence = gradient[0] + gradient[3]
@@ -57,7 +73,7 @@ def strain_increment(gradient, means, dt, averaged: ti.template()):
 
 @ti.func
 def pressure_relief(stress, history, means, share, averaged: ti.template()):
-    """Change of mean stress [Pa] that brings a point nearer to its cell's mean.
+    """Change of mean stress [Pa] that brings a point nearer to its cell's smoothed mean.
 
     Without it, pressures that differ within a cell would drive its points apart for ever, since
     F-bar hides their own volume change from them. Opened points neither give nor take.
@@ -65,7 +81,7 @@ def pressure_relief(stress, history, means, share, averaged: ti.template()):
     relief = 0.0
     if ti.static(averaged):
         if history[1] <= 0.0 and means[3] > 0.0:
-            relief = share * (means[2] - (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0))
+            relief = share * (means[1] - (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0))
     return relief
 
 

@@ -143,9 +143,16 @@ class SimulationSettings(Settings):
     )
     pressure_relaxation: float = Field(
         1.0,
-        ge=0,
+        ge=0.05,
         description="rate at which the pressure of a point nears the mean of its cell, in units of "
-        "wave speed / cell; keeps F-bar stable, has no effect without volumetric_averaging",
+        "wave speed / cell; F-bar is not stable without; no effect without volumetric_averaging",
+    )
+    pressure_smoothing: float = Field(
+        0.02,
+        ge=0,
+        le=0.5,
+        description="share of pressure_relaxation that also draws a cell's pressure towards a line "
+        "through its neighbours, against pressures that alternate from cell to cell",
     )
     volume_correction: bool = Field(
         True, description="take back the volume that material points gain at the free surface"

@@ -134,6 +134,7 @@ def test_buoyancy_reduces_weight_by_the_water_displaced():
         {"volumetric_averaging": False},
         {"volume_correction": False},
         {"pressure_relaxation": 0.1},
+        {"pressure_smoothing": 0.0},
         {"initial_stress": "k0"},
         {"initial_stress": "gravity_on"},
         {"courant": 0.2},
