@@ -1,5 +1,6 @@
 """What the solver must reproduce: closed forms, experiments, convergence.
 
-Every module but `rows`, `lab` and `__main__` is one case: `TITLE`, and `run(folder, quick=False)`,
-which returns its `Row`s and draws `<folder>/<case>.png` (no picture where `folder` is None).
+A module with a `TITLE` and a `run(folder, quick=False)` is a case: `run` returns its `Row`s and
+draws `<folder>/<case>.png` (no picture where `folder` is None); its docstring explains it in
+`docs/verification.md`. The other modules are what the cases share, and the command.
 """

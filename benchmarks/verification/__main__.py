@@ -15,10 +15,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.verification import record
+from benchmarks.verification import document, record
 from pipeline.cli import CommandParser, InputError, base_parser, main_exit
-
-PICTURES = record.ROOT / "docs" / "images" / "verification"
 
 
 def parser() -> CommandParser:
@@ -28,6 +26,9 @@ def parser() -> CommandParser:
         "Closed forms, experiments and convergence: measured figures beside what they must be.",
     )
     result.add_argument("cases", nargs="*", metavar="CASE", help="cases to run; none: all")
+    result.add_argument(
+        "--page", action="store_true", help="run nothing, renew the page from what is stored"
+    )
     result.add_argument("--list", action="store_true", help="print the names of the cases")
     result.add_argument(
         "--quick",
@@ -56,12 +57,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.list:
         print("\n".join(known))
         return 0
+    if options.page:
+        document.write_documents(record.read_records())
+        return 0
     for name in options.cases:
         if name not in known:
             raise InputError(f"case {name!r} is unknown: allowed are {', '.join(known)}")
     wanted = record.in_order(options.cases or known)
     stored = record.read_records()
-    folder = options.out or (None if options.quick else PICTURES)
+    folder = options.out or (None if options.quick else document.PICTURES)
     done: dict[str, record.Record] = {}
     for name in wanted:
         if options.resume and not options.quick and is_current(name, stored.get(name)):
@@ -103,7 +107,7 @@ def store(name: str, entry: record.Record) -> None:
     records = {case: old for case, old in record.read_records().items() if case in known}
     records[name] = entry
     record.write_records(records)
-    record.write_documents(record.read_records())
+    document.write_documents(record.read_records())
 
 
 def print_table(records: dict[str, record.Record]) -> None:
@@ -116,7 +120,7 @@ def print_table(records: dict[str, record.Record]) -> None:
     table.add_column("", no_wrap=True)
     for name, entry in records.items():
         for row in record.rows_of(entry):
-            *texts, verdict = record.cells(row)
+            *texts, verdict = document.cells(row)
             style = "green" if row.passed else "bold red"
             table.add_row(name, row.quantity, *texts, f"[{style}]{verdict}[/]")
         if entry["error"]:

@@ -4,6 +4,10 @@ Random trial stresses of soils of every kind (phi = 0 with and without a tension
 a cap at or below the apex) are returned by the solver in float32 and by the enumeration of
 `mohr_coulomb_reference` in float64; random strain paths with rotation are followed by both.
 Three paths have a closed form; a full turn without strain must keep the stress.
+
+The regions: elastic, shear on the main plane and on both edges, tension with one, two and three
+stresses at the cap, the corners of both, and the apex. Each answer of the reference meets all
+conditions of Koiter to rounding, and no second answer does. What limits it: float32.
 """
 
 from __future__ import annotations

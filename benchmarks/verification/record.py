@@ -1,7 +1,7 @@
-"""What has been verified: one record per case in `results.json`, and the table made of it.
+"""What has been verified: one record per case, kept in `results.json`.
 
 A record is written as soon as its case is done, so an interrupted run keeps what it had, and a run
-of one case leaves the others as they were.
+of one case leaves the others as they were. `document` makes the tables and the page of them.
 """
 
 from __future__ import annotations
@@ -16,15 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.verification.rows import Row
-from pipeline.files import read_json, write_json, write_text
+from pipeline.files import read_json, write_json
 from pipeline.manifest import code_version, machine, package_versions
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 RESULTS = HERE / "results.json"
-PAGE = ROOT / "docs" / "verification.md"
-FRAGMENT = ROOT / "docs" / "verification-table.md"
-BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
 
 ORDER = ("material_paths", "elastic_column", "block_on_incline", "free_motion")
 """Cases that come first in the table, from the single point to the moving mass; others follow."""
@@ -99,94 +96,19 @@ def passed(record: Record) -> bool:
     return not record["error"] and all(row.passed for row in rows_of(record))
 
 
-def read_records(path: Path = RESULTS) -> dict[str, Record]:
+def read_records(path: Path | None = None) -> dict[str, Record]:
     """All records, by case, in the order of the table; none where there is no file."""
+    path = path or RESULTS
     if not path.exists():
         return {}
     stored = read_json(path)["cases"]
     return {name: stored[name] for name in in_order(stored)}
 
 
-def write_records(records: Mapping[str, Record], path: Path = RESULTS) -> None:
+def write_records(records: Mapping[str, Record], path: Path | None = None) -> None:
     """Write all records, whole or not at all."""
     ordered = {name: records[name] for name in in_order(list(records))}
-    write_json(path, {"cases": ordered})
-
-
-def cells(row: Row) -> tuple[str, str, str, str, str]:
-    """Measured, reference, error, tolerance and verdict of a row as text."""
-    unit = f" {row.unit}" if row.unit else ""
-    verdict = "pass" if row.passed else "FAIL"
-    measured, reference = f"{number(row.measured)}{unit}", f"{number(row.reference)}{unit}"
-    if row.bound:
-        return measured, "", "", f"≤ {reference}", verdict
-    if row.absolute:
-        error, tolerance = f"{row.error:+.2g}{unit}", f"± {number(row.tolerance)}{unit}"
-    else:
-        error, tolerance = f"{100 * row.error:+.2g} %", f"± {number(100 * row.tolerance)} %"
-    return (
-        f"{number(row.measured)}{unit}",
-        f"{number(row.reference)}{unit}",
-        error,
-        tolerance,
-        verdict,
-    )
-
-
-def number(value: float) -> str:
-    """A number as people write it: four figures, powers of ten only where they help."""
-    if value == 0 or not math.isfinite(value):
-        return f"{value:g}"
-    return f"{value:.4g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.1e}"
-
-
-def markdown_table(records: Mapping[str, Record]) -> str:
-    """The whole table as markdown, with a line on how much of it passes."""
-    lines = [
-        "| case | quantity | measured | reference | error | tolerance | |",
-        "|---|---|---:|---:|---:|---:|---|",
-    ]
-    total = good = 0
-    for name, record in records.items():
-        link = f"[{name}](#{name})"
-        if record["error"]:
-            lines.append(
-                f"| {link} | did not run to its end: {record['error']} | | | | | **FAIL** |"
-            )
-            total += 1
-        for row in rows_of(record):
-            *texts, verdict = cells(row)
-            verdict = verdict if row.passed else f"**{verdict}**"
-            quantity = row.quantity + (f" ({row.note})" if row.note else "")
-            lines.append(f"| {link} | {quantity} | {' | '.join(texts)} | {verdict} |")
-            total, good = total + 1, good + row.passed
-    dates = sorted({record["made"] for record in records.values()})
-    span = " to ".join(dict.fromkeys([dates[0], dates[-1]])) if dates else "never"
-    lines.append("")
-    lines.append(
-        f"{good} of {total} rows within their tolerance; {len(records)} cases, run {span}. "
-        "Dates, versions and every digit: `benchmarks/verification/results.json`."
-    )
-    return "\n".join(lines) + "\n"
-
-
-def write_documents(
-    records: Mapping[str, Record], page: Path = PAGE, fragment: Path = FRAGMENT
-) -> None:
-    """Write the table as a fragment, and between the markers of the page."""
-    table = markdown_table(records)
-    write_text(fragment, table)
-    if page.exists():
-        write_text(page, with_table(page.read_text(encoding="utf-8"), table))
-
-
-def with_table(text: str, table: str) -> str:
-    """The text of a page with everything between its markers replaced by `table`."""
-    before, found, rest = text.partition(BEGIN)
-    _, also_found, after = rest.partition(END)
-    if not (found and also_found):
-        raise ValueError(f"the page has no markers {BEGIN} ... {END}")
-    return f"{before}{BEGIN}\n{table}{END}{after}"
+    write_json(path or RESULTS, {"cases": ordered})
 
 
 def _plain(row: Row) -> dict[str, Any]:
