@@ -20,7 +20,8 @@ FRAGMENT = ROOT / "docs" / "verification-table.md"
 PICTURES = ROOT / "docs" / "images" / "verification"
 SUMMARY = ("<!-- summary: begin -->", "<!-- summary: end -->")
 SECTIONS = ("<!-- cases: begin -->", "<!-- cases: end -->")
-"""Markers of the page between which text is generated."""
+TABLE = ("<!-- table: begin -->", "<!-- table: end -->")
+"""Markers of pages between which text is generated; `TABLE` is for the pages of other studies."""
 
 HEADINGS = (
     "| quantity | measured | reference | error | tolerance | |\n|---|---:|---:|---:|---:|---|\n"
