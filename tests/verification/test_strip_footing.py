@@ -1,0 +1,15 @@
+from __future__ import annotations
+
+from benchmarks.verification import strip_footing
+
+
+def test_quick_version_is_within_tolerance(tmp_path):
+    for row in strip_footing.run(tmp_path, quick=True):
+        assert row.passed, row
+    assert (tmp_path / "strip_footing.png").stat().st_size > 10_000
+
+
+def test_averaging_lowers_the_load():
+    assert strip_footing.press(0.2, averaged=True).limit < (
+        0.95 * strip_footing.press(0.2, averaged=False).limit
+    )
