@@ -83,7 +83,7 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
         means = swelling[home[p]]
         velocity_gradient = gradient[p]
         old = history[p]
-        volumetric = strain_increment(velocity_gradient, means, dt, averaged)
+        volumetric = strain_increment(velocity_gradient, old[1], means, dt, averaged)
         relief = pressure_relief(stress[p], old, means, share, averaged)
         new_stress, new = update_stress(
             stress[p], velocity_gradient, old, volumetric, relief, dt, volume, elastic[r],
@@ -121,7 +121,8 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
             divergence = velocity_gradient[0] + velocity_gradient[3]
             s = stress[p]
             closed = ti.select(history[p][1] <= 0.0, 1.0, 0.0)
-            sums = vec4(divergence, 1.0, closed * (s[0] + s[1] + s[2]) * (1.0 / 3.0), closed)
+            pressure = (s[0] + s[1] + s[2]) * (1.0 / 3.0)
+            sums = closed * vec4(divergence, 0.0, pressure, 1.0)
             if ti.static(atomic):
                 for k in ti.static(range(4)):
                     ti.atomic_add(swelling[node][k], sums[k])
@@ -148,9 +149,9 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
         _, velocity_gradient = gather(flow, node, columns, motion[p], cell)
         gradient[p] = velocity_gradient
         if ti.static(averaged):
-            sums = vec4(velocity_gradient[0] + velocity_gradient[3], 1.0, 0.0, 0.0)
+            sums = vec4(velocity_gradient[0] + velocity_gradient[3], 0.0, 0.0, 1.0)
             if ti.static(atomic):
-                for k in ti.static(range(2)):
+                for k in ti.static(range(4)):
                     ti.atomic_add(swelling[node][k], sums[k])
             else:
                 swelling[node] = swelling[node] + sums
@@ -162,7 +163,7 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
     ):  # fmt: skip
         r = row[p]
         node = home[p]
-        volumetric = strain_increment(gradient[p], swelling[node], dt, averaged)
+        volumetric = strain_increment(gradient[p], 0.0, swelling[node], dt, averaged)
         zero = vec4(0.0, 0.0, 0.0, 0.0)
         new_stress, _ = update_stress(
             stress[p], gradient[p], zero, volumetric, 0.0, dt, volume, elastic[r], strength[r],

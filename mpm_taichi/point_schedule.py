@@ -83,7 +83,7 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
                     swelling, True,
                 )  # fmt: skip
         for n in range(slots * nodes):
-            if integers[n // nodes, PHASE] == SETTLING and swelling[n][1] > 0.0:
+            if integers[n // nodes, PHASE] == SETTLING and swelling[n][3] > 0.0:
                 swelling[n] = cell_means(swelling[n])
         for p in range(slots * points):
             slot = p // points
@@ -182,7 +182,7 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
                 if alarm != 0:
                     integers[slot, ALARM] = frame + 1
         for n in range(slots * nodes):
-            if turn < integers[n // nodes, SUBSTEPS] and swelling[n][1] > 0.0:
+            if turn < integers[n // nodes, SUBSTEPS] and swelling[n][3] > 0.0:
                 swelling[n] = cell_means(swelling[n])
         for n in range(slots * nodes):
             slot = n // nodes

@@ -72,7 +72,7 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
     @ti.func
     def average_cells(first_node, last_node, swelling: A):
         for n in range(first_node, last_node):
-            if swelling[n][1] > 0.0:
+            if swelling[n][3] > 0.0:
                 swelling[n] = cell_means(swelling[n])
 
     @ti.func

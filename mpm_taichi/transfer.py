@@ -36,13 +36,13 @@ def spline_weights(offset):
 
 @ti.func
 def cell_means(swelling):
-    """Means over the points of a cell from their sums: (divergence, points, pressure, closed).
+    """Means over the closed points of a cell from their sums: (divergence, 0, pressure, points).
 
     The cell of F-bar is the knot span around a node, in which the velocity is one polynomial.
     """
     means = swelling
-    means[0] /= ti.max(swelling[1], 1.0)
-    means[2] /= ti.max(swelling[3], 1.0)
+    means[0] /= swelling[3]
+    means[2] /= swelling[3]
     return means
 
 
@@ -63,11 +63,15 @@ def smooth_pressure(own, below, above, left, right, smoothing):
 
 
 @ti.func
-def strain_increment(gradient, means, dt, averaged: ti.template()):
-    """Volumetric strain increment of a point: its own, or the mean over its cell (F-bar)."""
+def strain_increment(gradient, opened, means, dt, averaged: ti.template()):
+    """Volumetric strain increment of a point: its own, or the mean over its cell (F-bar).
+
+    A point that has opened goes by its own: it moves freely, and its cell must not feel it.
+    """
     divergence = gradient[0] + gradient[3]
     if ti.static(averaged):
-        divergence = means[0]
+        if opened <= 0.0 and means[3] > 0.0:
+            divergence = means[0]
     return dt * divergence
 
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from geometry.scene import scene_from_mapping
+from geometry.templates import draw_scene
 from mpm_taichi import simulate as simulation
 from mpm_taichi.initial_state import prepare
 from mpm_taichi.simulate import simulate
 from pipeline.cli import InputError
-from pipeline.config import SimulationSettings
+from pipeline.config import SimulationSettings, load_config
 
 
 def slump(**changes):
@@ -177,3 +178,13 @@ def test_energy_account_closes():
     assert 0.0 <= run.audit["numerical_share"] < 0.2
     assert sum(shares) == pytest.approx(1.0, abs=0.02)
     assert run.energy["kinetic"][-1] < 0.01 * run.energy["kinetic"].max()
+
+
+def test_opening_soil_creates_no_energy():
+    """Opened points within F-bar cells once fed energy to frictional scenes of the small scale."""
+    config = load_config(None)
+    settings = config.simulation_for("small").model_copy(update={"duration_s": 6.0})
+    run = simulate([draw_scene(config, "small", 882)], settings)[0]
+    assert run.status == "finished", run.reason
+    assert run.audit["volume_opened"] > 1e-4, "the scene must open, or nothing is tested"
+    assert 0.0 <= run.audit["numerical_share"] < 0.15
