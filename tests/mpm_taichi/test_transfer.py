@@ -99,7 +99,7 @@ def stress_of(
     edges: VEC4, dt: ti.f32, share: ti.f32, averaged: ti.template(), corrected: ti.template(),
 ):  # fmt: skip
     for p in stress:
-        volumetric = strain_increment(gradient[p], means[p], dt, averaged)
+        volumetric = strain_increment(gradient[p], history[p][1], means[p], dt, averaged)
         relief = pressure_relief(stress[p], history[p], means[p], share, averaged)
         new, past = update_stress(
             stress[p], gradient[p], history[p], volumetric, relief, dt, 1.0, elastic[p],
@@ -318,12 +318,16 @@ LOOSE = {"friction_angle": 0.5, "cohesion": 0.0, "youngs_modulus": 30e6, "poisso
 def test_f_bar_takes_the_volume_from_the_cell_and_the_shape_from_the_point():
     gradient = (1e-3, 0.0, 0.0, -3e-3)
     alone, _ = law(STRONG, (0,) * 4, (0,) * 4, gradient)
-    shared, past = law(STRONG, (0,) * 4, (0,) * 4, gradient, means=(5e-4, 0, 0, 0), averaged=True)
+    shared, past = law(STRONG, (0,) * 4, (0,) * 4, gradient, means=(5e-4, 0, 0, 3), averaged=True)
     bulk = 30e6 / 1.5
     assert alone[:3].mean() == pytest.approx(bulk * -2e-3, rel=1e-5)
     assert shared[:3].mean() == pytest.approx(bulk * 5e-4, rel=1e-4)
     assert past[0] == pytest.approx(5e-4)
     assert shared[:3] - shared[:3].mean() == pytest.approx(alone[:3] - alone[:3].mean(), rel=1e-4)
+    opened, _ = law(
+        STRONG, (0,) * 4, (0, 1e-3, 0, 0), gradient, means=(5e-4, 0, 0, 3), averaged=True
+    )
+    assert opened == pytest.approx(alone), "opened soil goes by its own volume"
 
 
 def test_pressure_relief_moves_the_mean_stress_towards_that_of_the_cell():
