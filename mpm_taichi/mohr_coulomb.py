@@ -124,7 +124,10 @@ def return_to_yield(trial, elastic, strength, edges):
             new = principal_return(hi, mid, lo, excess, elastic, strength, edges)
             lost = ti.Vector([hi, mid, lo]) - new
             pressure = (new[0] + new[1] + new[2]) * (1.0 / 3.0)
-            pressure_lost = (lost[0] + lost[1] + lost[2]) * (1.0 / 3.0)
+            # Shear keeps the mean stress: what rounding leaves of it must not pass for an opening.
+            pressure_lost = 0.0
+            if new[0] >= cap:
+                pressure_lost = (lost[0] + lost[1] + lost[2]) * (1.0 / 3.0)
             shear = (lost[0] - lost[2]) * elastic[2]
             opening = pressure_lost * elastic[3]
             work = (new.dot(lost) - 3.0 * pressure * pressure_lost) * elastic[2] + (

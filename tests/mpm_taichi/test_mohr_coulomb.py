@@ -171,9 +171,6 @@ def test_shear_return_keeps_the_mean_stress(soil, trial):
     assert abs(plastic[0, 1]) < slack / soil.bulk_modulus
 
 
-@pytest.mark.xfail(
-    strict=True, reason="rounding on the edges: opening of 1e-9 marks the point opened"
-)
 def test_without_a_cap_nothing_ever_opens():
     soil = SOILS["phi = 0"]
     _, plastic = solver_return(random_trials(soil, 2000, np.random.default_rng(4)), soil)
