@@ -12,7 +12,7 @@ by default. Three comparisons with the digitised experiment:
 What is off: the toe. One or two hundredths of the mass, a layer of two or three points, slide
 ahead of the body of the deposit, 10 to 17 % beyond the measured toe. It is not a matter of the
 ground: sheets of one to four points thrown along it stop within 1 to 6 % of v^2 / (2 g sin(phi)),
-on rough and on Coulomb ground alike. It does not vanish with the cell (toe at 0.465, 0.490, 0.488 m
+on rough and on Coulomb ground alike. It does not vanish with the cell (toe at 0.465, 0.489, 0.488 m
 for points 2.5, 2, 1.25 mm apart), and bonded ground, 0.444 m at 2.5 mm, only hides it behind a drag
 that vanishes with the cell (0.470 m at 1.25 mm). What the model lacks is friction that rises where
 grains flow fast in a thin layer. If 19.8 degrees were the angle of a shear box, the angle of the
@@ -166,7 +166,7 @@ def draw(path: Path, bars: Bars, result: Run, rows: list[Row]) -> None:
     spacing = result.scene.spacing
     start, end = result.positions[0], result.positions[-1]
     moved = np.hypot(*(end - start).T)
-    figure, axes = plt.subplots(figsize=(11, 4.0))
+    figure, axes = plt.subplots(figsize=(11, 3.1), layout="constrained")
     shown = axes.scatter(
         1e3 * end[:, 0], 1e3 * end[:, 1], c=1e3 * np.maximum(moved, 1e-4), s=7, linewidths=0,
         cmap="cividis", norm="log", vmin=0.5, vmax=200,
@@ -190,7 +190,6 @@ def draw(path: Path, bars: Bars, result: Run, rows: list[Row]) -> None:
                       color=colour)  # fmt: skip
     axes.set(xlim=(0, 540), ylim=(-3, 112), xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     axes.legend(loc="upper right", fontsize=9)
-    figure.colorbar(shown, ax=axes, label="displacement [mm]", shrink=0.75, pad=0.01)
-    figure.tight_layout()
+    figure.colorbar(shown, ax=axes, label="displacement [mm]", pad=0.01, aspect=15)
     figure.savefig(path, dpi=130)
     plt.close(figure)

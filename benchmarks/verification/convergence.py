@@ -102,24 +102,33 @@ def _draw(path: Path, all_found: dict, spacing: float) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(
-        len(all_found), 1, figsize=(10, 2.6 * len(all_found)), layout="constrained", squeeze=False
+        len(all_found), 1, figsize=(10.5, 2.5 * len(all_found)), layout="constrained", squeeze=False
     )
     styles = {"base": ("k", "-"), "dt/2": ("#0072B2", "--"), "dx/2": ("#D55E00", "-"),
               "more S_r": ("#999999", ":")}  # fmt: skip
+    names = {"base": "base", "dt/2": "dt/2", "dx/2": "dx/2", "more S_r": "5 % more S_r"}
     for ax, (name, found) in zip(axes[:, 0], all_found.items(), strict=True):
         for label, (runout, position, scene) in found.items():
-            x = np.linspace(position[:, 0].min() - 2, position[:, 0].max() + 2, 400)
-            y = surface_profile(
-                position, scene.spacing**2, x, spacing=spacing, ground=scene.ground.lowest
-            )
             colour, line = styles[label]
-            ax.plot(x, y, line, color=colour, label=f"{label}: runout {runout:.1f} m")
+            x, y = _surface(position, scene, spacing)
+            ax.plot(x, y, line, color=colour, label=f"{names[label]}: runout {runout:.1f} m")
         ax.set_title(f"{name}, from {spacing:g} m", loc="left", fontsize=10)
-        ax.set_aspect("equal")
         ax.set_ylabel("y (m)")
-        ax.legend(frameon=False, fontsize=8)
+        ax.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5))
         ax.grid(alpha=0.3)
-    axes[-1, 0].set_xlabel("x (m)")
+    axes[-1, 0].set_xlabel("x (m); heights are drawn larger than lengths")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
+
+
+def _surface(position: np.ndarray, scene: Scene, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Final surface, x and y [m]; a closed wall on the left is a mirror for the smoothing."""
+    left = position[:, 0].min()
+    wall = scene.domain.x_min
+    if scene.domain.walls == "closed" and left < wall + 2 * spacing:
+        position = np.concatenate([position, (2 * wall, 0.0) + position * (-1.0, 1.0)])
+        left = wall
+    x = np.linspace(left, position[:, 0].max() + 2, 400)
+    base = scene.ground.lowest
+    return x, surface_profile(position, scene.spacing**2, x, spacing=spacing, ground=base)
