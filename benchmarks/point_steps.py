@@ -116,8 +116,8 @@ def main() -> None:
         best = many["batch"].max() / many["one scene"].max()
         median = np.median(many["batch"] / many["one scene"])
         print(
-            f"{options.threads} threads: batch {many['batch'].max():.1f} best; batch / one scene, which "
-            f"one thread runs: {best:.2f} of the best, {median:.2f} median"
+            f"{options.threads} threads: batch {many['batch'].max():.1f} best; batch / one scene, "
+            f"which one thread runs: {best:.2f} of the best, {median:.2f} median"
         )
 
 

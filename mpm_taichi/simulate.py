@@ -258,7 +258,7 @@ class Flight:
             return "a position or an energy is not a number"
         domain = self.scene.domain
         top = float(position[:, 1].max())
-        if top > domain.y_max:  # there is a lid, which must not be taken for physics
+        if domain.walls == "open" and top > domain.y_max - self.scene.spacing:  # at the lid
             return f"left the domain: a point at y = {top:.1f} m, domain.y_max {domain.y_max:g} m"
         if domain.walls == "closed":
             slack = self.prepared.grid.cell
@@ -305,6 +305,8 @@ class Flight:
         domain, near = self.scene.domain, self.scene.spacing
         if domain.walls == "open":
             return
+        if position[:, 1].max() > domain.y_max - near:
+            self.contact.setdefault("top", now)
         if position[:, 0].min() < domain.x_min + near:
             self.contact.setdefault("left", now)
         if position[:, 0].max() > domain.x_max - near:

@@ -191,3 +191,18 @@ def test_opening_soil_creates_no_energy():
     assert run.status == "finished", run.reason
     assert run.audit["volume_opened"] > 1e-4, "the scene must open, or nothing is tested"
     assert 0.0 <= run.audit["numerical_share"] < 0.15
+
+
+def test_top_of_a_closed_domain_is_a_lid_of_an_open_one_the_end():
+    thrown = {**slump().model_dump()["zones"][0], "initial_velocity": (0.0, 14.0)}
+    box = {"x_min": 0, "x_max": 60, "y_max": 12}
+    closed, opened = simulate(
+        [
+            slump(zones=[thrown], domain={**box, "walls": "closed"}),
+            slump(zones=[thrown], domain={**box, "walls": "open"}),
+        ],
+        SHORT,
+    )
+    assert closed.status == "finished" and closed.wall_contact["top"] > 0.0
+    assert closed.positions[..., 1].max() < 12 + 2
+    assert opened.status == "failed" and "domain.y_max 12 m" in opened.reason
