@@ -5,17 +5,15 @@ holds it back with its full strength, its profile is
 
     h^2 - pi B h = 2 B (x_f - x).                                                            (1)
 
-Derived here twice, with the same result:
-
-1. Balance of a slice. The shear stress falls linearly from S_r at the base to 0 at the surface,
-   S_r (1 - s) with s = y / h. The layer stretches, so at yield (Tresca, plane strain) sigma_xx
-   exceeds sigma_yy = -rho g (h - y) by 2 sqrt(S_r^2 - tau^2). Over the height that gives the
-   section force N = -rho g h^2 / 2 + 2 S_r h (pi / 4), the area under a quarter of a circle. The
-   ground pulls with -S_r, so dN/dx = S_r, and from the toe, where N = 0: N = -S_r (x_f - x). With
-   N inserted this is (1). N = -S_r (x_f - x) is plain statics and holds whatever the front looks
-   like; the yield state is exact for a uniform layer (Prandtl's compressed layer, Nye's glacier
-   1951) and wrong by terms of order (B / h)^2 where h changes slowly.
-2. The pressure of a smooth base would give h^2 - 4 B h (Rankine): pi is what base shear leaves.
+Derived here from the balance of a slice. The shear stress falls linearly from S_r at the base to
+0 at the surface. The layer stretches, so at yield (Tresca, plane strain) sigma_xx exceeds
+sigma_yy = -rho g (h - y) by 2 sqrt(S_r^2 - tau^2). Over the height that gives the section force
+N = -rho g h^2 / 2 + 2 S_r h (pi / 4), the area under a quarter of a circle (without base shear it
+would be 2 S_r h: 4 B in place of pi B). The ground pulls with -S_r, so dN/dx = S_r, and from the
+toe, where N = 0: N = -S_r (x_f - x). With N inserted this is (1). The last equation is plain
+statics, whatever the front looks like, and the picture shows it measured; the yield state is exact
+for a uniform layer (Prandtl's compressed layer; Nye 1951 for glaciers) and wrong by terms of order
+(B / h)^2 where h changes slowly.
 
 So x_f is the toe, where the ground contact ends; (1) itself ends there with a blunt face of
 height pi B, which real soil rounds off. The area under (1),
