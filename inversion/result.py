@@ -1,0 +1,276 @@
+"""The answer of a back-analysis as a document: `result.json`, with its JSON schema.
+
+Lengths in m, strengths in kPa, angles in degrees, times in s. Whatever depends on the clock or the
+machine stands in `manifest`, `timings` and `iterations[].seconds`; all else is the same when a
+question is asked again, or when a killed run is continued.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from inversion.question import Question
+from pipeline.config import validate_settings
+from pipeline.files import read_json, write_json
+
+FILE_NAME = "result.json"
+SCHEMA_FILE = Path("config/result.schema.json")
+
+Role = Literal["fitted", "held out", "compared", "constructed"]
+
+
+class Part(BaseModel):
+    """Base of every part: unknown keys and numbers that are not finite are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ParameterAnswer(Part):
+    """One sought number."""
+
+    name: str = Field(description="name in the question")
+    label: str = Field(description="in words")
+    zones: list[str] = Field(description="zones that share it")
+    property: str = Field(description="cohesion_kpa, friction_deg or density")
+    unit: str = Field(description="kPa, deg or kg/m3")
+    value: float = Field(description="the answer")
+    start: float = Field(description="first guess")
+    low: float = Field(description="lower bound")
+    high: float = Field(description="upper bound")
+    std_data: float = Field(
+        description="standard deviation from the survey's error, the other parameters unknown too"
+    )
+    std_by_source: dict[str, float] = Field(
+        description="change for one standard deviation of everything else that was tried, by name"
+    )
+    std_total: float = Field(description="root of the sum of the squares of all of them")
+    interval_95: tuple[float, float] = Field(description="95 % of the total, cut at the bounds")
+    at_bound: Literal["low", "high"] | None = Field(description="the bound it rests on")
+    determined: bool = Field(description="False: the data leave it as wide as it was before them")
+    prior_std: float = Field(
+        description="standard deviation beforehand: the prior's, or the bounds' width / sqrt(12)"
+    )
+    has_prior: bool = Field(description="the question gives a prior")
+    sigma_v0_kpa: float | None = Field(
+        description="mean vertical effective stress of its zones before failure; null: no strength"
+    )
+    sigma_v0_std_kpa: float | None = Field(description="spread of it within the zones")
+    ratio: float | None = Field(description="value / sigma_v0_kpa")
+    ratio_std: float | None = Field(
+        description="standard deviation of the ratio; an assumption that moves both is applied to "
+        "both"
+    )
+
+
+class Correlation(Part):
+    """Correlation of the parameters' errors given the data."""
+
+    names: list[str] = Field(description="parameters, in the order of rows and columns")
+    matrix: list[list[float]] = Field(description="1 on the diagonal")
+
+
+class Undetermined(Part):
+    """A direction in which the parameters can move without the data noticing."""
+
+    direction: dict[str, float] = Field(
+        description="components by parameter, in units of the standard deviation beforehand"
+    )
+    words: str = Field(description="the same in words")
+    remaining: float = Field(
+        description="standard deviation along it after the data / before; 1: they say nothing"
+    )
+
+
+class EquallyGood(Part):
+    """Another set of values that fits as well."""
+
+    along: int = Field(description="number of the direction in `undetermined` it was found along")
+    values: dict[str, float] = Field(description="parameters by name")
+    predicted: dict[str, float] = Field(description="fitted measurements by name")
+    loss: float = Field(description="m2 for the paper's loss, else standardised")
+    at_bound: list[str] = Field(description="parameters that rest on a bound there")
+
+
+class Answer(Part):
+    """What was found."""
+
+    parameters: list[ParameterAnswer]
+    loss: float = Field(description="at the answer")
+    loss_unit: Literal["m2", "standardised"]
+    tolerance: float = Field(description="loss at which the search may end")
+    reached: bool = Field(description="the loss is below the tolerance")
+    method: Literal["gauss_newton", "lbfgsb"]
+    words: str = Field(description="how the search ended")
+    correlation: Correlation
+    undetermined: list[Undetermined]
+    equally_good: list[EquallyGood]
+    derivative: dict[str, dict[str, float]] = Field(
+        description="measurement -> parameter -> derivative at the answer, m per outside unit"
+    )
+    derivative_resolved: dict[str, bool] = Field(
+        description="parameter -> its steps changed some fitted measurement by 5 times the noise"
+    )
+    steps: dict[str, float] = Field(description="parameter -> finite-difference step, outside unit")
+
+
+class Iteration(Part):
+    """One look at the engine: a forward run with its derivative, or a run of the scan."""
+
+    iteration: int = Field(description="0: the start, and the scan where there was one")
+    kind: Literal["start", "scan", "lbfgsb", "gauss_newton"]
+    accepted: bool = Field(description="False: a step that made it worse and was taken back")
+    values: dict[str, float] = Field(description="parameters by name")
+    loss: float | None = Field(description="null: the run failed")
+    predicted: dict[str, float] = Field(description="all measured quantities by name")
+    runs_so_far: int = Field(description="simulations asked for up to here, noise seeds included")
+    seconds: float = Field(description="since the beginning; near 0 where runs were kept")
+
+
+class Start(Part):
+    """The same question from another first guess."""
+
+    start: dict[str, float]
+    answer: dict[str, float]
+    loss: float
+    reached: bool
+    iterations: int
+    runs: int
+    words: str
+
+
+class VariantAnswer(Part):
+    """The answer under another reading of the question."""
+
+    name: str
+    words: str = Field(description="what is different")
+    values: dict[str, float] = Field(description="parameters by name")
+    ratios: dict[str, float] = Field(description="strength / sigma'_v0 there, by name")
+    loss: float
+    reached: bool
+    predicted: dict[str, float] = Field(description="measured quantities by name")
+    measured: dict[str, float] = Field(description="fitted targets by name")
+    at_bound: list[str]
+    words_end: str = Field(description="how its search ended")
+
+
+class Side(Part):
+    """One of the changes of a sensitivity, and the answer with it."""
+
+    words: str = Field(description="what was changed, and by how much")
+    values: dict[str, float]
+    change: dict[str, float] = Field(description="values minus the answer's")
+    ratio_change: dict[str, float] = Field(description="change of strength / sigma'_v0")
+    predicted_before: dict[str, float] = Field(
+        description="fitted measurements with the change, at the answer's values"
+    )
+    predicted: dict[str, float] = Field(description="fitted measurements at `values`")
+    loss: float
+    reached: bool = Field(description="False: only the linear estimate is known")
+
+
+class SensitivityAnswer(Part):
+    """What one assumption does to the answer."""
+
+    name: str
+    kind: str
+    words: str
+    change: dict[str, float] = Field(description="of the side that changes the answer most")
+    std: dict[str, float] = Field(description="root mean square over the sides: its contribution")
+    sides: list[Side]
+
+
+class MeasurementAnswer(Part):
+    """Measured against predicted, one number."""
+
+    name: str = Field(description="as in the engine; a profile has one line for each place")
+    group: str = Field(description="name of the measurement it belongs to")
+    type: str
+    unit: str
+    measured: float | None = Field(description="null for a reading without a measurement")
+    low: float | None
+    high: float | None
+    std: float | None
+    predicted: float
+    predicted_at_start: float = Field(description="before anything moved; nothing is subtracted")
+    difference_in_std: float | None
+    role: Role
+    confidence: str
+    source: str
+    by_eye: float | None = Field(description="the toe by the naked eye, for a toe")
+
+
+class SeedAnswer(Part):
+    """The answer on points that were jittered with another seed."""
+
+    seed: int
+    values: dict[str, float]
+    predicted_before: dict[str, float] = Field(description="at the answer's values")
+    loss: float
+    reached: bool
+
+
+class Noise(Part):
+    """How much the numbers depend on where exactly the material points lie."""
+
+    jitter: float = Field(description="each point moved by up to jitter x spacing / 2")
+    seeds: list[int]
+    std: dict[str, float] = Field(description="standard deviation of each prediction at the answer")
+    mean: dict[str, float] = Field(description="mean over the seeds")
+    answers: list[SeedAnswer]
+    answer_std: dict[str, float] = Field(description="scatter of the re-solved answers")
+
+
+class Result(Part):
+    """The whole of `result.json`."""
+
+    case: str
+    title: str
+    measurement_set: str
+    engine: str = Field(description="mpm, or the name of a learned simulator")
+    spacing_m: float
+    manifest: dict[str, Any] = Field(description="settings, versions, seeds, machine, time")
+    question: Question
+    answer: Answer
+    iterations: list[Iteration]
+    starts: list[Start]
+    variants: list[VariantAnswer]
+    sensitivities: list[SensitivityAnswer]
+    measurements: list[MeasurementAnswer]
+    noise: Noise | None
+    classical: list[dict[str, Any]] = Field(description="as the classical methods write them")
+    published: dict[str, dict[str, Any]] = Field(description="strengths found by others, kPa")
+    timings: dict[str, float] = Field(description="wall time by stage, s")
+    runs: int = Field(description="simulations asked for, cached ones included")
+    runs_to_answer: int = Field(description="of these, until the search for the answer ended")
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a `result.json`, or the one in a folder.
+
+    Raises:
+        InputError: no such file, not JSON, or not of this schema; one line.
+    """
+    path = Path(path)
+    path = path / FILE_NAME if path.is_dir() else path
+    return validate_settings(Result, read_json(path), origin=str(path))
+
+
+def save_result(result: Result, folder: str | Path) -> Path:
+    """Write `result.json` into a folder; the file appears when whole."""
+    path = Path(folder) / FILE_NAME
+    write_json(path, result.model_dump(mode="json"))
+    return path
+
+
+def schema_text() -> str:
+    """The JSON schema of a result, as the text of `config/result.schema.json`."""
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **Result.model_json_schema(mode="serialization"),
+        "title": "flowslide back-analysis",
+    }
+    return json.dumps(schema, indent=2) + "\n"
