@@ -11,6 +11,10 @@ from geometry.columns import connected, kernel, kernel_length, kernel_slope
 from geometry.toe import Side, toe_runout
 
 
+class NoSoilError(ValueError):
+    """There is no soil where a velocity is asked for."""
+
+
 def toe_history(
     positions: np.ndarray,
     time: np.ndarray,
@@ -87,7 +91,7 @@ def column_velocity(
         the derivative with respect to the positions in them, (2, N, 2) [1/s].
 
     Raises:
-        ValueError: there is no soil at `x` then.
+        NoSoilError: there is no soil at `x` then.
     """
     pair = _frames_around(time, np.asarray([at]))[0][0]
     interval = float(time[pair[1]] - time[pair[0]])
@@ -99,7 +103,7 @@ def column_velocity(
     weight = np.where(member, volume, 0.0)
     share = weight * kernel(offset, length)
     if share.sum() == 0.0:
-        raise ValueError(f"no soil at x = {x:g} m at t = {at:g} s")
+        raise NoSoilError(f"no soil at x = {x:g} m at t = {at:g} s")
     speed = (after[:, 0] - before[:, 0]) / interval
     mean = float(share @ speed / share.sum())
     if not derivative:

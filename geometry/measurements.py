@@ -1,188 +1,65 @@
 """What was measured after a slide: the document beside a case's scene, and how it is read.
 
-In: `measurements.yaml` of a folder of `case_histories/`. Out: a `Measurements` document. Each
-entry knows its value, its standard deviation, how far it may be trusted, and how the same quantity
-is read on a deposit of points (`observe`), by the definitions of `geometry.observables`.
+In: `measurements.yaml` of a folder of `case_histories/` and the CSV files it names. Out: a
+`Measurements` document whose entries know their values, their covariance, how far they may be
+trusted, whether a fit may use them, and how the same is read on points (`observe`).
 
-A new type of measurement is one class with `observe` and its name in `Measurement`.
+The types are in `geometry.measured_numbers` and `geometry.measured_series`; a new one is one class
+there and its name in `Measurement`. The file is described in docs/measurements.md.
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, get_args
 
-import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
+from shapely.geometry import Point as PlacedPoint
+from shapely.geometry import Polygon
 
-from geometry import observables
-from geometry.scene import Document, document_error
+from geometry.measured import Confidence, Deposit, Measured, Observed
+from geometry.measured_numbers import (
+    CrestSettlement,
+    Freeboard,
+    MarkerDisplacement,
+    ToeRunout,
+)
+from geometry.measured_series import SurfaceProfile, ToeHistory, Velocity
+from geometry.profiles import Profile, load_profile
+from geometry.scene import Document, Scene, document_error
 from geometry.toe import Side
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 
-Confidence = Literal["published", "paper", "recalled", "assumed", "constructed"]
+__all__ = [
+    "FILE_NAME",
+    "Confidence",
+    "CrestSettlement",
+    "Deposit",
+    "Freeboard",
+    "InitialSection",
+    "MarkerDisplacement",
+    "Measured",
+    "Measurement",
+    "Measurements",
+    "Number",
+    "Observed",
+    "Profile",
+    "SurfaceProfile",
+    "ToeHistory",
+    "ToeRunout",
+    "Velocity",
+    "check_places",
+    "load_measurements",
+    "load_profile",
+]
 
 FILE_NAME = "measurements.yaml"
 
-
-@dataclass(frozen=True)
-class Deposit:
-    """Points of one moment, with those of the section before the slide.
-
-    Attributes:
-        position: (N, 2) [m].
-        initial_position: the same points before the slide, (N, 2) [m].
-        volume: (N,) or one number [m2 per m].
-        spacing: distance between material points [m].
-        foot: where the section ended before the slide, x [m] by side.
-    """
-
-    position: np.ndarray
-    initial_position: np.ndarray
-    volume: np.ndarray | float
-    spacing: float
-    foot: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Profile:
-    """A measured surface: places (n,), elevations (n,) [m], and the part each vertex belongs to."""
-
-    x: np.ndarray
-    y: np.ndarray
-    part: list[str]
-
-    def pieces(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
-        """Stretches of one part each (part, x, y); a stretch starts where the one before ended."""
-        pieces = []
-        start = 0
-        for end in range(1, len(self.part) + 1):
-            if end == len(self.part) or self.part[end] != self.part[start]:
-                first = max(start - 1, 0)
-                pieces.append((self.part[start], self.x[first:end], self.y[first:end]))
-                start = end
-        return pieces
-
-
-class _Measured(Document):
-    """What every measurement says about itself."""
-
-    name: str = Field(min_length=1, description="unique in its set")
-    std_m: float = Field(gt=0, description="standard deviation of the survey [m]")
-    std_is: Literal["published", "assumed"] = Field(
-        "assumed", description="where the standard deviation comes from"
-    )
-    confidence: Confidence = Field(description="how far the value may be trusted")
-    source: str = Field(min_length=1, description="where the value is written")
-
-    @property
-    def constructed(self) -> bool:
-        """True for data drawn by hand: shown, but in no fit and no score unless asked."""
-        return self.confidence == "constructed"
-
-
-class _Number(_Measured):
-    """A measurement that is one length."""
-
-    value_m: float = Field(description="the measured value [m]")
-    low_m: float | None = Field(None, description="lower end of the stated range [m]")
-    high_m: float | None = Field(None, description="upper end of the stated range [m]")
-
-    @model_validator(mode="after")
-    def _in_range(self) -> _Number:
-        if (self.low_m is None) != (self.high_m is None):
-            raise ValueError("low_m and high_m: give both or neither")
-        if self.low_m is not None and not self.low_m <= self.value_m <= self.high_m:
-            raise ValueError(
-                f"value_m {self.value_m:g} lies outside low_m {self.low_m:g} to "
-                f"high_m {self.high_m:g}"
-            )
-        return self
-
-
-class ToeRunout(_Number):
-    """Distance of the toe from the foot of the section before the slide."""
-
-    type: Literal["toe_runout"]
-    side: Side = Field(description="left or right of the section")
-
-    def observe(self, deposit: Deposit) -> float:
-        """Runout [m], outward positive."""
-        return observables.toe_runout(
-            deposit.position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            side=self.side,
-            initial_toe=deposit.foot[self.side],
-        )
-
-
-class CrestSettlement(_Number):
-    """Drop of the surface at the initial crest's place, or of the crest's own points."""
-
-    type: Literal["crest_settlement"]
-    at: Literal["initial_crest_x", "crest_points"] = Field(
-        description="the surface at the crest's place, or the crest's own material points"
-    )
-    x_m: float | None = Field(None, description="place of the crest [m]; for initial_crest_x")
-
-    @model_validator(mode="after")
-    def _place_belongs_to_the_surface(self) -> CrestSettlement:
-        if (self.at == "initial_crest_x") != (self.x_m is not None):
-            raise ValueError("x_m goes with at: initial_crest_x, and only with it")
-        return self
-
-    def observe(self, deposit: Deposit) -> float:
-        """Settlement [m], downward positive."""
-        if self.x_m is None:
-            points = observables.crest_points(deposit.initial_position, spacing=deposit.spacing)
-            return observables.crest_settlement_of_points(
-                deposit.position, deposit.initial_position, points
-            )
-        return observables.crest_settlement(
-            deposit.position,
-            deposit.initial_position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            x=self.x_m,
-        )
-
-
-class Freeboard(_Number):
-    """Highest remaining ground minus the water level."""
-
-    type: Literal["freeboard"]
-    water_level_m: float = Field(description="pool level [m]")
-
-    def observe(self, deposit: Deposit) -> float:
-        """Freeboard [m], negative where the remnant is under water."""
-        return observables.freeboard(
-            deposit.position,
-            deposit.volume,
-            water_level=self.water_level_m,
-            spacing=deposit.spacing,
-        )
-
-
-class SurfaceProfile(_Measured):
-    """The surface after the slide, as a polyline in a file of its own."""
-
-    type: Literal["surface_profile"]
-    file: str = Field(description="CSV beside this document: x_m, y_m, part")
-    part: str | None = Field(
-        None, description="the part of the profile this entry is about; null: all of it"
-    )
-    correlation_length_m: float | None = Field(
-        None, gt=0, description="of the survey's error along the profile [m]"
-    )
-
-
 Number = ToeRunout | CrestSettlement | Freeboard
-Measurement = Annotated[Number | SurfaceProfile, Field(discriminator="type")]
+Anything = Number | MarkerDisplacement | SurfaceProfile | ToeHistory | Velocity
+Measurement = Annotated[Anything, Field(discriminator="type")]
 
 
 class InitialSection(Document):
@@ -216,67 +93,177 @@ class Measurements(Document):
         if self.default_set not in self.sets:
             raise ValueError(f"default_set: {self.default_set!r} is none of {', '.join(self.sets)}")
         for group, entries in self.sets.items():
+            if not entries:
+                raise ValueError(f"sets.{group}: holds no measurement")
             names = [entry.name for entry in entries]
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"sets.{group}: two measurements are called {name!r}")
         return self
 
+    def chosen(self, name: str | None = None) -> list[Anything]:
+        """The measurements of a set; None: of the default one.
+
+        Raises:
+            InputError: there is no such set.
+        """
+        wanted = self.default_set if name is None else name
+        if wanted not in self.sets:
+            raise InputError(
+                f"{self.case}: no set of measurements {wanted!r}; there are {', '.join(self.sets)}"
+            )
+        return list(self.sets[wanted])
+
     @property
     def numbers(self) -> list[Number]:
-        """The measurements of the default set that are one number each."""
-        return [m for m in self.sets[self.default_set] if isinstance(m, Number)]
+        """The measurements of the default set that are one length each."""
+        return [m for m in self.chosen() if isinstance(m, Number)]
 
     @property
     def profiles(self) -> list[SurfaceProfile]:
         """The surface profiles of the default set."""
-        return [m for m in self.sets[self.default_set] if isinstance(m, SurfaceProfile)]
+        return [m for m in self.chosen() if isinstance(m, SurfaceProfile)]
 
     def foot(self, side: Side) -> float | None:
         """Measured foot before the slide [m], or None where only the scene knows it."""
         return self.initial.toe_left_x_m if side == "left" else self.initial.toe_right_x_m
 
 
-def load_measurements(folder: str | Path) -> Measurements:
-    """Read `measurements.yaml` of a case folder.
+def load_measurements(folder: str | Path, scene: Scene | None = None) -> Measurements:
+    """Read `measurements.yaml` of a case folder and the profiles it names.
+
+    Args:
+        folder: of the case.
+        scene: the section before the slide; given, every place is checked against it.
 
     Raises:
-        InputError: no such file, no YAML, or an entry that does not hold together; one line.
+        InputError: no such file, no YAML, an entry that does not hold together, a profile that
+            cannot be read, or a place outside the section; one line.
     """
     path = Path(folder) / FILE_NAME
     document = read_yaml(path)
     if not isinstance(document, Mapping):
         raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
     try:
-        return Measurements.model_validate(document)
+        measurements = Measurements.model_validate(document)
     except ValidationError as error:
-        raise InputError(document_error(error, str(path))) from None
+        raise InputError(_error_line(error, str(path))) from None
+    for group, entries in measurements.sets.items():
+        for entry in entries:
+            if isinstance(entry, SurfaceProfile):
+                _attach(entry, path, group)
+    if scene is not None:
+        check_places(measurements, scene, str(path))
+    return measurements
 
 
-def load_profile(path: str | Path) -> Profile:
-    """Read a surface profile: CSV with the columns x_m, y_m and part; `#` starts a comment.
+def check_places(measurements: Measurements, scene: Scene, source: str) -> None:
+    """Refuse what cannot have been measured on this section.
 
     Raises:
-        InputError: no such file, a missing column, a value that is no finite number.
+        InputError: naming the first entry with a place outside the domain or the section.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    with path.open(encoding="utf-8", newline="") as file:
-        lines = [line for line in file if line.strip() and not line.startswith("#")]
-    rows = list(csv.DictReader(lines))
-    for column in ("x_m", "y_m", "part"):
-        if not rows or column not in rows[0]:
-            raise InputError(f"{path}: column {column} is missing; needed are x_m, y_m, part")
-    points = np.array([[_number(row, column, path) for column in ("x_m", "y_m")] for row in rows])
-    return Profile(points[:, 0], points[:, 1], [row["part"] for row in rows])
+    for side in ("left", "right"):
+        foot = measurements.foot(side)
+        if foot is not None:
+            _in_domain(foot, scene, f"{source}: initial.toe_{side}_x_m")
+    for group, entries in measurements.sets.items():
+        for entry in entries:
+            _check_entry(entry, measurements, scene, f"{source}: sets.{group}: {entry.name!r}")
 
 
-def _number(row: Mapping[str, str], column: str, path: Path) -> float:
-    try:
-        value = float(row[column])
-    except (TypeError, ValueError):
-        value = float("nan")
-    if not np.isfinite(value):
-        raise InputError(f"{path}: {column}: {row[column]!r} is not a finite number")
-    return value
+def _check_entry(entry: Anything, measurements: Measurements, scene: Scene, where: str) -> None:
+    if isinstance(entry, ToeRunout) and scene.domain.walls == "closed":
+        surveyed = measurements.foot(entry.side)
+        foot = scene.foot(entry.side) if surveyed is None else surveyed
+        outward = -1.0 if entry.side == "left" else 1.0
+        _in_domain(foot + outward * entry.value_m, scene, f"{where}: the toe")
+    elif isinstance(entry, CrestSettlement) and entry.x_m is not None:
+        left, right = scene.foot("left"), scene.foot("right")
+        if not left <= entry.x_m <= right:
+            raise InputError(
+                f"{where}: x_m {entry.x_m:g} lies outside the section, x {left:g} to {right:g} m"
+            )
+    elif isinstance(entry, Freeboard):
+        if not scene.ground.lowest <= entry.water_level_m <= scene.domain.y_max:
+            raise InputError(
+                f"{where}: water_level_m {entry.water_level_m:g} lies outside the domain, "
+                f"y {scene.ground.lowest:g} to {scene.domain.y_max:g} m"
+            )
+    elif isinstance(entry, MarkerDisplacement):
+        place = PlacedPoint(entry.x_m, entry.y_m)
+        if min(place.distance(Polygon(zone.polygon)) for zone in scene.zones) > 0.0:
+            raise InputError(
+                f"{where}: the marker ({entry.x_m:g}, {entry.y_m:g}) lies in no zone of the section"
+            )
+    elif isinstance(entry, SurfaceProfile):
+        _check_profile(entry.whole, scene, f"{where}: {entry.file}")
+    elif isinstance(entry, Velocity):
+        _in_domain(entry.x_m, scene, f"{where}: x_m")
+
+
+def _check_profile(profile: Profile, scene: Scene, where: str) -> None:
+    for x, y in zip(profile.x, profile.y, strict=True):
+        _in_domain(x, scene, f"{where}: x_m")
+        base = float(scene.ground.height(x))
+        if not base - scene.spacing <= y <= scene.domain.y_max:
+            raise InputError(
+                f"{where}: ({x:g}, {y:g}) lies outside the domain, from the ground at "
+                f"y {base:g} to y_max {scene.domain.y_max:g} m"
+            )
+
+
+def _in_domain(x: float, scene: Scene, where: str) -> None:
+    domain = scene.domain
+    if not domain.x_min <= x <= domain.x_max:
+        raise InputError(
+            f"{where}: {x:g} lies outside the domain, x {domain.x_min:g} to {domain.x_max:g} m"
+        )
+
+
+def _attach(entry: SurfaceProfile, path: Path, group: str) -> None:
+    """Read the file of a profile and check that the entry finds in it what it names."""
+    file, where = path.parent / entry.file, f"{path}: sets.{group}: {entry.name!r}"
+    if not file.is_file():
+        raise InputError(f"{where}: file: {file}: no such file")
+    profile = load_profile(file)
+    if entry.part is not None and entry.part not in profile.part:
+        known = ", ".join(dict.fromkeys(profile.part))
+        raise InputError(f"{where}: part: {entry.part!r} is not in {file}; it has {known}")
+    entry.attach(profile)
+    if entry.held_out_x_m is not None:
+        held = entry.held_out_values
+        if held.all() or not held.any():
+            first, last = entry.held_out_x_m
+            found = "every point" if held.all() else "no point"
+            raise InputError(
+                f"{where}: held_out_x_m: {found} of {file} lies between {first:g} and {last:g} m"
+            )
+
+
+def _error_line(error: ValidationError, source: str) -> str:
+    """`document_error`, with a hint where a key merely lacks its unit."""
+    first = error.errors(include_url=False)[0]
+    if first["type"] != "extra_forbidden":
+        return document_error(error, source)
+    where, key = first["loc"][:-1], str(first["loc"][-1])
+    fields = _fields_at(where)
+    meant = [name for name in fields if name.startswith(f"{key.partition('_')[0]}_")]
+    if not meant and not fields:
+        return document_error(error, source)
+    hint = f"did you mean {' or '.join(meant)}?" if meant else f"allowed are {', '.join(fields)}"
+    place = ".".join(str(part) for part in where)
+    return f"{source}: {place + '.' if place else ''}{key}: unknown key; {hint}"
+
+
+def _fields_at(where: tuple[int | str, ...]) -> list[str]:
+    """Keys that are allowed at a place of the document, as far as that is known."""
+    models: dict[str, type[BaseModel]] = {
+        model.model_fields["type"].annotation.__args__[0]: model for model in get_args(Anything)
+    }
+    if not where:
+        return list(Measurements.model_fields)
+    if where == ("initial",):
+        return list(InitialSection.model_fields)
+    model = models.get(str(where[-1]))
+    return list(model.model_fields) if model else []

@@ -200,6 +200,9 @@ def _add_case(commands: argparse._SubParsersAction) -> None:
         metavar="MATERIAL=KPA",
         help="cohesion of a material, which is S_r where it liquefied; may be repeated",
     )
+    parser.add_argument(
+        "--measurement-set", metavar="NAME", help="of measurements.yaml; default: as it says"
+    )
     parser.add_argument("--film", choices=FILMS, default="mp4", help="default: mp4")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
     parser.add_argument("--threads", type=_positive, help="CPU threads; default: all")
@@ -217,6 +220,7 @@ def _case(arguments: argparse.Namespace) -> None:
         water=not arguments.no_water,
         spacing=arguments.spacing,
         strengths=dict(arguments.strength),
+        measurement_set=arguments.measurement_set,
     )
     out = Path(arguments.out)
     film = None if arguments.film == "none" else out / f"runout.{arguments.film}"

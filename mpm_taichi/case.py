@@ -14,15 +14,18 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from geometry.measurements import (
     FILE_NAME,
+    Anything,
     Deposit,
     Measurements,
     Number,
     Profile,
+    SurfaceProfile,
     ToeRunout,
     load_measurements,
-    load_profile,
 )
 from geometry.observables import naked_eye_toe
 from geometry.scene import Material, Scene, load_scene, scene_from_mapping
@@ -43,7 +46,17 @@ class Case:
     folder: Path
     scene: Scene
     measurements: Measurements
-    profiles: list[tuple[Profile, bool]]  # and whether it is constructed
+    measurement_set: str
+
+    @property
+    def measured(self) -> list[Anything]:
+        """The measurements of the set chosen."""
+        return self.measurements.chosen(self.measurement_set)
+
+    @property
+    def profiles(self) -> list[tuple[Profile, bool]]:
+        """The measured surfaces, and whether each is constructed."""
+        return [(m.whole, m.constructed) for m in self.measured if isinstance(m, SurfaceProfile)]
 
     @property
     def title(self) -> str:
@@ -58,23 +71,40 @@ class Case:
 
 @dataclass(frozen=True)
 class Reading:
-    """One line of the table; lengths in m. A reading by eye has no measurement beside it."""
+    """One line of the table; in m, or m/s where the measurement is a velocity.
+
+    A reading by eye has no measurement beside it. A profile is one line: the root mean square of
+    its differences, which has no single measured value.
+    """
 
     name: str
     type: str
     simulated: float
     at_start: float  # the same reading before anything moved; nothing is subtracted
-    measurement: Number | None = None
+    measurement: Anything | None = None
+    measured: float | None = None
+    part: str = ""  # of a measurement that is several values
+
+    @property
+    def unit(self) -> str:
+        """Of the values."""
+        return "m" if self.measurement is None else self.measurement.unit
 
     @property
     def difference(self) -> float | None:
-        """Simulated minus measured [m]."""
-        return None if self.measurement is None else self.simulated - self.measurement.value_m
+        """Simulated minus measured, in `unit`."""
+        return None if self.measured is None else self.simulated - self.measured
 
     @property
     def difference_in_std(self) -> float | None:
         """The same in standard deviations of the survey."""
-        return None if self.measurement is None else self.difference / self.measurement.std_m
+        return None if self.measured is None else self.difference / self.measurement.std
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """The stated range, where there is one [m]."""
+        m = self.measurement
+        return (m.low_m, m.high_m) if isinstance(m, Number) and m.low_m is not None else None
 
 
 def load_case(
@@ -83,6 +113,7 @@ def load_case(
     water: bool = True,
     spacing: float | None = None,
     strengths: Mapping[str, float] | None = None,
+    measurement_set: str | None = None,
 ) -> Case:
     """Read a case folder and change the scene as asked.
 
@@ -91,6 +122,7 @@ def load_case(
         water: False takes the reservoir and the groundwater away.
         spacing: distance between material points [m]; None: the scene's own.
         strengths: material -> cohesion, which is S_r where it liquefied [kPa].
+        measurement_set: name of the set of measurements; None: the default one.
 
     Raises:
         InputError: no such folder or file, or a document that does not hold together; one line.
@@ -109,10 +141,10 @@ def load_case(
             known = ", ".join(document["materials"])
             raise InputError(f"--strength: {scene.name} has no material {name!r}; it has {known}")
         document["materials"][name]["cohesion_kpa"] = cohesion
-    measurements = load_measurements(folder)
-    profiles = [(load_profile(folder / m.file), m.constructed) for m in measurements.profiles]
+    measurements = load_measurements(folder, scene)
+    measurements.chosen(measurement_set)
     changed = scene_from_mapping(document, f"{folder / SCENE_FILE} with the options given")
-    return Case(folder, changed, measurements, profiles)
+    return Case(folder, changed, measurements, measurement_set or measurements.default_set)
 
 
 def simulate_case(
@@ -150,19 +182,30 @@ def simulate_case(
 
 
 def read_deposit(case: Case, run: Run) -> list[Reading]:
-    """Every number that was measured, read on the first and on the last frame of a run."""
-    start, end = (_deposit(case, run, frame) for frame in (0, -1))
+    """Everything that was measured and not constructed, read at the end and at the start of a run.
+
+    What was constructed is read too where it is a number, so that it can be shown.
+    """
+    end, start = _deposit(case, run), _deposit(case, run, moved=False)
     readings = []
-    for measurement in case.measurements.numbers:
-        readings.append(
-            Reading(
-                measurement.name,
-                measurement.type,
-                measurement.observe(end),
-                measurement.observe(start),
-                measurement,
+    for measurement in case.measured:
+        if isinstance(measurement, SurfaceProfile):
+            if not measurement.constructed:
+                readings.append(_profile_reading(measurement, end, start))
+            continue
+        simulated, at_start = (measurement.observe(deposit) for deposit in (end, start))
+        for place, part in enumerate(measurement.parts):
+            readings.append(
+                Reading(
+                    measurement.name,
+                    measurement.type,
+                    float(simulated[place]),
+                    float(at_start[place]),
+                    measurement,
+                    float(measurement.values[place]),
+                    part,
+                )
             )
-        )
         if isinstance(measurement, ToeRunout):
             readings.append(
                 Reading(
@@ -174,13 +217,31 @@ def read_deposit(case: Case, run: Run) -> list[Reading]:
     return readings
 
 
-def _deposit(case: Case, run: Run, frame: int) -> Deposit:
+def _profile_reading(measurement: SurfaceProfile, end: Deposit, start: Deposit) -> Reading:
+    """A profile as the root mean square of its differences [m]."""
+    rms = [
+        float(np.sqrt(np.mean((measurement.observe(deposit) - measurement.values) ** 2)))
+        for deposit in (end, start)
+    ]
+    points = f"root mean square of {len(measurement.values)} points"
+    return Reading(measurement.name, measurement.type, *rms, measurement, part=points)
+
+
+def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
+    """The last frame of a run with the way there, or the section before as if it had not moved."""
+    positions = run.positions.astype(float)
+    if not moved:
+        positions = np.repeat(positions[:1], 2, axis=0)
     return Deposit(
-        position=run.positions[frame].astype(float),
-        initial_position=run.positions[0].astype(float),
+        position=positions[-1],
+        initial_position=positions[0],
         volume=case.scene.spacing**2,
         spacing=case.scene.spacing,
         foot={side: case.foot(side) for side in ("left", "right")},
+        ground=np.asarray(case.scene.ground.points, dtype=float),
+        positions=positions,
+        time=run.time if moved else run.time[[0, -1]],
+        at_rest=not moved or bool(run.time[-1] < run.settings.duration_s - 1e-6),
     )
 
 
@@ -228,9 +289,10 @@ def table(case: Case, readings: list[Reading]) -> str:
         known = ["", "", ""]
         trust = "not what a survey reads: the outermost connected point"
         if m is not None:
-            span = f"{m.low_m:g}-{m.high_m:g}" if m.low_m is not None else ""
-            known = [f"{m.value_m:.1f}", f"{m.std_m:g}", span]
-            trust = f"value {m.confidence}, std {m.std_is}"
+            measured = "" if reading.measured is None else f"{reading.measured:.1f}"
+            span = f"{reading.span[0]:g}-{reading.span[1]:g}" if reading.span else ""
+            known = [measured, f"{m.std:g}", span]
+            trust = f"value {m.confidence}, std {m.std_is}" + (", held out" if m.held_out else "")
         rows.append(
             [
                 label(reading),
@@ -242,9 +304,10 @@ def table(case: Case, readings: list[Reading]) -> str:
                 trust,
             ]
         )
-    for measurement in case.measurements.profiles:
-        trust = f"{measurement.confidence}: drawn, not compared"
-        rows.append([measurement.name, *[""] * 7, trust])
+    for measurement in case.measured:
+        if isinstance(measurement, SurfaceProfile) and measurement.constructed:
+            trust = f"{measurement.confidence}: drawn, not compared"
+            rows.append([measurement.name, *[""] * 7, trust])
     note = (
         "Nothing is subtracted: a gentle foot that has not moved reads as short as `at t = 0` says "
         "(docs/geometry.md)."
@@ -257,7 +320,9 @@ def label(reading: Reading) -> str:
     words = reading.type.replace("_", " ")
     if reading.type == "naked_eye_toe":
         return "  by eye"
-    return words if reading.name in words else f"{words} ({reading.name})"
+    words = words if reading.name in words else f"{words} ({reading.name})"
+    words = f"{words}, {reading.part}" if reading.part else words
+    return words if reading.unit == "m" else f"{words} [{reading.unit}]"
 
 
 def energy_line(run: Run) -> str:
@@ -281,21 +346,33 @@ def energy_line(run: Run) -> str:
 
 
 def write_observables(path: Path, readings: list[Reading]) -> None:
-    """Write the readings as CSV; lengths in metres."""
+    """Write the readings as CSV; in metres, velocities in m/s as their column `unit` says."""
     columns = (
-        "name,type,measured_m,low_m,high_m,std_m,std_is,confidence,simulated_m,"
-        "simulated_at_start_m,difference_m,difference_in_std,source"
+        "name,type,part,unit,measured,low,high,std,std_is,confidence,simulated,"
+        "simulated_at_start,difference,difference_in_std,source"
     )
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns.split(","))
         for reading in readings:
             m = reading.measurement
-            known = [""] * 6 if m is None else [m.value_m, m.low_m, m.high_m, m.std_m, m.std_is]
-            known = known if m is None else [*known, m.confidence]
-            numbers = [reading.simulated, reading.at_start]
-            if m is not None:
-                numbers += [reading.difference, reading.difference_in_std]
-            texts = [f"{value:.4f}" for value in numbers] + [""] * (4 - len(numbers))
-            source = "" if m is None else m.source
-            writer.writerow([reading.name, reading.type, *known, *texts, source])
+            known = ["", "", ""] if m is None else [m.std, m.std_is, m.confidence]
+            numbers = [
+                reading.simulated,
+                reading.at_start,
+                reading.difference,
+                reading.difference_in_std,
+            ]
+            writer.writerow(
+                [
+                    reading.name,
+                    reading.type,
+                    reading.part,
+                    reading.unit,
+                    "" if reading.measured is None else reading.measured,
+                    *(reading.span or ("", "")),
+                    *known,
+                    *("" if value is None else f"{value:.4f}" for value in numbers),
+                    "" if m is None else m.source,
+                ]
+            )

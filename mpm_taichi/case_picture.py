@@ -99,7 +99,7 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
 def save_case_film(case: Case, run: Run, path: Path) -> None:
     """Save the run as a film, with the measured profile and toe laid over it."""
     marks = [profile_overlay(case)]
-    for measurement in case.measurements.numbers:
+    for measurement in case.measured:
         if isinstance(measurement, ToeRunout):
             x = _toe_place(case, measurement.side, measurement.value_m)
             y = float(case.scene.ground.height(x))
@@ -253,13 +253,13 @@ def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> N
     rows = [("", "measured", "simulated", "off, in std")]
     for reading in readings:
         m = reading.measurement
-        if m is None:
+        if m is None or reading.measured is None:
             continue
         rows.append(
             (
                 label(reading),
-                f"{m.value_m:g} ± {m.std_m:g} m",
-                f"{reading.simulated:.1f} m",
+                f"{reading.measured:g} ± {m.std:g} {m.unit}",
+                f"{reading.simulated:.1f} {m.unit}",
                 f"{reading.difference_in_std:+.1f}",
             )
         )

@@ -32,7 +32,7 @@ def test_the_constructed_deposit_reads_as_measured(case_folder, dam, deposit):
     measurements = load_measurements(case_folder)
     before = fill(dam).position
     after = Deposit(deposit(1.0), before, 1.0, 1.0, {"left": measurements.foot("left")})
-    readings = {m.type: m.observe(after) for m in measurements.numbers}
+    readings = {m.type: float(m.observe(after)[0]) for m in measurements.numbers}
     assert readings["toe_runout"] == pytest.approx(53.0, abs=0.5)
     assert readings["crest_settlement"] == pytest.approx(20.0, abs=0.5)
     assert readings["freeboard"] == pytest.approx(1.7, abs=0.2)
@@ -47,7 +47,7 @@ def test_crest_settlement_of_the_crests_own_points(dam):
         name="crest", type="crest_settlement", at="crest_points", value_m=7, std_m=1,
         confidence="recalled", source="here",
     )  # fmt: skip
-    assert crest.observe(Deposit(sunk, before, 1.0, 1.0, {})) == pytest.approx(7.0)
+    assert crest.observe(Deposit(sunk, before, 1.0, 1.0, {})) == pytest.approx([7.0])
 
 
 def test_profile_in_pieces(case_folder):
@@ -74,7 +74,26 @@ def test_profile_in_pieces(case_folder):
             lambda d: d["sets"]["field"][1].update(name="upstream toe"),
             "two measurements are called",
         ),
-        (lambda d: d["sets"]["field"][2].update(weight=2), "weight: unknown key"),
+        (lambda d: d["sets"]["field"][2].update(weight=2), "weight: unknown key; allowed are name"),
+        (lambda d: d["sets"]["field"][2].update(std=2), "std: unknown key; did you mean std_is or"),
+        (lambda d: d["sets"]["field"][2].update(value_ft=5), "value_ft: .* did you mean value_m"),
+        (lambda d: d["initial"].update(crest_ft=5), "initial.crest_ft: .*mean crest_x_m or crest"),
+        (lambda d: d.update(colour=5), ".yaml: colour: unknown key; allowed are case, upstream"),
+        (lambda d: d["sets"].update(lab=[]), "sets.lab: holds no measurement"),
+        (
+            lambda d: d["sets"]["field"][3].update(part="lost"),
+            "part: 'lost' is not in .*; it has c",
+        ),
+        (lambda d: d["sets"]["field"][3].update(file="no.csv"), "no.csv: no such file"),
+        (lambda d: d["sets"]["field"][3].update(correlation_length_m=0), "greater than 0"),
+        (lambda d: d["sets"]["field"][3].update(model_std_m=-1), "greater than or equal to 0"),
+        (lambda d: d["sets"]["field"][3].update(held_out_x_m=[9, 3]), "from 9 to 3; it must asc"),
+        (lambda d: d["sets"]["field"][3].update(held_out_x_m=[1, 2]), "no point of .* 1 and 2 m"),
+        (lambda d: d["sets"]["field"][3].update(held_out_x_m=[0, 900]), "every point of"),
+        (
+            lambda d: d["sets"]["field"][3].update(held_out_x_m=[60, 90], held_out=True),
+            "leave held_out_x_m out",
+        ),
         (lambda d: d["sets"]["field"][2].update(confidence="sure"), "'published', 'paper'"),
     ],
 )
@@ -92,10 +111,4 @@ def test_files_that_are_no_measurements(tmp_path):
     with pytest.raises(InputError, match="must be a mapping of keys, not list"):
         load_measurements(tmp_path)
     with pytest.raises(InputError, match="p.csv: no such file"):
-        load_profile(tmp_path / "p.csv")
-    (tmp_path / "p.csv").write_text("x_m,y_m\n1,2\n")
-    with pytest.raises(InputError, match="column part is missing"):
-        load_profile(tmp_path / "p.csv")
-    (tmp_path / "p.csv").write_text("x_m,y_m,part\n1,inf,a\n")
-    with pytest.raises(InputError, match="y_m: 'inf' is not a finite number"):
         load_profile(tmp_path / "p.csv")

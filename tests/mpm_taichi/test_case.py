@@ -87,12 +87,12 @@ def test_the_command_writes_all(folder, tmp_path, capsys):
         "toe_runout", "naked_eye_toe", "crest_settlement", "freeboard",
     ]  # fmt: skip
     toe = rows[0]
-    assert (toe["measured_m"], toe["low_m"], toe["std_m"], toe["std_is"]) == (
-        "53.0", "42.0", "5.75", "assumed",
+    assert (toe["measured"], toe["low"], toe["std"], toe["std_is"], toe["unit"]) == (
+        "53.0", "42.0", "5.75", "assumed", "m",
     )  # fmt: skip
-    difference = float(toe["simulated_m"]) - 53.0
-    assert float(toe["difference_m"]) == pytest.approx(difference, abs=1e-3)
-    assert rows[1]["measured_m"] == rows[1]["difference_m"] == ""
+    difference = float(toe["simulated"]) - 53.0
+    assert float(toe["difference"]) == pytest.approx(difference, abs=1e-3)
+    assert rows[1]["measured"] == rows[1]["difference"] == ""
 
 
 def test_options_change_the_scene(folder, tmp_path, capsys):
@@ -179,3 +179,42 @@ def test_a_case_of_another_shape(folder, tmp_path):
     options = ["--no-water", "--spacing", "4", "--film", "none", *SHORT]
     main(["case", str(tmp_path / "case"), "--out", str(out), *options])
     assert {path.name for path in out.iterdir()} == {"runout.png", "observables.csv"}
+
+
+def test_every_type_of_measurement_is_read(folder, simulated, tmp_path):
+    """Markers, histories, velocities and a surveyed profile stand in the table and in the CSV."""
+    shutil.copytree(folder, tmp_path / "case")
+    path = tmp_path / "case" / "measurements.yaml"
+    (tmp_path / "case" / "survey.csv").write_text("x_m,y_m\n120,22\n150,26\n180,27\n")
+    document = yaml.safe_load(path.read_text())
+    about = {"confidence": "assumed", "source": "a test"}
+    document["sets"]["all"] = [
+        {"name": "stake", "type": "marker_displacement", "x_m": 120.0, "y_m": 15.0, "dx_m": -30.0,
+         "dy_m": -5.0, "std_m": 1.0, **about},
+        {"name": "film", "type": "toe_history", "side": "left", "times_s": [0.0, 5.0, 1000.0],
+         "values_m": [0.0, 30.0, 53.0], "std_m": 3.0, **about},
+        {"name": "speed", "type": "velocity", "x_m": 120.0, "at_s": 3.0, "value_m_per_s": -4.0,
+         "std_m_per_s": 1.0, "held_out": True, **about},
+        {"name": "survey", "type": "surface_profile", "file": "survey.csv", "std_m": 1.0, **about},
+    ]  # fmt: skip
+    path.write_text(yaml.safe_dump(document))
+    case = history.load_case(tmp_path / "case", spacing=4.0, measurement_set="all")
+    readings = history.read_deposit(case, simulated[1])
+    assert [(r.name, r.part) for r in readings] == [
+        ("stake", "dx"), ("stake", "dy"), ("film", "at 0 s"), ("film", "at 5 s"),
+        ("film", "at 1000 s"), ("speed", ""), ("survey", "root mean square of 3 points"),
+    ]  # fmt: skip
+    stake, _, begin, five, end, speed, survey = readings
+    assert stake.simulated < -5 and stake.at_start == 0.0
+    assert begin.simulated < five.simulated < end.simulated
+    assert speed.simulated < -0.5 and speed.at_start == 0.0 and speed.unit == "m/s"
+    assert survey.difference is None and 0 < survey.simulated < survey.at_start
+    text = history.table(case, readings)
+    assert "velocity (speed) [m/s]" in text and "std assumed, held out" in text
+    assert "toe history (film), at 5 s" in text
+    history.write_observables(tmp_path / "o.csv", readings)
+    with (tmp_path / "o.csv").open(newline="") as file:
+        rows = {(row["name"], row["part"]): row for row in csv.DictReader(file)}
+    assert rows["speed", ""]["unit"] == "m/s" and float(rows["speed", ""]["measured"]) == -4.0
+    with pytest.raises(InputError, match="no set of measurements 'lab'; there are all, field"):
+        history.load_case(tmp_path / "case", measurement_set="lab")
