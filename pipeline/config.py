@@ -183,6 +183,41 @@ class SimulationSettings(Settings):
     )
 
 
+class InversionSettings(Settings):
+    """How strengths are found from measurements. What is sought is in a case's inversion.yaml."""
+
+    method: Literal["gauss_newton", "lbfgsb"] = Field(
+        "gauss_newton", description="bounded Gauss-Newton, or L-BFGS-B as in the paper"
+    )
+    tolerance_m2: float = Field(
+        0.1, gt=0, description="loss `runout`: squared runout error that is good enough, m2"
+    )
+    tolerance_misfit: float = Field(
+        0.01,
+        gt=0,
+        description="loss `misfit`: sum of squared standardised differences that is good enough",
+    )
+    max_iterations: int = Field(20, ge=1, description="of one search")
+    max_runs: int = Field(150, ge=2, description="simulations of one search")
+    starts: int = Field(
+        3, ge=1, le=5, description="first guesses that are tried; the answer is of the question's"
+    )
+    step_to_noise: float = Field(
+        5.0, gt=0, description="least effect of a finite difference, in units of the noise"
+    )
+    step_seeds: int = Field(
+        4, ge=0, description="jitter seeds that measure the noise for the steps; 0: not measured"
+    )
+    noise_seeds: int = Field(
+        8, ge=0, description="jitter seeds on which the answer is found again; 0: none"
+    )
+    noise_jitter: float = Field(
+        0.5, gt=0, lt=1, description="points of these seeds move by up to this x spacing / 2"
+    )
+    variants: bool = Field(True, description="solve the variants of the question")
+    sensitivities: bool = Field(True, description="solve its sensitivities")
+
+
 class ScaleSettings(Settings):
     """One family of random scenes and its simulations (paper, Table 1)."""
 
@@ -250,6 +285,9 @@ class Config(Settings):
     )
     simulation: SimulationSettings = Field(
         default_factory=SimulationSettings, description="how scenes are simulated"
+    )
+    inversion: InversionSettings = Field(
+        default_factory=InversionSettings, description="how strengths are found from measurements"
     )
 
     def scale(self, name: str) -> ScaleSettings:
