@@ -3,17 +3,113 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from pathlib import Path
 
-from pipeline.cli import WorkFailed, add_common
+from inversion.back_analysis import BackAnalysis
+from inversion.files import save_all
+from inversion.load import load_case
+from inversion.run_store import RunStore
+from inversion.summary import summary
+from pipeline.cli import InputError, add_common
+from pipeline.config import Config, load_config
+from pipeline.progress import Progress
 
 
 def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Add the command."""
-    parser = commands.add_parser("invert", help="find the strengths of a case history")
-    parser.add_argument("case", metavar="CASE", help="case folder, with inversion.yaml")
+    parser = commands.add_parser(
+        "invert",
+        help="find the strengths of a case history",
+        description="Find the strengths that CASE/inversion.yaml asks for, how sure they are, and "
+        "what every other assumption does to them. Started again after a kill, it goes on where it "
+        "stopped.",
+    )
+    parser.add_argument("case", metavar="CASE", help="folder with scene, measurements, question")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder of the results; default: results/<case>/inversion"
+    )
+    parser.add_argument(
+        "--set-of-measurements", metavar="NAME", help="default: the one the file names"
+    )
+    parser.add_argument("--spacing", type=float, metavar="M", help="of material points, m")
+    parser.add_argument(
+        "--method", choices=("gauss_newton", "lbfgsb"), help="default: inversion.method"
+    )
+    parser.add_argument(
+        "--use-constructed", action="store_true", help="let constructed data enter the fit"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="the answer alone: one start, no variants, no seeds"
+    )
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
+    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
     return add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Not wired up yet: says so and fails, rather than pretending."""
-    raise WorkFailed(f"{arguments.case}: the search is not part of this version yet")
+    """Find the answer, write it, print it."""
+    config = _config(arguments)
+    _check_numbers(arguments)
+    case = load_case(
+        arguments.case,
+        config,
+        measurement_set=arguments.set_of_measurements,
+        spacing_m=arguments.spacing,
+        use_constructed=arguments.use_constructed,
+    )
+    folder = Path(arguments.out or Path(config.results_folder) / case.name / "inversion")
+    bar = _Bar(quiet=arguments.quiet)
+    store = RunStore(
+        folder / "runs", device=arguments.device, threads=arguments.threads, on_run=bar
+    )
+
+    def say(line: str) -> None:
+        if not arguments.quiet:
+            print(line, file=sys.stderr, flush=True)
+
+    analysis = BackAnalysis(case, store, say)
+    result = analysis.run()
+    result = save_all(analysis, result, folder)
+    print(summary(result))
+    say(f"wrote {folder}")
+    return 0
+
+
+def _config(arguments: argparse.Namespace) -> Config:
+    overrides = list(arguments.overrides)
+    if arguments.method is not None:
+        overrides.append(f"inversion.method={arguments.method}")
+    if arguments.quick:
+        overrides += [
+            "inversion.starts=1",
+            "inversion.noise_seeds=0",
+            "inversion.variants=false",
+            "inversion.sensitivities=false",
+        ]
+    return load_config(arguments.config, overrides)
+
+
+def _check_numbers(arguments: argparse.Namespace) -> None:
+    if arguments.threads is not None and arguments.threads < 1:
+        raise InputError(f"--threads {arguments.threads}: at least 1")
+    if arguments.spacing is not None and not arguments.spacing > 0:
+        raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
+
+
+class _Bar:
+    """A bar for each batch of simulations, on a terminal; a log has the lines of the stages."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._wanted = sys.stderr.isatty() and not quiet
+        self._progress: Progress | None = None
+
+    def __call__(self, done: int, of: int) -> None:
+        if not self._wanted:
+            return
+        if self._progress is None:
+            self._progress = Progress(of, "simulating").__enter__()
+        self._progress.advance()
+        if done >= of:
+            self._progress.__exit__(None, None, None)
+            self._progress = None

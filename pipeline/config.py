@@ -195,7 +195,8 @@ class InversionSettings(Settings):
     tolerance_misfit: float = Field(
         0.01,
         gt=0,
-        description="loss `misfit`: sum of squared standardised differences that is good enough",
+        description="loss `misfit`: the search ends when the next step would lower the sum of "
+        "squared standardised differences by less",
     )
     max_iterations: int = Field(20, ge=1, description="of one search")
     max_runs: int = Field(150, ge=2, description="simulations of one search")

@@ -1,0 +1,383 @@
+"""The whole back-analysis of a case, stage by stage, into a `Result`.
+
+answer -> other starts -> equally good answers -> jitter seeds -> variants -> sensitivities. Each
+stage is a method that leaves what it found; runs come from a store that keeps them by content, so a
+killed back-analysis goes through the finished stages again in seconds.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from inversion import PHYSICS_VERSION, assemble
+from inversion.calibrate import calibrate, further_starts
+from inversion.changes import Changed
+from inversion.equally_good import Stop, walk
+from inversion.finite_steps import FiniteSteps
+from inversion.load import LoadedCase
+from inversion.mpm_engine import MPMEngine, Setup
+from inversion.question import Sensitivity
+from inversion.resolve import Problem, resolve
+from inversion.result import (
+    Noise,
+    Result,
+    SeedAnswer,
+    SensitivityAnswer,
+    Side,
+    Start,
+    VariantAnswer,
+)
+from inversion.run_store import RunStore
+from inversion.search import Found, Look, Search
+from inversion.uncertainty import Posterior, posterior, root_mean_square
+from pipeline.cli import WorkFailed
+from pipeline.manifest import manifest
+
+#: The engine's name in the result.
+ENGINE = "mpm"
+
+
+@dataclass
+class BackAnalysis:
+    """A case under back-analysis.
+
+    Attributes:
+        case: the case.
+        store: where runs are kept.
+        say: told in a line what is happening.
+    """
+
+    case: LoadedCase
+    store: RunStore
+    say: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True)
+    found: Found | None = None
+    spread: Posterior | None = None
+    stops: list[Stop] = field(default_factory=list)
+    starts: list[Start] = field(default_factory=list)
+    variants: list[VariantAnswer] = field(default_factory=list)
+    sensitivities: list[SensitivityAnswer] = field(default_factory=list)
+    ratio_changes: dict[str, dict[str, float]] = field(default_factory=dict)
+    noise: Noise | None = None
+    timings: dict[str, float] = field(default_factory=dict)
+    runs: int = 0
+
+    def __post_init__(self) -> None:
+        self.engine = MPMEngine(self.case.setup, self.store)
+        self.objective = self.case.objective()
+        self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())))
+        self.least_m = 2.0 * self.case.scene.spacing
+
+    def run(self) -> Result:
+        """All stages."""
+        settings = self.case.config.inversion
+        stages: list[tuple[str, Callable[[], None]]] = [
+            ("answer", self.search),
+            ("starts", self.search_from_elsewhere),
+            ("equally good", self.find_equally_good),
+            ("seeds", self.measure_noise),
+        ]
+        if settings.variants:
+            stages.append(("variants", self.solve_variants))
+        if settings.sensitivities:
+            stages.append(("sensitivities", self.solve_sensitivities))
+        for name, stage in stages:
+            with self._timed(name):
+                stage()
+        return self.result()
+
+    # --- stages ---
+
+    def search(self) -> None:
+        """Find the answer from the question's first guess."""
+        settings = self.case.config.inversion
+        seeds = [
+            MPMEngine(self.case.jittered(self.case.setup, seed), self.store)
+            for seed in range(1, settings.step_seeds + 1)
+        ]
+        search = self._search(self.engine, self.steps, seeds=seeds, tell=True)
+        start = self.case.parameters.start
+        self.found = calibrate(search, start, method=settings.method, least_m=self.least_m)
+        self.runs += self.found.runs
+        self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
+        self.spread = posterior(self.objective, self.found.look.derivative, self.found.values)
+
+    def search_from_elsewhere(self) -> None:
+        """Ask again from other first guesses; the answer should not depend on them."""
+        self.starts = [assemble.start_of(self.found, self.objective)]
+        number = self.case.config.inversion.starts - 1
+        for place, start in enumerate(further_starts(self.case.parameters, number)):
+            found = self._calibrated(self.case.setup, start)
+            if found is not None:
+                self.starts.append(assemble.start_of(found, self.objective))
+                self.say(f"start {place + 2}: {self._told(found)}")
+
+    def find_equally_good(self) -> None:
+        """Walk along what the data do not determine."""
+        if len(self.spread.flat):
+            before = self.engine.runs
+            self.stops = walk(
+                self.engine, self.objective, self.found.values, self.slope,
+                self.spread.flat, self.found.look.loss,
+            )  # fmt: skip
+            self.runs += self.engine.runs - before
+            self.say(f"{len(self.stops)} other answers fit as well")
+
+    def measure_noise(self) -> None:
+        """Find the answer again on jittered points."""
+        seeds = list(range(1, self.case.config.inversion.noise_seeds + 1))
+        if not seeds:
+            return
+        problems = [self._problem(self.case.jittered(self.case.setup, seed)) for seed in seeds]
+        self._resolve(problems)
+        kept = [(s, p) for s, p in zip(seeds, problems, strict=True) if np.isfinite(p.loss)]
+        if len(kept) < 2:
+            self.say("noise: fewer than two of the jittered runs finished; not measured")
+            return
+        targets, parameters = self.objective.targets, self.case.parameters
+        before = np.array([problem.before.values for _, problem in kept])
+        values = np.array([problem.values for _, problem in kept])
+        self.noise = Noise(
+            jitter=self.case.config.inversion.noise_jitter,
+            seeds=[seed for seed, _ in kept],
+            std=targets.named(before.std(axis=0, ddof=1)),
+            mean=targets.named(before.mean(axis=0)),
+            answers=[
+                SeedAnswer(
+                    seed=seed,
+                    values=parameters.as_mapping(problem.values),
+                    predicted_before=targets.named(problem.before.values, targets.fitted),
+                    loss=problem.loss,
+                    reached=problem.reached,
+                )
+                for seed, problem in kept
+            ],
+            answer_std=parameters.as_mapping(values.std(axis=0, ddof=1)),
+        )
+        self.say(
+            "answers on jittered points scatter by "
+            + ", ".join(f"{name} {std:.2g}" for name, std in self.noise.answer_std.items())
+        )
+
+    def solve_variants(self) -> None:
+        """Search under every other reading of the question."""
+        for variant in self.case.question.variants:
+            changed = self.case.variant(variant)
+            found = self._calibrated(changed.setup, self.found.values)
+            if found is None:
+                continue
+            self.say(f"{variant.name}: {self._told(found)}")
+            targets, parameters = changed.setup.targets, self.case.parameters
+            self.variants.append(
+                VariantAnswer(
+                    name=variant.name,
+                    words=changed.words,
+                    values=parameters.as_mapping(found.values),
+                    ratios=assemble.ratios(found.look.prediction, found.values, parameters.names),
+                    loss=found.look.loss,
+                    reached=found.reached,
+                    predicted=targets.named(found.look.prediction.values),
+                    measured=targets.named(targets.measured, targets.fitted),
+                    at_bound=assemble.bounded(parameters.names, parameters.at_bound(found.values)),
+                    words_end=found.words,
+                )
+            )
+
+    def solve_sensitivities(self) -> None:
+        """Solve again under every changed assumption, all of them side by side."""
+        asked = [
+            (entry, changed)
+            for entry in self.case.question.sensitivities
+            for changed in self.case.sides(entry)
+        ]
+        problems = [self._problem(changed.setup) for _, changed in asked]
+        self._resolve(problems)
+        for entry in self.case.question.sensitivities:
+            own = [
+                (changed, problem)
+                for (other, changed), problem in zip(asked, problems, strict=True)
+                if other is entry
+            ]
+            self._keep_sensitivity(entry, own)
+
+    def _keep_sensitivity(self, entry: Sensitivity, own: list[tuple[Changed, Problem]]) -> None:
+        names = self.case.parameters.names
+        answered = [self._side(changed, problem) for changed, problem in own
+                    if problem.before is not None and np.isfinite(problem.loss)]  # fmt: skip
+        if not answered:
+            self.say(f"{entry.name}: the simulation failed; not among the sensitivities")
+            return
+        changes = [side.change for side in answered]
+        first = names[0]
+        worst = max(answered, key=lambda side: abs(side.change[first]))
+        self.sensitivities.append(
+            SensitivityAnswer(
+                name=entry.name,
+                kind=entry.kind,
+                words="; ".join(side.words for side in answered),
+                change=worst.change,
+                std={name: root_mean_square(changes, name) for name in names},
+                sides=answered,
+            )
+        )
+        if entry.kind != "target":
+            moved = [side.ratio_change for side in answered]
+            self.ratio_changes[entry.name] = {
+                name: root_mean_square(moved, name) for name in moved[0]
+            }
+        self.say(f"{entry.name}: " + ", ".join(
+            f"{side.words}: {first} {side.change[first]:+.2f}" for side in answered
+        ))  # fmt: skip
+
+    def _side(self, changed: Changed, problem: Problem) -> Side:
+        parameters, targets = self.case.parameters, changed.setup.targets
+        here = assemble.ratios(self.found.look.prediction, self.found.values, parameters.names)
+        there = assemble.ratios(problem.prediction, problem.values, parameters.names)
+        return Side(
+            words=changed.words,
+            values=parameters.as_mapping(problem.values),
+            change=parameters.as_mapping(problem.values - self.found.values),
+            ratio_change={name: there[name] - here[name] for name in here if name in there},
+            predicted_before=targets.named(problem.before.values, targets.fitted),
+            predicted=targets.named(problem.prediction.values, targets.fitted),
+            loss=problem.loss,
+            reached=problem.reached,
+        )
+
+    # --- the result ---
+
+    def result(self) -> Result:
+        """All that was found."""
+        case, found = self.case, self.found
+        mask = self.objective.targets.fitted
+        resolved = self.steps.resolved(found.look.derivative[mask], found.look.steps)
+        noise_std = dict(self.noise.answer_std) if self.noise else {}
+        changes = dict(self.ratio_changes)
+        if noise_std:
+            sigma = dict(
+                zip(case.parameters.names, found.look.prediction.sigma_v0_kpa, strict=True)
+            )
+            changes[assemble.NOISE_SOURCE] = {
+                name: noise_std[name] / sigma[name]
+                for name in assemble.ratios(
+                    found.look.prediction, found.values, case.parameters.names
+                )
+            }
+        return Result(
+            case=case.name,
+            title=case.title,
+            measurement_set=case.measurement_set,
+            engine=ENGINE,
+            spacing_m=case.scene.spacing,
+            manifest=self._manifest(),
+            question=case.question,
+            answer=assemble.answer(
+                case, self.objective, found, self.spread, self.stops, resolved,
+                self.sensitivities, changes, noise_std,
+            ),
+            iterations=assemble.iterations(found.looks, self.objective),
+            starts=self.starts,
+            variants=self.variants,
+            sensitivities=self.sensitivities,
+            measurements=assemble.measurements(self.objective, found.look.prediction),
+            noise=self.noise,
+            classical=[],
+            published=case.measurements.strength_published_kpa,
+            timings={name: round(seconds, 3) for name, seconds in self.timings.items()},
+            runs=self.runs,
+            runs_to_answer=found.runs,
+        )  # fmt: skip
+
+    # --- what the stages share ---
+
+    @property
+    def slope(self) -> np.ndarray:
+        """Derivative of the fitted numbers by the scaled parameters at the answer, (k, p)."""
+        return self.objective.fitted_derivative(self.found.look.derivative, self.found.values)
+
+    def _manifest(self) -> dict[str, Any]:
+        seeds = {"jitter_of_the_answer": self.case.scene.seed}
+        made = manifest(self.case.config, seeds)
+        return {**made, "inversion_physics_version": PHYSICS_VERSION}
+
+    def _steps(self, noise: np.ndarray) -> FiniteSteps:
+        return FiniteSteps(self.case.parameters, noise, self.case.config.inversion.step_to_noise)
+
+    def _search(
+        self,
+        engine: MPMEngine,
+        steps: FiniteSteps,
+        *,
+        seeds: list[MPMEngine] | tuple = (),
+        tell: bool = False,
+    ) -> Search:
+        settings = self.case.config.inversion
+        return Search(
+            engine,
+            self.case.objective(engine.setup),
+            steps,
+            seeds=seeds,
+            max_iterations=settings.max_iterations,
+            max_runs=settings.max_runs,
+            on_look=self._tell_look if tell else None,
+        )
+
+    def _calibrated(self, setup: Setup, start: np.ndarray) -> Found | None:
+        """Another search with the noise that is known; None, and a line, where there is none."""
+        engine = MPMEngine(setup, self.store)
+        noise = self.steps.noise
+        if int(setup.targets.fitted.sum()) != len(noise):
+            noise = np.full(int(setup.targets.fitted.sum()), float(np.max(noise)))
+        search = self._search(engine, self._steps(noise))
+        try:
+            found = calibrate(
+                search, start, method=self.case.config.inversion.method, least_m=self.least_m
+            )
+        except WorkFailed as error:
+            self.say(f"no answer: {error}")
+            found = None
+        self.runs += engine.runs
+        return found
+
+    def _problem(self, setup: Setup) -> Problem:
+        """A question a little beside the answer's."""
+        return Problem(
+            MPMEngine(setup, self.store), self.case.objective(setup), self.found.values, self.slope
+        )
+
+    def _resolve(self, problems: list[Problem]) -> None:
+        resolve(problems)
+        self.runs += sum(problem.engine.runs for problem in problems)
+
+    def _tell_look(self, look: Look) -> None:
+        parameters, targets = self.case.parameters, self.objective.targets
+        values = ", ".join(
+            f"{spec.name} {value:.4g} {spec.unit}"
+            for spec, value in zip(parameters.specs, look.values, strict=True)
+        )
+        predicted = ", ".join(
+            f"{name} {value:.1f} m"
+            for name, value in targets.named(look.prediction.values, targets.fitted).items()
+        )
+        name = {"scan": "scan", "start": "start"}.get(look.kind, f"iteration {look.iteration}")
+        loss = f"loss {look.loss:.3g}" if np.isfinite(look.loss) else look.prediction.reason
+        self.say(f"{name}: {values}: {predicted}: {loss} ({look.runs} simulations)")
+
+    def _told(self, found: Found) -> str:
+        values = ", ".join(
+            f"{spec.name} {value:.4g}"
+            for spec, value in zip(self.case.parameters.specs, found.values, strict=True)
+        )
+        return f"{values}: {found.words} ({found.runs} simulations)"
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        began = time.perf_counter()
+        yield
+        self.timings[name] = time.perf_counter() - began

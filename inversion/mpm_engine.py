@@ -1,0 +1,135 @@
+"""The material point method as a forward engine.
+
+A `Setup` is one reading of the question: the section before the values are put in, the settings of
+the simulation, the measurements. `inversion.changes` makes other readings of it. Derivatives are
+finite differences from one batch of perturbed scenes with common seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.measured import Deposit
+from geometry.measured_series import ToeHistory, Velocity
+from geometry.scene import Scene
+from inversion.forward import Forward, Prediction, by_differences
+from inversion.parameters import Parameters
+from inversion.predictions import Targets, read, toes_by_eye
+from inversion.run_store import KeptRun, RunStore
+from pipeline.config import SimulationSettings
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One reading of the question.
+
+    Attributes:
+        scene: the section, before the values of the parameters are put in.
+        settings: of the simulation.
+        parameters: what is sought.
+        targets: what is predicted.
+        foot: where the section ended before the slide, x [m] by side.
+    """
+
+    scene: Scene
+    settings: SimulationSettings
+    parameters: Parameters
+    targets: Targets
+    foot: Mapping[str, float]
+
+
+class MPMEngine:
+    """`inversion.forward.Forward` by the material point method."""
+
+    def __init__(self, setup: Setup, store: RunStore) -> None:
+        self.setup = setup
+        self.store = store
+        self.runs = 0
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the predicted numbers, (m,)."""
+        return self.setup.targets.names
+
+    def scene(self, values: np.ndarray) -> Scene:
+        """The section with the values put in."""
+        return self.setup.parameters.scene(self.setup.scene, values)
+
+    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
+        """Predictions for many parameter vectors, as one batch."""
+        return self.predict_each([(self, one) for one in values])
+
+    def derivative(
+        self, values: np.ndarray, steps: np.ndarray
+    ) -> tuple[Prediction, np.ndarray, np.ndarray]:
+        """Prediction and finite differences, one batch; see `inversion.forward.Forward`."""
+        return by_differences(self, np.asarray(values, dtype=float), steps)
+
+    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
+        """One parameter vector for each of several engines, as one batch."""
+        engines: list[MPMEngine] = [engine for engine, _ in requests]
+        wanted = [(engine.scene(values), engine.setup.settings) for engine, values in requests]
+        frames = any(_needs_frames(engine.setup.targets) for engine in engines)
+        runs = self.store.fetch(wanted, frames=frames)
+        for engine in engines:
+            engine.runs += 1
+        return [prediction_of(engine.setup, run) for engine, run in zip(engines, runs, strict=True)]
+
+
+def prediction_of(setup: Setup, run: KeptRun) -> Prediction:
+    """Read the measurements on a run."""
+    start, end = _deposit(setup, run, last=False), _deposit(setup, run, last=True)
+    failed = run.status == "failed"
+    values, trouble = read(setup.targets, end)
+    if failed:
+        values = np.full(len(values), np.nan)
+    at_start, _ = read(setup.targets, start)
+    mean, spread = _sigma_v0(setup, run)
+    broken = failed or not np.all(np.isfinite(values[setup.targets.fitted]))
+    return Prediction(
+        values=values,
+        at_start=at_start,
+        by_eye={} if failed else toes_by_eye(setup.targets, end),
+        positions=run.final,
+        status="failed" if broken else "finished",
+        reason=run.reason or trouble,
+        sigma_v0_kpa=mean,
+        sigma_v0_std_kpa=spread,
+        run_time_s=run.wall_time_s,
+    )
+
+
+def _needs_frames(targets: Targets) -> bool:
+    return any(isinstance(entry, ToeHistory | Velocity) for entry in targets.entries)
+
+
+def _deposit(setup: Setup, run: KeptRun, *, last: bool) -> Deposit:
+    frames = run.frames if last else None if run.frames is None else run.frames[:1]
+    times = run.time if last else None if run.time is None else run.time[:1]
+    return Deposit(
+        position=(run.final if last else run.initial).astype(float),
+        initial_position=run.initial.astype(float),
+        volume=setup.scene.spacing**2,
+        spacing=setup.scene.spacing,
+        foot=setup.foot,
+        ground=np.asarray(setup.scene.ground.points, dtype=float),
+        positions=None if frames is None else frames.astype(float),
+        time=times,
+        at_rest=run.at_rest or not last,
+    )
+
+
+def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and spread of the vertical effective stress over each strength's zones, (p,) [kPa]."""
+    place = {zone.name: number for number, zone in enumerate(setup.scene.zones)}
+    mean, spread = [], []
+    for spec in setup.parameters.specs:
+        member = np.isin(run.zone, [place[name] for name in spec.zones])
+        known = spec.property == "cohesion_kpa" and member.any()
+        stress = 1e-3 * run.vertical_stress[member].astype(float)
+        mean.append(float(stress.mean()) if known else np.nan)
+        spread.append(float(stress.std()) if known else np.nan)
+    return np.array(mean), np.array(spread)
