@@ -47,8 +47,8 @@ def ordinary(slices: Slices, *, side_water: bool = True) -> np.ndarray:
 def bishop(slices: Slices, circle: Circle, *, rounds: int = 60) -> np.ndarray:
     """Factor of safety by Bishop's simplified method.
 
-    FS = sum [c b + (W - u b) tan phi] / m_a / (sum W sin a + M / R), m_a = cos a + sin a tan phi/FS,
-    M the moment of the free water's horizontal push about the centre.
+    FS = sum [c b + (W - u b) tan phi] / m_a / (sum W sin a + M / R), with
+    m_a = cos a + sin a tan phi / FS and M the moment of the free water's push about the centre.
 
     Args:
         slices: on the circle; leading axes, if any, as those of the circle's numbers.
@@ -254,7 +254,7 @@ def _factor_at(slices: Slices, theta: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _strength_at(slices: Slices, theta: np.ndarray, factor: float) -> tuple[np.ndarray, np.ndarray]:
-    """S_r [Pa] that balances the forces at an inclination (they are linear in it), and the moment."""
+    """S_r [Pa] that balances the forces at an inclination, and the moment left over."""
     force, per_strength = _between(slices, theta, np.full(theta.shape, factor))
     with np.errstate(divide="ignore", invalid="ignore"):
         strength = -force.sum(axis=-1) / per_strength.sum(axis=-1)

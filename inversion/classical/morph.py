@@ -7,8 +7,8 @@ Which soil goes where is not known; an analyst draws it. Here every vertical col
 mass goes, in order, to the place where as much area lies ahead of it as before: the columns keep
 their order, their area and their layers, and only shift and change height. With A the area ahead of
 a column, x_f(A) = (1 - f) x_pre(A) + f x_post(A), so the height at f is
-1 / ((1 - f) / h_pre + f / h_post), and the area is conserved at every f. Below the mass lies the slip
-surface; beyond its toe the old surface and the ground in front of it.
+1 / ((1 - f) / h_pre + f / h_post), and the area is conserved at every f. Below the mass lies the
+slip surface; beyond its toe the old surface and the ground in front of it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -25,6 +26,8 @@ from geometry.toe import Side
 from inversion.classical.section import Section, water_line_after
 from inversion.classical.slices import Polyline, Slices, WaterForm, cut
 from pipeline.cli import InputError
+
+BaseStrength = Literal["weaker", "place", "carried"]
 
 #: Columns of the moving mass before, and as many after, whose areas are matched.
 COLUMNS = 1500
@@ -43,6 +46,7 @@ class Stage:
         section: all zones, those of the moving mass moved.
         slip: base of the moving mass, from its toe to its head.
         origin: x before the slide [m] of the columns that now stand at x [m].
+        destination: the reverse.
         surface: of the moving mass (K, 2) [m].
     """
 
@@ -50,6 +54,7 @@ class Stage:
     section: Section
     slip: Polyline
     origin: Callable[[np.ndarray], np.ndarray]
+    destination: Callable[[np.ndarray], np.ndarray]
     surface: np.ndarray
 
 
@@ -180,6 +185,7 @@ class Slide:
             section=section,
             slip=Polyline(np.column_stack([base, self.base(base)])),
             origin=lambda x: np.interp(x, new, old),
+            destination=lambda x: np.interp(x, old, new),
             surface=np.column_stack([new, self.base(new) + height]),
         )
 
@@ -188,7 +194,7 @@ class Slide:
         stage: Stage,
         *,
         form: WaterForm = "buoyant",
-        carried: bool = False,
+        base: BaseStrength = "weaker",
         count: int = 200,
     ) -> Slices:
         """Slices of the moving mass at a stage.
@@ -196,17 +202,25 @@ class Slide:
         Args:
             stage: from `section`.
             form: how water is taken into account.
-            carried: True: a base has the strength of the soil that came there with its column;
-                False: that of the soil which lay there before, and S_r where none lay.
+            base: whose strength a base has. `place`: of the soil that lay there before, S_r where
+                none lay; `carried`: of the soil that came there with its column; `weaker`: S_r
+                where either is liquefied (shear stays in the weaker of the two), else `place`.
             count: of slices, about.
         """
-        carry = None
-        if carried:
 
-            def carry(x: np.ndarray) -> np.ndarray:
-                start = stage.origin(x)
-                return self.before.zone_at(start, self.base(start) + 1e-3)
+        def carried(x: np.ndarray) -> np.ndarray:
+            start = stage.origin(x)
+            return self.before.zone_at(start, self.base(start) + 1e-3)
 
+        def weaker(x: np.ndarray) -> np.ndarray:
+            here, came = self.before.zone_at(x, self.base(x) + 1e-3), carried(x)
+            return np.where(self._liquefied[came], came, here)
+
+        corners = self.slip.points
+        borders = [
+            self.before.crossings_with(a, b) for a, b in zip(corners, corners[1:], strict=False)
+        ]
+        moved = stage.destination(np.concatenate([self.before.extent, corners[:, 0], *borders]))
         return cut(
             stage.section,
             stage.slip,
@@ -215,8 +229,14 @@ class Slide:
             count=count,
             strength_of=self.before,
             outside_liquefied=True,
-            base_soil=carry,
+            base_soil={"place": None, "carried": carried, "weaker": weaker}[base],
+            stops=moved,
         )
+
+    @cached_property
+    def _liquefied(self) -> np.ndarray:
+        """Whether each zone, and last what lies outside all of them, is liquefied."""
+        return np.array([*(soil.liquefied for soil in self.before.soils), True])
 
     def _matched(self, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places of columns before and at `share`, and their heights then: (K,) each [m]."""

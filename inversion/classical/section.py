@@ -10,7 +10,7 @@ Shapes: P places of any shape, E edges of all zones. SI units; per metre of widt
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -192,7 +192,7 @@ class Column:
 
     @property
     def buoyant_weight(self) -> np.ndarray:
-        """w = gamma h - gamma_w h_submerged [N/m2]."""
+        """Weight less uplift, w = gamma h - gamma_w h_submerged [N/m2]."""
         return self.weight - WATER_UNIT_WEIGHT * self.submerged
 
 
@@ -264,12 +264,6 @@ def _bend(level: np.ndarray) -> int:
     """Number of the last place, walking in, at which the line is still as high as the pool."""
     lower = np.flatnonzero(np.abs(level - level[0]) > 1e-9)
     return int(lower[0]) - 1 if len(lower) else len(level) - 1
-
-
-def replace_soils(section: Section, change: Mapping[str, Soil]) -> Section:
-    """The same section with other soils, by name of the material."""
-    soils = [change.get(soil.name, soil) for soil in section.soils]
-    return Section(section.polygons, soils, section.ground, section.water, section.names)
 
 
 def _edge_arrays(polygons: Sequence[np.ndarray], soils: Sequence[Soil]) -> dict[str, np.ndarray]:

@@ -152,6 +152,7 @@ def cut(
     strength_of: Section | None = None,
     outside_liquefied: bool = False,
     base_soil: Callable[[np.ndarray], np.ndarray] | None = None,
+    stops: np.ndarray | None = None,
 ) -> Slices:
     """Cut the mass above one slip surface into slices.
 
@@ -170,13 +171,15 @@ def cut(
             liquefied soil overran); otherwise they are an error.
         base_soil: number of the zone (of `strength_of`) whose strength a base at x has, instead of
             the zone that lies there.
+        stops: more places x at which slices end [m].
     """
     strength_of = strength_of or section
     left, right = slip.ends
     corners = slip.points if isinstance(slip, Polyline) else _arc(slip, count)
     borders = [strength_of.crossings_with(a, b) for a, b in zip(corners, corners[1:], strict=False)]
     fixed = corners[:, 0] if isinstance(slip, Polyline) else np.array([left, right])
-    stops = np.unique(np.concatenate([fixed, strength_of.extent, *borders]))
+    given = [] if stops is None else [stops]
+    stops = np.unique(np.concatenate([fixed, strength_of.extent, *borders, *given]))
     stops = stops[(stops >= left) & (stops <= right)]
     stops = stops[np.append(True, np.diff(stops) > 1e-9 * (right - left))]
     parts = np.maximum(np.ceil(np.diff(stops) / (right - left) * count - 1e-9), 1).astype(int)
