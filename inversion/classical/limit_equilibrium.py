@@ -1,13 +1,14 @@
-"""Factors of safety of slices: ordinary method, Bishop, Spencer; and the S_r at which they are 1.
+"""Factors of safety of slices: ordinary method, balance of forces, Bishop, Spencer; and S_r for 1.
 
 In: `Slices`, whose leading axes may be many slip surfaces. Out: factors of safety of that shape,
 nan where a method has no solution. Numpy only; every function is vectorised over slip surfaces.
 
-The ordinary method and Spencer's hold for any slip surface, Bishop's for circles. Forces on a
-slice: K = (push downhill, -weight), N and S on the base, Q the sum of the forces of its neighbours.
+All but Bishop's, which is for circles, hold for any slip surface. Forces on a slice: K = (push
+downhill, -weight), N and S on the base, Q the sum of the forces of its neighbours.
 
-Sources: Fellenius (1936), Bishop (1955), Spencer (1967) with the general formulation of Wright's
-UTEXAS manuals and of the US Army's EM 1110-2-1902 (2003), appendix C.
+Sources: Fellenius (1936), Janbu (1954, simplified and without its correction), Bishop (1955),
+Spencer (1967) with the general formulation of Wright's UTEXAS manuals and of the US Army's
+EM 1110-2-1902 (2003), appendix C.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from inversion.classical.slices import Circle, Slices
 from pipeline.cli import WorkFailed
 
-Method = Literal["ordinary", "bishop", "spencer"]
+Method = Literal["ordinary", "force", "bishop", "spencer"]
 
 #: Inclinations of the forces between slices that Spencer's method looks at [rad].
 INCLINATIONS = np.radians(np.linspace(-20.0, 45.0, 66))
@@ -77,6 +78,15 @@ def bishop(slices: Slices, circle: Circle, *, rounds: int = 60) -> np.ndarray:
     return factor
 
 
+def force_balance(slices: Slices) -> np.ndarray:
+    """Factor of safety from the balance of forces alone, those between slices being level.
+
+    Janbu's simplified method without its correction. It leaves moments aside, and so has a solution
+    on flat, long masses on which Spencer's has none.
+    """
+    return _factor_at(slices, np.zeros(slices.x.shape[:-1]))[0]
+
+
 def spencer(slices: Slices) -> np.ndarray:
     """Factor of safety by Spencer's method: all forces and moments, parallel forces between slices.
 
@@ -119,6 +129,9 @@ def required_strength(
     if method == "spencer":
         base = slices.with_strength(0.0, others=others)
         found = _balanced(base, lambda s, theta: _strength_at(s, theta, factor))[0]
+    elif method == "force":
+        base = slices.with_strength(0.0, others=others)
+        found = _strength_at(base, np.zeros(slices.x.shape[:-1]), factor)[0]
     else:
         # Both factors of safety grow with S_r; that of the ordinary method in proportion.
         def excess(strength: np.ndarray) -> np.ndarray:
@@ -273,6 +286,7 @@ def factor_of_safety(slices: Slices, method: Method, circle: Circle | None = Non
     value = {
         "ordinary": lambda: ordinary(slices),
         "bishop": lambda: bishop(slices, circle),
+        "force": lambda: force_balance(slices),
         "spencer": lambda: spencer(slices),
     }[method]()
     if not np.isfinite(value):

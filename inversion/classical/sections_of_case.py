@@ -1,0 +1,220 @@
+"""The two sections of a slide, from a case folder and an analyst's judgement.
+
+In: `scene.yaml`, `measurements.yaml`, profiles, slip surfaces, perhaps a simulated deposit. Out: a
+`Slide`, checked, and where its parts come from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from geometry.measurements import Measurements, load_measurements, load_profile
+from geometry.observables import surface_profile
+from geometry.scene import Scene, load_scene
+from geometry.toe import Side
+from inversion.classical.judgement import SEARCH, Judgement
+from inversion.classical.morph import Slide
+from inversion.classical.search import critical_polyline
+from inversion.classical.section import Section, section_of
+from inversion.classical.slices import Polyline
+from pipeline.cli import InputError, WorkFailed
+
+SCENE_FILE = "scene.yaml"
+#: A surface that sank by less than this share of the section's height has not moved.
+UNMOVED = 0.01
+
+
+@dataclass(frozen=True)
+class SurfaceAfter:
+    """The surface after the slide.
+
+    Attributes:
+        points: (P, 2) [m], x ascending.
+        kind: `measured`, `constructed` or `simulated`.
+        source: file it was read from.
+    """
+
+    points: np.ndarray
+    kind: str
+    source: str
+
+
+@dataclass(frozen=True)
+class CaseSections:
+    """A case as the classical methods see it."""
+
+    folder: Path
+    scene: Scene
+    measurements: Measurements
+    simulated: SurfaceAfter | None = None
+
+    def after(self, judgement: Judgement) -> SurfaceAfter:
+        """The surface after the slide that a judgement asks for.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self.simulated is not None:
+            return self.simulated
+        confidence = "constructed"
+        if judgement.profile is not None:
+            name = judgement.profile
+            for entry in self.measurements.profiles:
+                if entry.file == name:
+                    confidence = entry.confidence
+        elif self.measurements.profiles:
+            entry = self.measurements.profiles[0]
+            name, confidence = entry.file, entry.confidence
+        else:
+            raise InputError(
+                f"{self.folder}: no surface after the slide: measurements.yaml has no "
+                "surface_profile, and classical.yaml names no profile"
+            )
+        profile = load_profile(self.folder / name)
+        kind = "constructed" if confidence == "constructed" else "measured"
+        return SurfaceAfter(np.column_stack([profile.x, profile.y]), kind, name)
+
+    def section(self, judgement: Judgement) -> Section:
+        """The section before the slide, with the water a judgement asks for."""
+        section = section_of(
+            self.scene,
+            water=judgement.water != "none",
+            unit_weight_factor=judgement.unit_weight_factor,
+        )
+        if section.water is not None and judgement.water_line == "level":
+            level = np.array([[self.scene.domain.x_min, self.scene.water_level]])
+            section = replace(section, water=level)
+        return section
+
+    def slip(self, judgement: Judgement) -> Polyline:
+        """The slip surface that a judgement names, or the critical one of the section before.
+
+        Raises:
+            InputError: a file that cannot be read, or no slip surface that could be.
+        """
+        if judgement.slip_surface != SEARCH:
+            profile = load_profile(self.folder / judgement.slip_surface)
+            return Polyline(np.column_stack([profile.x, profile.y]))
+        section, after = self.section(judgement), self.after(judgement)
+        head = judgement.head_x_m
+        if head is None:
+            head = head_of(section, after.points, judgement.side)
+        toe = section.extent[0 if judgement.side == "left" else 1]
+        surface = Polyline(after.points)
+        try:
+            return critical_polyline(
+                section,
+                judgement.side,
+                toe=toe,
+                head=head,
+                head_level=float(min(surface.level(head), section.surface(head))),
+                foot_range=_foot_range(section, toe, head),
+                not_above=surface,
+            ).polyline
+        except WorkFailed as problem:
+            raise InputError(f"{self.folder}: {judgement.name}: slip surface: {problem}") from None
+
+    def slide(self, judgement: Judgement, slip: Polyline) -> Slide:
+        """The slide of one analysis on a slip surface, checked.
+
+        Raises:
+            InputError: sections or slip surface that cannot belong together.
+        """
+        section, after = self.section(judgement), self.after(judgement)
+        slide = Slide(section, slip, after.points, judgement.side)
+        try:
+            slide.check()
+        except InputError as problem:
+            raise InputError(f"{self.folder}: {judgement.name}: {problem}") from None
+        return slide
+
+
+def load_sections(folder: str | Path, *, run: str | Path | None = None) -> CaseSections:
+    """Read a case folder, and the surface after the slide from a simulation if one is named.
+
+    Args:
+        folder: with `scene.yaml` and `measurements.yaml`.
+        run: trajectory file whose first run ends with the deposit to take instead of the profile.
+
+    Raises:
+        InputError: something is missing or does not hold together; one line.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; a case has {SCENE_FILE}")
+    scene = load_scene(folder / SCENE_FILE)
+    if not any(material.liquefied for material in scene.materials.values()):
+        raise InputError(
+            f"{folder / SCENE_FILE}: materials: none is `liquefied: true`: no S_r to find"
+        )
+    measurements = load_measurements(folder)
+    simulated = None if run is None else simulated_surface(run, scene)
+    return CaseSections(folder, scene, measurements, simulated)
+
+
+def simulated_surface(path: str | Path, scene: Scene) -> SurfaceAfter:
+    """The surface of the last frame of a trajectory file's first run.
+
+    Raises:
+        InputError: no such file, no run in it, or a run of another section.
+    """
+    from mpm_taichi.trajectory import list_runs, read_run  # h5py is not needed otherwise
+
+    runs = list_runs(path)
+    if not runs:
+        raise InputError(f"{path}: holds no run")
+    run = read_run(path, runs[0].index, ["positions", "volume"])
+    if run.scene.name != scene.name:
+        raise InputError(f"{path}: holds a run of {run.scene.name!r}, not of {scene.name!r}")
+    if not run.frames:
+        raise InputError(f"{path}: its first run has no frames: {run.reason}")
+    spacing = run.scene.spacing
+    last = run.positions[-1].astype(float)
+    x = np.arange(last[:, 0].min() - spacing, last[:, 0].max() + 1.5 * spacing, spacing)
+    ground = np.asarray(scene.ground.points, dtype=float)
+    y = surface_profile(last, spacing**2, x, spacing=spacing, ground=ground)
+    return SurfaceAfter(np.column_stack([x, y]), "simulated", str(path))
+
+
+def head_of(section: Section, after: np.ndarray, side: Side) -> float:
+    """Upper end of the mass that moved to one side [m].
+
+    From the toe inwards, the place where the surface is no longer changed; where all of it changed,
+    the middle of the crest, for the other half then went to the other side.
+    """
+    left, right = section.extent
+    x = np.linspace(left, right, 2001)
+    before = section.surface(x)
+    now = np.interp(x, after[:, 0], after[:, 1])
+    height = float(np.ptp(before))
+    moved = np.abs(now - before) > UNMOVED * height
+    if side == "right":
+        x, before, moved = x[::-1], before[::-1], moved[::-1]
+    crest = x[before > before.max() - 1e-6 * height]
+    middle = float(0.5 * (crest[0] + crest[-1]))
+    # The new surface crosses the old one where the slope steepened; that is no end of the mass.
+    still = np.flatnonzero(~moved & (np.cumsum(moved) > 0))
+    beyond = [k for k in still if not moved[k : k + len(x) // 20].any()]
+    if not beyond:
+        return middle
+    return float(x[beyond[0]])
+
+
+def _foot_range(section: Section, toe: float, head: float) -> tuple[float, float]:
+    """Where a slip surface along the base may begin to rise [m]."""
+    liquefied = np.concatenate(
+        [
+            polygon[:, 0]
+            for polygon, soil in zip(section.polygons, section.soils, strict=True)
+            if soil.liquefied
+        ]
+    )
+    low, high = min(toe, head), max(toe, head)
+    near = liquefied[(liquefied >= low) & (liquefied <= high)]
+    if not len(near):
+        raise InputError(f"no liquefied soil between x = {low:g} and {high:g} m")
+    start = near.min() if toe < head else near.max()
+    return tuple(sorted((float(start), head - 0.05 * (head - toe))))
