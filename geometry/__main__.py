@@ -12,6 +12,7 @@ from pathlib import Path
 
 from geometry.checks import gaps
 from geometry.fill import fill
+from geometry.measurements import FILE_NAME, Measurements, load_measurements
 from geometry.scene import Scene, load_scene, save_scene, scene_text
 from geometry.sketch import signed_area
 from geometry.templates import draw_scene
@@ -159,9 +160,9 @@ def _chosen_scenes(arguments: argparse.Namespace) -> list[Scene]:
 def _add_check(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "check",
-        help="check scene files and print what they hold",
-        description="Check scene files. The first one that is not valid ends the command with one "
-        "line and exit code 2.",
+        help="check scene files, or cases, and print what they hold",
+        description="Check scene files, and in the folder of a case its measurements as well. The "
+        "first one that is not valid ends the command with one line and exit code 2.",
     )
     _add_scene_files(parser, "+")
     parser.add_argument("--quiet", action="store_true", help="print the sum only")
@@ -173,6 +174,7 @@ def _check(arguments: argparse.Namespace) -> None:
     points_in_all, draws, worst = 0, 0, 0.0
     for number, path in enumerate(paths):
         scene = load_scene(path)
+        measurements = _measurements_beside(path, scene)
         points = fill(scene)
         area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
         missed = len(points) * points.volume / area - 1.0
@@ -189,10 +191,31 @@ def _check(arguments: argparse.Namespace) -> None:
             f"{scene.name:<24}{len(scene.zones):>6}{len(points):>8}{area:>10.1f}{filled:>9}{drawn:>7}"
         )
         _print_gaps(scene)
+        if measurements is not None:
+            _print_measurements(measurements)
     print(
         f"{len(paths)} valid, {points_in_all} points, filled to within {100.0 * worst:.2f} % of "
         "the area" + (f", {draws} draws" if draws else "")
     )
+
+
+def _measurements_beside(path: Path, scene: Scene) -> Measurements | None:
+    """The measurements of the case whose scene this is, checked against it; None: no case."""
+    if path.name != "scene.yaml" or not (path.parent / FILE_NAME).is_file():
+        return None
+    return load_measurements(path.parent, scene)
+
+
+def _print_measurements(measurements: Measurements) -> None:
+    for name, entries in measurements.sets.items():
+        numbers = sum(len(entry.values) for entry in entries)
+        held = sum(int(entry.held_out_values.sum()) for entry in entries)
+        drawn = sum(len(entry.values) for entry in entries if entry.constructed)
+        kinds = ", ".join(f"{entry.name} ({entry.type})" for entry in entries)
+        print(
+            f"  measurements {name!r}: {numbers} values, {held} held out, {drawn} constructed: "
+            f"{kinds}"
+        )
 
 
 def _print_gaps(scene: Scene) -> None:

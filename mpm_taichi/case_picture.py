@@ -39,8 +39,9 @@ CONSTRUCTED_LINE = {"linestyle": (0, (0.2, 1.7)), "dash_capstyle": "round", "lin
 MEASURED_LINE = {"linestyle": "-", "linewidth": 1.6}
 
 # Inches around and between the panels.
-LEFT, RIGHT, TOP, BOTTOM, GAP, LEGEND_ROW = 0.62, 0.2, 1.3, 0.5, 0.48, 0.175
-ROW = 0.185
+LEFT, RIGHT, BOTTOM, GAP, LEGEND_ROW = 0.62, 0.2, 0.5, 0.48, 0.175
+# Rows of the table, lines of the heading, where the latter begin, and the panel's title below.
+ROW, HEADING_ROW, HEADING_TOP, PANEL_TITLE = 0.185, 0.172, 0.46, 0.32
 # Dimension lines below the ground, and the lower edge of the panels, in heights of the section.
 LINES, LOWEST_LINE = (0.11, 0.25), 0.36
 
@@ -72,10 +73,11 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
         )
     axes[0].set_xlabel("")
     handles = [*_material_handles(case), *axes[1].get_legend_handles_labels()[0]]
-    height = TOP + 2 * panel + GAP + BOTTOM + LEGEND_ROW * -(-len(handles) // 3) + 0.08
+    top = _head_room(case, readings)
+    height = top + 2 * panel + GAP + BOTTOM + LEGEND_ROW * -(-len(handles) // 3) + 0.08
     figure.set_size_inches(WIDTH_IN, height)
     for number, ax in enumerate(axes):
-        edge = height - TOP - (number + 1) * panel - number * GAP
+        edge = height - top - (number + 1) * panel - number * GAP
         ax.set_position((LEFT / WIDTH_IN, edge / height, width / WIDTH_IN, panel / height))
     _draw_heading(figure, case, run, height)
     _draw_table(figure, readings, height)
@@ -230,21 +232,32 @@ def _zone_names(case: Case) -> Overlay:
 # --- heading and table ---
 
 
-def _draw_heading(figure: Figure, case: Case, run: Run, height: float) -> None:
-    style = {"ha": "left", "va": "top", "color": TEXT_COLOUR}
-    x = LEFT / WIDTH_IN
-    figure.text(x, 1 - 0.16 / height, case.title, fontsize=14, fontweight="bold", **style)
+def _head_room(case: Case, readings: Sequence[Reading]) -> float:
+    """Inches above the panels: as many as the heading or the table needs."""
+    heading = HEADING_TOP + HEADING_ROW * len(_heading_lines(case, points=0))
+    table = 0.2 + ROW * (1 + sum(reading.measured is not None for reading in readings))
+    return max(heading, table) + PANEL_TITLE
+
+
+def _heading_lines(case: Case, *, points: int) -> list[str]:
     liquefied = [
         f"{name.replace('_', ' ')} {strength(material)}"
         for name, material in case.scene.materials.items()
         if material.liquefied
     ]
-    lines = [
+    return [
         *liquefied,
         "with the reservoir" if case.scene.has_water else "without water",
-        f"{run.points:,} material points, {case.scene.spacing:g} m apart",
+        f"{points:,} material points, {case.scene.spacing:g} m apart",
     ]
-    figure.text(x, 1 - 0.46 / height, "\n".join(lines), fontsize=8.5, linespacing=1.45, **style)
+
+
+def _draw_heading(figure: Figure, case: Case, run: Run, height: float) -> None:
+    style = {"ha": "left", "va": "top", "color": TEXT_COLOUR}
+    x = LEFT / WIDTH_IN
+    figure.text(x, 1 - 0.16 / height, case.title, fontsize=14, fontweight="bold", **style)
+    text = "\n".join(_heading_lines(case, points=run.points))
+    figure.text(x, 1 - HEADING_TOP / height, text, fontsize=8.5, linespacing=1.45, **style)
 
 
 def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> None:
