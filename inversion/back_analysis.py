@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -142,7 +143,7 @@ class BackAnalysis:
             return
         targets, parameters = self.objective.targets, self.case.parameters
         before = np.array([problem.before.values for _, problem in kept])
-        values = np.array([problem.values for _, problem in kept])
+        values = np.array([problem.refined for _, problem in kept])
         self.noise = Noise(
             jitter=self.case.config.inversion.noise_jitter,
             seeds=[seed for seed, _ in kept],
@@ -151,7 +152,7 @@ class BackAnalysis:
             answers=[
                 SeedAnswer(
                     seed=seed,
-                    values=parameters.as_mapping(problem.values),
+                    values=parameters.as_mapping(problem.refined),
                     predicted_before=targets.named(problem.before.values, targets.fitted),
                     loss=problem.loss,
                     reached=problem.reached,
@@ -237,13 +238,19 @@ class BackAnalysis:
 
     def _side(self, changed: Changed, problem: Problem) -> Side:
         parameters, targets = self.case.parameters, changed.setup.targets
-        here = assemble.ratios(self.found.look.prediction, self.found.values, parameters.names)
-        there = assemble.ratios(problem.prediction, problem.values, parameters.names)
+        here, there = self._refined, problem.refined
+        sigma, new_sigma = self.found.look.prediction.sigma_v0_kpa, problem.prediction.sigma_v0_kpa
+        with np.errstate(invalid="ignore"):
+            ratio_change = there / new_sigma - here / sigma
         return Side(
             words=changed.words,
-            values=parameters.as_mapping(problem.values),
-            change=parameters.as_mapping(problem.values - self.found.values),
-            ratio_change={name: there[name] - here[name] for name in here if name in there},
+            values=parameters.as_mapping(there),
+            change=parameters.as_mapping(there - here),
+            ratio_change={
+                name: float(change)
+                for name, change in zip(parameters.names, ratio_change, strict=True)
+                if np.isfinite(change)
+            },
             predicted_before=targets.named(problem.before.values, targets.fitted),
             predicted=targets.named(problem.prediction.values, targets.fitted),
             loss=problem.loss,
@@ -300,6 +307,13 @@ class BackAnalysis:
     def slope(self) -> np.ndarray:
         """Derivative of the fitted numbers by the scaled parameters at the answer, (k, p)."""
         return self.objective.fitted_derivative(self.found.look.derivative, self.found.values)
+
+    @cached_property
+    def _refined(self) -> np.ndarray:
+        """The answer with the linear step that would be next; changes are told from it, (p,)."""
+        own = self._problem(self.case.setup)
+        own.prediction = self.found.look.prediction
+        return own.refined
 
     def _manifest(self) -> dict[str, Any]:
         seeds = {"jitter_of_the_answer": self.case.scene.seed}

@@ -1,7 +1,7 @@
 """Calibration: from a first guess to the answer, by the method asked for.
 
-In: a `Search` and first guesses. Out: `Found`. A start at which nothing moves goes through the
-geometric scan first.
+In: a `Search` and first guesses. Out: `Found`. A start at which nothing moves, or whose derivative
+says nothing, goes through the geometric scan first.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from typing import Literal
 
 import numpy as np
 
-from inversion.gauss_newton import gauss_newton
-from inversion.geometric_scan import moves, scan
+from inversion.gauss_newton import LARGEST_BOX, best_step, gauss_newton
+from inversion.geometric_scan import moved, scan
 from inversion.lbfgsb import lbfgsb
 from inversion.parameters import Parameters
-from inversion.search import Found, Search
+from inversion.search import Found, Look, Search
 
 Method = Literal["gauss_newton", "lbfgsb"]
 METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
 
+#: A derivative whose best step lowers the sum of squares by a smaller share says nothing.
+LEAST_PROMISE = 0.1
 #: Further starts: strengths times this, and friction angles at this share of their bounds.
 OTHER_STARTS = ((0.65, 0.25), (1.6, 0.75), (0.45, 0.6), (2.2, 0.4))
 
@@ -37,14 +39,25 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
         WorkFailed: nothing moves at all, or the first run failed.
     """
     first = search.look(start, "start", 0)
-    stands = np.isfinite(first.loss) and not moves(search, first, least_m)
-    if stands and first.loss >= search.objective.tolerance:
-        weaker = scan(search, start, least_m).values
-        search.measure_noise(None, weaker)
-        first = search.look(weaker, "scan", 0)
+    if _says_nothing(search, first, least_m):
+        best = scan(search, first, least_m)
+        search.measure_noise(None, best.values)
+        first = first if best is first else search.look(best.values, "scan", 0)
     else:
         search.measure_noise(first, start)
     return METHODS[method](search, first)
+
+
+def _says_nothing(search: Search, look: Look, least_m: float) -> bool:
+    """The fit is bad, and nothing moves or no step promises to make it better."""
+    if not np.isfinite(look.loss) or look.loss < search.objective.tolerance:
+        return False
+    if not moved(search, look, least_m).any():
+        return True
+    residuals = search.objective.residuals(
+        look.prediction, search.objective.parameters.to_fitted(look.values)
+    )
+    return best_step(search, look, LARGEST_BOX).gain < LEAST_PROMISE * float(residuals @ residuals)
 
 
 def further_starts(parameters: Parameters, number: int) -> Sequence[np.ndarray]:

@@ -118,7 +118,8 @@ def _boundary(setup: Setup, sensitivity: ZoneBoundary, where: str) -> list[Chang
             side: x + scene.foot(side) - setup.scene.foot(side) for side, x in setup.foot.items()
         }
         farthest = max(sensitivity.vertices, key=lambda v: np.hypot(*v.move)).move
-        words = f"moved by ({sense * farthest[0]:+.3g}, {sense * farthest[1]:+.3g}) m"
+        dx, dy = (sense * part + 0.0 for part in farthest)
+        words = f"moved by ({dx:+.3g}, {dy:+.3g}) m"
         found.append(Changed(replace(setup, scene=scene, foot=foot), words))
     return found
 

@@ -18,8 +18,9 @@ from pipeline.cli import WorkFailed
 
 #: First, smallest and largest half-width of the box, in scaled parameters.
 BOX, SMALLEST_BOX, LARGEST_BOX = 1.0, 1e-3, 4.0
-#: Once the loss is low enough: a step that changes no scaled parameter by more, or gains less.
-SMALL_STEP, SMALL_GAIN = 0.1, 0.05
+#: Once the loss is low enough, steps that are not worth a run: of the logarithm of a strength, of a
+#: scaled friction angle, and of the sum of squares.
+SMALL_LOG, SMALL_STEP, SMALL_GAIN = 0.01, 0.1, 0.05
 #: The best step gains less than this share of the sum: nothing more to be had.
 STATIONARY = 1e-3
 LEAST = "least sum of squares"
@@ -32,11 +33,13 @@ class Step:
     Attributes:
         fitted: new scaled parameters (p,).
         length: largest change of one of them.
+        small: not worth a run once the loss is low enough.
         gain: expected decrease of the sum of squares.
     """
 
     fitted: np.ndarray
     length: float
+    small: bool
     gain: float
 
 
@@ -92,7 +95,13 @@ def best_step(search: Search, look: Look, box: float) -> Step:
     change = lsq_linear(matrix, -residuals, bounds=(low, high), method="bvls").x
     left = residuals + matrix @ change
     gain = float(residuals @ residuals - left @ left)
-    return Step(here + change, float(np.max(np.abs(change))), gain)
+    small = np.where(parameters.logarithmic, SMALL_LOG / parameters.prior_std, SMALL_STEP)
+    return Step(
+        fitted=here + change,
+        length=float(np.max(np.abs(change))),
+        small=bool(np.all(np.abs(change) < small)) or gain < SMALL_GAIN,
+        gain=gain,
+    )
 
 
 def _sum(search: Search, look: Look) -> float:
@@ -107,7 +116,7 @@ def _ended(search: Search, look: Look, step: Step, box: float) -> str:
     """Why the search is over, or "" if it goes on."""
     objective = search.objective
     good = objective.loss == "runout" and look.loss < objective.tolerance
-    if good and (step.length < SMALL_STEP or step.gain < SMALL_GAIN):
+    if good and step.small:
         return f"loss {look.loss:.2g} below the tolerance {objective.tolerance:g}"
     if step.gain < STATIONARY * max(_sum(search, look), 1e-9) or (
         objective.loss == "misfit" and step.gain < objective.tolerance

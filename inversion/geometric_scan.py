@@ -1,9 +1,9 @@
-"""Where nothing moves at the start, lower all liquefied strengths until something does.
+"""Where nothing moves at the start, lower all strengths that are sought until something does.
 
 On a slope that stands, the runout does not depend on the strength and its derivative says nothing.
-So, before the first iteration, the strengths that are sought are multiplied by one factor after the
-other of a geometric series until a fitted number differs from what it was before the slide by two
-spacings (iteration 0).
+So, before the first iteration, the strengths are multiplied by one factor after the other of a
+geometric series until the toes have moved by two spacings (iteration 0), and the search begins from
+the best of these runs.
 """
 
 from __future__ import annotations
@@ -17,19 +17,32 @@ from pipeline.cli import WorkFailed
 RATIO, BATCH = 0.8, 2
 
 
-def moves(search: Search, look: Look, least_m: float) -> bool:
-    """A fitted number differs by more than `least_m` from what it was before the slide."""
+def moved(
+    search: Search, look: Look, least_m: float, since: np.ndarray | None = None
+) -> np.ndarray:
+    """Which fitted numbers differ by more than `least_m` from before the slide, (k,) bool.
+
+    Args:
+        search: the problem.
+        look: where.
+        least_m: how much [m].
+        since: numbers (k,) to compare with instead, such as those of another look.
+    """
     mask = search.objective.targets.fitted
-    change = look.prediction.values[mask] - look.prediction.at_start[mask]
-    return bool(np.any(np.abs(change) > least_m))
+    before = look.prediction.at_start[mask] if since is None else since
+    with np.errstate(invalid="ignore"):
+        return np.abs(look.prediction.values[mask] - before) > least_m
 
 
-def scan(search: Search, start: np.ndarray, least_m: float) -> Look:
-    """Lower the strengths geometrically until something moves; return the best look that moves.
+def scan(search: Search, first: Look, least_m: float) -> Look:
+    """Lower the strengths geometrically; return the look with the least loss, the first included.
+
+    The scan ends when every fitted number has moved, or when some have and a further batch makes
+    the loss no smaller.
 
     Args:
         search: told of every run, as iteration 0.
-        start: values (p,) at which nothing moves.
+        first: where nothing moves, or the derivative says nothing.
         least_m: how much must move [m].
 
     Raises:
@@ -42,21 +55,25 @@ def scan(search: Search, start: np.ndarray, least_m: float) -> Look:
             "nothing moves at the start, and no strength (cohesion_kpa) is sought that could be "
             "lowered; give the parameters weaker starts"
         )
-    best: Look | None = None
-    factor = 1.0
-    while best is None:
+    still = first.prediction.values[search.objective.targets.fitted]
+    best, anything, factor = first, False, 1.0
+    while True:
         trials = []
         for _ in range(BATCH):
             factor *= RATIO
-            values = np.where(strengths, start * factor, start)
-            trials.append(parameters.clipped(values))
+            lowered = np.where(strengths, first.values * factor, first.values)
+            trials.append(parameters.clipped(lowered))
+        improved = everything = False
         for values, prediction in zip(trials, search.engine.predict(trials), strict=True):
             look = search.record(values, "scan", 0, prediction)
-            moved = not prediction.failed and moves(search, look, least_m)
-            if moved and (best is None or look.loss < best.loss):
-                best = look
+            changed = moved(search, look, least_m, still)
+            anything, everything = anything or changed.any(), everything or changed.all()
+            if look.loss < best.loss:
+                best, improved = look, True
         lowest = np.all(trials[-1][strengths] <= parameters.low[strengths])
-        if best is None and (lowest or search.exhausted):
+        if anything and (everything or not improved or lowest or search.exhausted):
+            return best
+        if lowest or search.exhausted:
             weakest = ", ".join(
                 f"{name} {value:.3g}"
                 for name, value in zip(parameters.names, trials[-1], strict=True)
@@ -65,4 +82,3 @@ def scan(search: Search, start: np.ndarray, least_m: float) -> Look:
                 f"nothing moves by {least_m:g} m, not even at {weakest}; lower the bounds, or "
                 "check section and water"
             )
-    return best

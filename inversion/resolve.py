@@ -96,6 +96,18 @@ class Problem:
         else:
             self.box = 0.35 * min(self.box, float(np.max(np.abs(change))))
 
+    @property
+    def refined(self) -> np.ndarray:
+        """Present best with the linear step that would be next, (p,).
+
+        Below the tolerance no further run is worth it, yet a change of the answer is told from
+        the difference of two such points, so what each still lacks is taken into account.
+        """
+        if not np.isfinite(self.loss):
+            return self.values
+        here = self.objective.parameters.to_fitted(self.values)
+        return self.objective.parameters.to_values(here + self._step(here))
+
     def _step(self, here: np.ndarray) -> np.ndarray:
         """Bounded least squares of the linearised residuals, as Gauss-Newton's."""
         parameters, objective = self.objective.parameters, self.objective

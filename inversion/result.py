@@ -161,8 +161,10 @@ class Side(Part):
     """One of the changes of a sensitivity, and the answer with it."""
 
     words: str = Field(description="what was changed, and by how much")
-    values: dict[str, float]
-    change: dict[str, float] = Field(description="values minus the answer's")
+    values: dict[str, float] = Field(description="with the linear step that would be next")
+    change: dict[str, float] = Field(
+        description="values minus the answer's, each first corrected for what its fit still lacks"
+    )
     ratio_change: dict[str, float] = Field(description="change of strength / sigma'_v0")
     predicted_before: dict[str, float] = Field(
         description="fitted measurements with the change, at the answer's values"
