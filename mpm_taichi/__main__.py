@@ -201,7 +201,7 @@ def _add_case(commands: argparse._SubParsersAction) -> None:
         help="cohesion of a material, which is S_r where it liquefied; may be repeated",
     )
     parser.add_argument(
-        "--measurement-set", metavar="NAME", help="of measurements.yaml; default: as it says"
+        "--set-of-measurements", metavar="NAME", help="of measurements.yaml; default: as it says"
     )
     parser.add_argument("--film", choices=FILMS, default="mp4", help="default: mp4")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
@@ -220,7 +220,7 @@ def _case(arguments: argparse.Namespace) -> None:
         water=not arguments.no_water,
         spacing=arguments.spacing,
         strengths=dict(arguments.strength),
-        measurement_set=arguments.measurement_set,
+        measurement_set=arguments.set_of_measurements,
     )
     out = Path(arguments.out)
     film = None if arguments.film == "none" else out / f"runout.{arguments.film}"
