@@ -11,7 +11,11 @@ from importlib import import_module
 
 from pipeline.cli import base_parser, main_exit
 
-COMMANDS = ("inversion.invert_command", "inversion.schema_command")
+COMMANDS = (
+    "inversion.invert_command",
+    "inversion.classical.command",
+    "inversion.schema_command",
+)
 """Modules of the commands, in the order of the help."""
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from inversion.classical.limit_equilibrium import (
 )
 from inversion.classical.morph import Slide, Stage
 from inversion.classical.search import FoundCircle, critical_circle
+from inversion.classical.section import OUTSIDE
 from inversion.classical.sections_of_case import CaseSections, SurfaceAfter
 from inversion.classical.slices import Polyline, Slices
 from inversion.classical.slide_forces import SlideForces, sum_forces
@@ -342,7 +343,7 @@ def _share_of_imm(bench: Workbench, judgement: Judgement) -> list[Option]:
 
 def _stability(bench: Workbench, judgement: Judgement, share: float) -> Stability:
     slices, others = bench.slices(judgement, share)
-    scene = slices.with_strength(_scene_strength(slices, bench), others=others)
+    scene = _scene_strengths(slices, others)
     factors = {
         "ordinary": float(ordinary(scene)),
         "force": float(force_balance(scene)),
@@ -354,13 +355,15 @@ def _stability(bench: Workbench, judgement: Judgement, share: float) -> Stabilit
     return Stability(share, _known(factors), _known(strengths))
 
 
-def _scene_strength(slices: Slices, bench: Workbench) -> float:
-    """S_r of the scene [Pa]: the mean over the liquefied bases that have one."""
-    inside = slices.liquefied & (slices.cohesion > 0)
+def _scene_strengths(slices: Slices, others: float) -> Slices:
+    """Slices with every S_r of the scene; on ground that was overrun the mean of the others."""
+    inside = slices.liquefied & (slices.zone != OUTSIDE)
+    cohesion = slices.cohesion
     if inside.any():
-        return float(np.average(slices.cohesion[inside], weights=slices.length[inside]))
-    values = [m.cohesion_pa for m in bench.case.scene.materials.values() if m.liquefied]
-    return float(np.mean(values))
+        mean = np.average(cohesion[inside], weights=slices.length[inside])
+        cohesion = np.where(slices.liquefied & ~inside, mean, cohesion)
+    held = np.where(slices.liquefied, 1.0, others)
+    return replace(slices, cohesion=held * cohesion, friction=others * slices.friction)
 
 
 def _known(values: dict[str, float]) -> dict[str, float | None]:

@@ -22,7 +22,7 @@ from geometry.draw import (
     WATER_LINE,
     material_colour,
 )
-from inversion.classical.analysis import METHODS, Analysis
+from inversion.classical.analysis import Analysis
 from inversion.classical.document import labels, published
 from inversion.classical.morph import Stage
 from inversion.classical.sections_of_case import CaseSections
@@ -32,6 +32,7 @@ WIDTH, DPI = 11.0, 130
 SLIP, CENTRE = "#8c0b3c", "#000000"
 #: Apart for every kind of colour vision, and by line style as well.
 COLOURS = {"kinetics": "#0b3c8c", "zif": "#d55e00", "imm": "#00796b"}
+SHORT = {"kinetics": "Kinetics", "zif": "ZIF", "imm": "IMM"}
 STYLES = {"kinetics": "-", "zif": ":", "imm": "--"}
 
 
@@ -54,10 +55,10 @@ def save_picture(case: CaseSections, analysis: Analysis, path: Path) -> None:
         axes.append(figure.add_axes((left, y / total, width, panel / total)))
         y -= 0.62
     y -= lower
-    half = 0.40 * inner / WIDTH
+    half, names = 0.36 * inner / WIDTH, 2.2 / WIDTH
     motion = figure.add_axes((left, y / total, half, (lower - 0.1) / total))
     values = figure.add_axes(
-        (left + half + 0.75 / WIDTH, y / total, width - half - 0.75 / WIDTH, (lower - 0.1) / total)
+        (left + half + names, y / total, width - half - names, (lower - 0.1) / total)
     )
     _draw_sections(axes[0], case, analysis, limits)
     _draw_zif(axes[1], case, analysis, limits)
@@ -139,7 +140,7 @@ def _draw_sections(ax: Axes, case: CaseSections, analysis: Analysis, limits: tup
         zorder=6,
         label=f"surface after ({analysis.after.kind})",
     )
-    ax.plot([], [], color="#555555", lw=0.5, label="sections of IMM (by machine)")
+    ax.plot([], [], color="#555555", lw=0.5, label="sections of IMM")
     ax.plot(*analysis.slide.slip.points.T, color=SLIP, lw=1.8, zorder=6, label="slip surface")
     path = analysis.answer("kinetics").path
     if path is not None:
@@ -175,14 +176,15 @@ def _draw_zif(ax: Axes, case: CaseSections, analysis: Analysis, limits: tuple) -
 
 def _legend(ax: Axes) -> None:
     ax.legend(
-        loc="lower center",
-        bbox_to_anchor=(0.62, 1.0),
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
         ncols=6,
         fontsize=7.5,
         frameon=False,
-        handlelength=1.8,
-        columnspacing=1.0,
-        borderaxespad=0.1,
+        handlelength=1.5,
+        columnspacing=0.9,
+        borderpad=0.0,
+        borderaxespad=0.2,
     )
 
 
@@ -200,7 +202,7 @@ def _draw_motion(ax: Axes, analysis: Analysis) -> None:
             ls=STYLES[answer.method],
             marker=marker,
             ms=3,
-            label=f"{METHODS[answer.method]}, S_r {answer.strength / 1e3:.1f} kPa",
+            label=f"{SHORT[answer.method]}, S_r {answer.strength / 1e3:.1f} kPa",
         )
     ax.set_xlabel("time (s)", fontsize=8.5)
     ax.set_ylabel("velocity of the centre (m/s)", fontsize=8.5)
@@ -216,7 +218,7 @@ def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
     rows: list[tuple[str, str]] = []
     for number, answer in enumerate(analysis.answers):
         colour = COLOURS[answer.method]
-        rows.append((METHODS[answer.method], colour))
+        rows.append((SHORT[answer.method], colour))
         span = answer.range
         if span is None:
             continue
@@ -246,12 +248,10 @@ def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
         if "low" in entry:
             ax.plot([entry["low"], entry["high"]], [number] * 2, color="#999999", lw=3, zorder=2)
         ax.plot(entry["value"], number, "s", color="#555555", ms=5, zorder=3)
-    ax.set_yticks(range(len(rows)), [words for words, _ in rows], fontsize=7.5)
+    ax.set_yticks(range(len(rows)), [words for words, _ in rows], fontsize=8)
     for tick, (_, colour) in zip(ax.get_yticklabels(), rows, strict=True):
         tick.set_color(colour)
-        tick.set_horizontalalignment("left")
-        tick.set_verticalalignment("bottom")
-    ax.tick_params(axis="y", direction="in", pad=-4, length=0)
+    ax.tick_params(axis="y", length=0)
     ax.set(ylim=(len(rows) - 0.3, -0.8), xlim=(0, None))
     ax.set_xlabel("S_r (kPa): value, other judgements; open: not in the range", fontsize=8.5)
     ax.tick_params(axis="x", labelsize=8)

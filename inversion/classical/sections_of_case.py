@@ -77,17 +77,34 @@ class CaseSections:
         kind = "constructed" if confidence == "constructed" else "measured"
         return SurfaceAfter(np.column_stack([profile.x, profile.y]), kind, name)
 
-    def section(self, judgement: Judgement) -> Section:
-        """The section before the slide, with the water a judgement asks for."""
+    def section(self, judgement: Judgement, head: float | None = None) -> Section:
+        """The section before the slide, with the water a judgement asks for.
+
+        Args:
+            judgement: asks for no water, for the line as drawn, or for still water at pool level.
+            head: upper end of the mass [m]; still water reaches that far, and beyond it the line
+                is as drawn. None: it reaches everywhere.
+        """
         section = section_of(
             self.scene,
             water=judgement.water != "none",
             unit_weight_factor=judgement.unit_weight_factor,
         )
-        if section.water is not None and judgement.water_line == "level":
-            level = np.array([[self.scene.domain.x_min, self.scene.water_level]])
-            section = replace(section, water=level)
-        return section
+        if section.water is None or judgement.water_line == "phreatic":
+            return section
+        level = float(self.scene.water_level)
+        if head is None or len(section.water) == 1:
+            return replace(section, water=np.array([[self.scene.domain.x_min, level]]))
+        drawn, left = section.water, judgement.side == "left"
+        beyond = drawn[drawn[:, 0] > head] if left else drawn[drawn[:, 0] < head]
+        outside = self.scene.domain.x_min if left else self.scene.domain.x_max
+        # The step at the head is as steep as a line may be whose x ascends.
+        edge = head + (1e-6 if left else -1e-6)
+        step = [[head, level], [edge, float(section.water_level(edge))]]
+        points = np.array([[min(outside, head) if left else max(outside, head), level], *step])
+        points = np.concatenate([points, beyond])
+        order = np.argsort(points[:, 0], kind="stable")
+        return replace(section, water=points[order])
 
     def slip(self, judgement: Judgement) -> Polyline:
         """The slip surface that a judgement names, or the critical one of the section before.
@@ -102,6 +119,7 @@ class CaseSections:
         head = judgement.head_x_m
         if head is None:
             head = head_of(section, after.points, judgement.side)
+        section = self.section(judgement, head)
         toe = section.extent[0 if judgement.side == "left" else 1]
         surface = Polyline(after.points)
         try:
@@ -123,7 +141,8 @@ class CaseSections:
         Raises:
             InputError: sections or slip surface that cannot belong together.
         """
-        section, after = self.section(judgement), self.after(judgement)
+        head = slip.ends[1 if judgement.side == "left" else 0]
+        section, after = self.section(judgement, head), self.after(judgement)
         slide = Slide(section, slip, after.points, judgement.side)
         try:
             slide.check()
