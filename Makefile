@@ -1,4 +1,4 @@
-# make lsfd     simulate the Lower San Fernando dam and compare with what was measured
+# make lsfd     back-analyse the Lower San Fernando dam: S_r, how sure, and what the other methods say
 # make test     the fast tests, under 5 minutes on two processor cores
 # make verify   the whole verification suite, with its pictures
 # make lint     the linters
@@ -18,8 +18,8 @@ IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH"
 .DELETE_ON_ERROR:
 
 lsfd: $(READY)
-	@$(IN_VENV) snakemake --quiet all --show-failed-logs -- simulate_lsfd
-	@cat results/lower_san_fernando/simulation/summary.txt
+	@$(IN_VENV) snakemake --quiet all --show-failed-logs -- invert_lsfd
+	@cat results/lower_san_fernando/inversion/summary.txt
 
 test: $(READY)
 	$(IN_VENV) python -m pytest -n 2 --dist loadfile

@@ -1,9 +1,10 @@
-# The workflow: random scenes -> simulations -> statistics, and the case histories.
+# The workflow: random scenes -> simulations -> statistics; case histories -> strengths.
 #
 #   snakemake simulate_coarse        300 scenes at 2 m spacing: minutes on two cores
 #   snakemake simulate_large         2,500 scenes (paper, Table 1); also simulate_small
 #   snakemake geometry_large         the scenes alone, with a gallery
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
+#   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
 #   snakemake verify                 the verification suite, with its pictures
 #   snakemake everything --configfile config/test.yaml       all of it in about a minute
 #   snakemake --report report.html simulate_coarse           a page about what was made
@@ -26,6 +27,7 @@ include: "rules/common.smk"
 include: "rules/geometry.smk"
 include: "rules/simulation.smk"
 include: "rules/cases.smk"
+include: "rules/inversion.smk"
 include: "rules/verification.smk"
 
 
@@ -46,5 +48,6 @@ rule everything:
         [statistics(scale) for scale in SETTINGS.scales],
         [batch_files(scale, "trajectories", "h5") for scale in SETTINGS.scales],
         [simulated_case(case) for case in CASES],
+        [inverted_case(case) for case in QUESTIONS],
     message:
         "All scales and all case histories are ready under {RESULTS}"

@@ -14,6 +14,7 @@ from pipeline.cli import base_parser, main_exit
 COMMANDS = (
     "inversion.invert_command",
     "inversion.classical.command",
+    "inversion.catalogue_command",
     "inversion.schema_command",
 )
 """Modules of the commands, in the order of the help."""

@@ -13,10 +13,12 @@ from geometry.fill import fill
 from inversion.back_analysis import BackAnalysis
 from inversion.result import Result, save_result
 from inversion.run_store import write_arrays
+from pipeline.cli import InputError
 from pipeline.files import read_json, write_text
 
 HISTORY, SECTIONS, RUN = "history.csv", "sections.npz", "run.h5"
-CLASSICAL = "classical.json"
+#: Beside the folder of the result, as `python -m inversion classical` writes it.
+CLASSICAL = Path("classical/classical.json")
 
 
 def save_all(analysis: BackAnalysis, result: Result, folder: Path) -> Result:
@@ -104,10 +106,18 @@ def save_answer_run(analysis: BackAnalysis, path: Path) -> None:
 
 
 def classical_beside(folder: Path) -> list[dict]:
-    """What the classical methods have left beside the result, if they have."""
-    path = folder / CLASSICAL
+    """What the classical methods have left in the folder beside that of the result, if they have.
+
+    Raises:
+        InputError: the file is damaged, or of an unknown form.
+    """
+    path = folder.resolve().parent / CLASSICAL
     if not path.is_file():
         return []
     document = read_json(path)
-    entries = document.get("classical", document) if isinstance(document, dict) else document
-    return entries if isinstance(entries, list) else [entries]
+    analyses = document.get("analyses") if isinstance(document, dict) else None
+    if not isinstance(analyses, list):
+        raise InputError(
+            f"{path}: has no list `analyses`; write it by python -m inversion classical"
+        )
+    return analyses

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from inversion.back_analysis import BackAnalysis
 from inversion.files import save_all
-from inversion.load import load_case
+from inversion.load import case_folder, load_case
 from inversion.run_store import RunStore
 from inversion.summary import summary
 from pipeline.cli import InputError, add_common
@@ -25,7 +25,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         "what every other assumption does to them. Started again after a kill, it goes on where it "
         "stopped.",
     )
-    parser.add_argument("case", metavar="CASE", help="folder with scene, measurements, question")
+    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
     parser.add_argument(
         "--out", metavar="DIR", help="folder of the results; default: results/<case>/inversion"
     )
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     config = _config(arguments)
     _check_numbers(arguments)
     case = load_case(
-        arguments.case,
+        case_folder(arguments.case),
         config,
         measurement_set=arguments.set_of_measurements,
         spacing_m=arguments.spacing,

@@ -108,6 +108,12 @@ class LoadedCase:
         )
 
 
+def case_folder(text: str) -> Path:
+    """The folder of a case given by its path or by its name in `case_histories`."""
+    path, named = Path(text), Path("case_histories") / text
+    return named if not path.is_dir() and named.is_dir() else path
+
+
 def load_case(
     folder: str | Path,
     config: Config,
@@ -122,7 +128,8 @@ def load_case(
         folder: of the case.
         config: settings; the question's duration wins over `simulation.duration_s`.
         measurement_set: name of a set; None: the file's default.
-        spacing_m: of material points; None: the question's, or the scene's.
+        spacing_m: of material points; None: the question's, or the scene's, times
+            `inversion.spacing_factor`.
         use_constructed: let constructed data enter the fit.
 
     Raises:
@@ -137,8 +144,10 @@ def load_case(
     scene = load_scene(folder / SCENE_FILE)
     measurements = load_measurements(folder, scene)
     question = load_question(folder, scene)
-    spacing = spacing_m or question.spacing_m
-    if spacing is not None:
+    spacing = spacing_m
+    if spacing is None:
+        spacing = (question.spacing_m or scene.spacing) * config.inversion.spacing_factor
+    if spacing != scene.spacing:
         document = {**scene.model_dump(), "spacing": spacing}
         scene = scene_from_mapping(document, f"{folder / SCENE_FILE} at {spacing:g} m spacing")
     simulation = config.simulation

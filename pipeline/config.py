@@ -189,6 +189,12 @@ class InversionSettings(Settings):
     method: Literal["gauss_newton", "lbfgsb"] = Field(
         "gauss_newton", description="bounded Gauss-Newton, or L-BFGS-B as in the paper"
     )
+    spacing_factor: float = Field(
+        1.0,
+        gt=0,
+        description="multiplies the spacing of every case: 2 is a quarter of the points and about "
+        "six times as fast",
+    )
     tolerance_m2: float = Field(
         0.1, gt=0, description="loss `runout`: squared runout error that is good enough, m2"
     )

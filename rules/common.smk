@@ -55,9 +55,11 @@ SETTINGS = checked_settings()
 RESULTS = SETTINGS.results_folder
 CONFIG_FILE = write_settings()
 PHYSICS = {package: physics_version(package) for package in ("geometry", "mpm_taichi")}
+INVERSION_PHYSICS = {**PHYSICS, "inversion": physics_version("inversion")}
 
 CASE_FOLDER = Path(workflow.basedir) / "case_histories"
 CASES = sorted(path.parent.name for path in CASE_FOLDER.glob("*/scene.yaml"))
+QUESTIONS = [case for case in CASES if (CASE_FOLDER / case / "inversion.yaml").is_file()]
 CASE_ALIASES = {"lsfd": "lower_san_fernando"}
 
 if clash := set(SETTINGS.scales) & {*CASES, *CASE_ALIASES}:
@@ -106,3 +108,7 @@ def batch_indices(wildcards):
 
 def simulated_case(case):
     return f"{RESULTS}/{case}/simulation/runout.png"
+
+
+def inverted_case(case):
+    return f"{RESULTS}/{case}/inversion/result.json"

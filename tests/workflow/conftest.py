@@ -60,6 +60,22 @@ else:
     print("toe_runout 53 m")
 '''
 
+INVERSION = '''
+"""Stand-in for inversion: writes what it was told."""
+import sys
+from pathlib import Path
+command, case = sys.argv[1:3]
+arguments = dict(zip(sys.argv[3::2], sys.argv[4::2]))
+out = Path(arguments["--out"])
+out.mkdir(parents=True, exist_ok=True)
+if command == "classical":
+    (out / "classical.json").write_text("{}")
+else:
+    for name in ("result.json", "history.csv", "sections.npz", "run.h5"):
+        (out / name).write_text(case)
+    print("S_r 26 kPa")
+'''
+
 
 class Workbench:
     """The folder with the copy, and Snakemake in it."""
@@ -72,7 +88,8 @@ class Workbench:
                 shutil.copytree(source, folder / name, symlinks=True)
             else:
                 shutil.copy(source, folder / name)
-        for package, program in (("geometry", GEOMETRY), ("mpm_taichi", MPM_TAICHI)):
+        programs = {"geometry": GEOMETRY, "mpm_taichi": MPM_TAICHI, "inversion": INVERSION}
+        for package, program in programs.items():
             (folder / package).mkdir()
             (folder / package / "__main__.py").write_text(program)
             self.set_physics(package, 1)
@@ -80,6 +97,8 @@ class Workbench:
         case.mkdir(parents=True)
         (case / "scene.yaml").write_text("name: stand-in\n")
         (case / "README.md").write_text("text\n")
+        (case / "inversion.yaml").write_text("parameters: []\n")
+        (case / "measurements.yaml").write_text("sets: {field: [{type: surface_profile}]}\n")
         self.settings = yaml.safe_load((ROOT / "config" / "test.yaml").read_text())
         self.settings["results_folder"] = "results"
 
@@ -123,7 +142,7 @@ class Workbench:
         return {
             name: int(count)
             for name, count in jobs.items()
-            if not re.match(r"everything$|all$|(geometry|simulate)_(?!batch|case)", name)
+            if not re.match(r"everything$|all$|(geometry|simulate|invert)_(?!batch|case)", name)
         }
 
     def path(self, name: str) -> Path:

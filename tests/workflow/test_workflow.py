@@ -20,6 +20,8 @@ def test_targets_work_as_typed(bench):
     assert bench.planned("geometry_small") == {"sample_scenes": 25, "draw_gallery": 1}
     assert bench.planned("simulate_lsfd") == {"simulate_case": 1}
     assert bench.planned("simulate_lower_san_fernando") == {"simulate_case": 1}
+    for target in ("invert_lsfd", "invert_lower_san_fernando"):
+        assert bench.planned(target) == {"invert_case": 1, "classical_case": 1}
 
 
 def test_everything_is_made_once(bench):
@@ -31,6 +33,7 @@ def test_everything_is_made_once(bench):
     assert (
         bench.path("lower_san_fernando/simulation/summary.txt").read_text() == "toe_runout 53 m\n"
     )
+    assert bench.path("lower_san_fernando/inversion/summary.txt").read_text() == "S_r 26 kPa\n"
     # Run 1 of the two that the stand-in lists for the large scale has failed.
     assert bench.path("large/failed.txt").read_text() == (
         "1\ts_1, seed 7, at 4.5 s: energy out of balance\n"
@@ -73,6 +76,24 @@ def test_what_is_made_again(bench):
     del bench.settings["geometry"]["seed"]
     bench.settings["scales"]["large"]["duration_s"] = 3.0
     assert bench.planned(*targets) == {}, "another scale is another matter"
+
+
+def test_when_strengths_are_sought_again(bench):
+    bench.snakemake("invert_lsfd")
+    case = bench.folder / "case_histories" / "lower_san_fernando"
+    (case / "README.md").write_text("better words\n")
+    assert bench.planned("invert_lsfd") == {}, "words make nothing again"
+    bench.settings["inversion"] = {"noise_seeds": 3}
+    assert bench.planned("invert_lsfd") == {"invert_case": 1}
+    del bench.settings["inversion"]
+    bench.set_physics("inversion", 2)
+    assert bench.planned("invert_lsfd") == {"invert_case": 1, "classical_case": 1}
+    assert bench.planned("simulate_lsfd") == {"simulate_case": 1}, "never made, hence planned"
+    bench.set_physics("inversion", 1)
+    (case / "inversion.yaml").write_text("parameters: [{}]\n")
+    assert "invert_case" in bench.planned("invert_lsfd")
+    (case / "measurements.yaml").write_text("sets: {field: [{type: toe_runout}]}\n")
+    assert bench.planned("invert_lsfd") == {"invert_case": 1}, "no surface, no classical methods"
 
 
 def test_more_scenes_add_batches_only(bench):
