@@ -5,6 +5,7 @@ In: `Analysis`. Out: a PNG, SVG or PDF of four panels, with the labels that say 
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ def save_picture(case: CaseSections, analysis: Analysis, path: Path) -> None:
         axes.append(figure.add_axes((left, y / total, width, panel / total)))
         y -= 0.62
     y -= lower
-    half, names = 0.36 * inner / WIDTH, 2.2 / WIDTH
+    half, names = 0.34 * inner / WIDTH, 2.6 / WIDTH
     motion = figure.add_axes((left, y / total, half, (lower - 0.1) / total))
     values = figure.add_axes(
         (left + half + names, y / total, width - half - names, (lower - 0.1) / total)
@@ -66,8 +67,8 @@ def save_picture(case: CaseSections, analysis: Analysis, path: Path) -> None:
     _draw_values(values, case, analysis)
     title = f"{case.scene.name.replace('_', ' ').title()}, {analysis.judgement.name} slide"
     figure.text(left, 1 - 0.22 / total, title, fontsize=13, weight="bold", va="center")
-    words = "; ".join(labels(analysis))
-    figure.text(left, 1 - 0.48 / total, words, fontsize=8.5, va="center", color=TEXT_COLOUR)
+    words = textwrap.fill("; ".join(labels(analysis)), 135)
+    figure.text(left, 1 - 0.38 / total, words, fontsize=8.5, va="top", color=TEXT_COLOUR)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=DPI)
 

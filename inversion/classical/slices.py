@@ -238,6 +238,11 @@ def slice_at(
         # Just above the base: a slip surface on the rigid base is in the soil that lies on it.
         lift = np.minimum(1e-3, 0.01 * np.maximum(column.thickness, 1e-6))
         zone = strength_of.zone_at(x, middle + lift)
+        # A chord may rise out of the soil where the arc ends: it is in what lies just below.
+        above = (zone == OUTSIDE) & (column.thickness <= 0.0)
+        if above.any():
+            under = strength_of.zone_at(x[above], (middle - 0.02 * width)[above])
+            zone[above] = under
     else:
         zone = base_soil(x)
     outside = zone == OUTSIDE
