@@ -1,0 +1,97 @@
+"""Forward engines that are formulas: smooth, with known answers, in no time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geometry.measured_numbers import ToeRunout
+from inversion.finite_steps import FiniteSteps
+from inversion.forward import Forward, Prediction, by_differences
+from inversion.objective import Objective
+from inversion.parameters import Parameters
+from inversion.predictions import Targets, make_targets
+from inversion.question import ParameterSpec
+from inversion.search import Search
+
+
+def strength(name: str, start: float = 30.0, low: float = 5.0, high: float = 90.0, **more):
+    return ParameterSpec(
+        name=name, zones=[name], property="cohesion_kpa", start=start, low=low, high=high, **more
+    )
+
+
+def angle(name: str, start: float = 30.0, low: float = 27.0, high: float = 37.0, **more):
+    return ParameterSpec(
+        name=name, zones=[name], property="friction_deg", start=start, low=low, high=high, **more
+    )
+
+
+def toes(*values: float, std: float = 1.0) -> list[ToeRunout]:
+    return [
+        ToeRunout(
+            type="toe_runout",
+            name=f"toe {place}",
+            side="left",
+            value_m=value,
+            std_m=std,
+            confidence="paper",
+            source="test",
+        )
+        for place, value in enumerate(values)
+    ]
+
+
+def targets(*values: float, std: float = 1.0, loss: str = "runout") -> Targets:
+    return make_targets(toes(*values, std=std), fit=None, loss=loss, source="test")
+
+
+@dataclass
+class Formula:
+    """`inversion.forward.Forward` by a formula: values (p,) -> numbers (m,)."""
+
+    formula: Callable[[np.ndarray], np.ndarray]
+    names: list[str]
+    noise: float = 0.0
+    seed: int = 0
+    runs: int = 0
+    asked: list[np.ndarray] = field(default_factory=list)
+
+    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
+        return self.predict_each([(self, one) for one in values])
+
+    def derivative(self, values, steps):
+        return by_differences(self, np.asarray(values, dtype=float), steps)
+
+    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
+        return [engine._one(np.asarray(values, dtype=float)) for engine, values in requests]
+
+    def _one(self, values: np.ndarray) -> Prediction:
+        self.runs += 1
+        self.asked.append(values)
+        numbers = np.asarray(self.formula(values), dtype=float)
+        if self.noise:
+            bits = np.frombuffer(np.round(values, 9).tobytes(), np.uint32)
+            draw = np.random.default_rng([self.seed, *bits.tolist()])
+            numbers = numbers + self.noise * draw.standard_normal(len(numbers))
+        status = "finished" if np.all(np.isfinite(numbers)) else "failed"
+        return Prediction(numbers, np.zeros(len(numbers)), status=status, reason="test")
+
+
+def problem(
+    specs: Sequence[ParameterSpec],
+    formula: Callable[[np.ndarray], np.ndarray],
+    goal: Targets,
+    *,
+    loss: str = "runout",
+    tolerance: float = 0.1,
+    noise: float = 0.0,
+    **more,
+) -> Search:
+    """A search on a formula."""
+    parameters = Parameters(list(specs))
+    engine = Formula(formula, goal.names, noise=noise)
+    steps = FiniteSteps(parameters, np.zeros(int(goal.fitted.sum())))
+    return Search(engine, Objective(parameters, goal, loss, tolerance), steps, **more)

@@ -1,0 +1,72 @@
+"""The question's document: what it refuses, in one line."""
+
+from __future__ import annotations
+
+import pytest
+
+from geometry.scene import load_scene
+from inversion.load import load_case
+from inversion.question import load_question
+from pipeline.cli import InputError
+from pipeline.config import load_config
+
+
+@pytest.mark.parametrize("name", ["lower_san_fernando", "la_marquesa"])
+def test_the_shipped_questions_hold_together(root, name):
+    case = load_case(root / "case_histories" / name, load_config(None))
+    assert case.setup.targets.fitted.any()
+    assert case.question.variants and case.question.sensitivities
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("low: 5,", "low: 95,", "low 95 must be less than high 90"),
+        ("start: 30, low: 5", "start: 3, low: 5", "start 3 lies outside low 5 to high 90"),
+        ("low: 5,", "low: 0,", "low 0 must be greater than 0"),
+        ('zones: ["1"]', 'zones: ["11"]', "no zone '11' in the scene; known are 1, 2"),
+        ("property: cohesion_kpa", "property: cohesion", "cohesion_kpa"),
+        ("name: friction_7", "name: residual_strength_1", "names must be unique"),
+        ("loss: runout", "lose: runout", "docs/inversion.md"),
+        ("fit: [upstream toe]", "fit: [toe]", "no measurement 'toe' in this set"),
+        ("fit: [upstream toe]", "fit: [profile]", "constructed"),
+        ("fit: [upstream toe]", "fit: [crest]", "use loss: misfit"),
+        ("at: [126.54, 18.5]", "at: [126.54, 19.5]", "no zone has a vertex at (126.54, 19.5)"),
+        ("move: [15.24, 6.0]", "move: [400, 6.0]", "top of the liquefied zone"),
+        ("factor: 0.5", "factor: 3.5", "simulation.courant 1.05; at most 0.9"),
+        ("water: none", "targets: {toe: 4}", "no measurement 'toe'"),
+        ("{name: dry, water: none}", "{name: dry}", "changes nothing"),
+        ("kind: water_level", "kind: pool", "zone_boundary"),
+        ("std_m: 0.5", "std_m: 0", "greater than 0"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(lsfd, old, new, message):
+    path = lsfd / "inversion.yaml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_case(lsfd, load_config(None))
+    assert "inversion.yaml" in str(caught.value)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_without_a_question(lsfd):
+    (lsfd / "inversion.yaml").unlink()
+    with pytest.raises(InputError, match=r"inversion\.yaml: no such file"):
+        load_question(lsfd, load_scene(lsfd / "scene.yaml"))
+
+
+def test_constructed_data_enter_when_asked(lsfd):
+    path = lsfd / "inversion.yaml"
+    text = path.read_text().replace("fit: [upstream toe]", "fit: [upstream toe, profile]")
+    path.write_text(text.replace("loss: runout", "loss: misfit"))
+    case = load_case(lsfd, load_config(None), use_constructed=True)
+    assert case.setup.targets.fitted.sum() > 2
+
+
+def test_spacing_from_question_option_and_factor(lsfd):
+    config = load_config(None, ["inversion.spacing_factor=0.5"])
+    assert load_case(lsfd, config).scene.spacing == 2.0
+    assert load_case(lsfd, config, spacing_m=3.0).scene.spacing == 3.0
