@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import taichi as ti
 
+from mpm_taichi.splines import BASE_EDGE, EDGES, LEFT_EDGE, RIGHT_EDGE, weights_of_points
+
 if TYPE_CHECKING:
     from geometry.scene import Scene
 
@@ -22,7 +24,8 @@ vec2 = ti.types.vector(2, ti.f32)
 
 STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION, NEAR = 1, 2, 4, 8, 16, 32, 64, 128
 """Bits of a node's type: bonded ground or fixed body; Coulomb ground; walls; lid; rough ground;
-share of the traction of rough ground; rough ground or water within reach of points at this node."""
+share of the traction of rough ground; rough ground or water within reach of points at this node.
+The bits of `splines` follow: boundaries at which the splines end."""
 
 # Columns of the table of a node.
 NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, EMPTINESS = range(7)
@@ -99,6 +102,8 @@ def node_tables(
     normal = ground_normal(scene, x)
     table[..., NORMAL_X], table[..., NORMAL_Y] = normal[..., 0], normal[..., 1]
     table[..., COEFFICIENT] = scene.ground.friction_coefficient or 0.0
+    edges = edge_bits(scene, grid)
+    kind |= edges
     if scene.ground.contact == "rough":
         area, volume = ground_shares(scene, grid)
         kind[area > 0] |= TRACTION
@@ -122,23 +127,43 @@ def node_tables(
     return kind.ravel(), table.reshape(-1, 8)
 
 
+def edge_bits(scene: Scene, grid: Grid) -> np.ndarray:
+    """Bits of the nodes on level ground that lies on a line of nodes, and on the side walls.
+
+    Ground is level at a node where it is over 1.5 cells to both sides, the reach of its points.
+
+    Returns:
+        (grid.shape) int32.
+    """
+    x, y = grid.coordinates()
+    height = scene.ground.height(x)
+    near = [scene.ground.height(x + k * grid.cell) for k in (-1.5, -1.0, 1.0, 1.5)]
+    level = np.max([np.abs(other - height) for other in near], axis=0) < 1e-6 * grid.cell
+    bits = np.where(level & (np.abs(y - height) < 1e-4 * grid.cell), BASE_EDGE, 0)
+    bits[MARGIN] |= LEFT_EDGE
+    bits[grid.shape[0] - 1 - MARGIN] |= RIGHT_EDGE
+    return bits.astype(np.int32)
+
+
 def ground_shares(scene: Scene, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Area of the ground and volume above it that belong to each node, both of `grid.shape`.
 
-    The integrals of the B-splines over the ground line [m2 per m] and over the space above it [m2]:
-    a traction t on the ground loads a node with t x area, wherever the line lies in the cell.
+    The integrals of the splines over the ground line [m2 per m] and over the space above it [m2],
+    from wall to wall: a traction t on the ground loads a node with t x area, wherever the line lies
+    in the cell.
     """
     fine = grid.cell / 8
-    left = grid.origin[0] + 1.5 * grid.cell
-    right = grid.origin[0] + (grid.shape[0] - 2.5) * grid.cell
+    left = grid.origin[0] + MARGIN * grid.cell
+    right = grid.origin[0] + (grid.shape[0] - 1 - MARGIN) * grid.cell
     x = np.arange(left + 0.5 * fine, right, fine)
     ends = scene.ground.height(np.stack([x - 0.5 * fine, x + 0.5 * fine]))
     length = np.hypot(fine, ends[1] - ends[0])
     base = ends.mean(axis=0)
-    area = node_weight(grid, np.stack([x, base], axis=1), length)
+    edges = edge_bits(scene, grid)
+    area = node_weight(grid, np.stack([x, base], axis=1), length, edges)
     heights = fine * (np.arange(0.5, 8 * 3))
     space = np.stack([np.repeat(x, len(heights)), (base[:, None] + heights[None]).ravel()], axis=1)
-    volume = node_weight(grid, space, np.full(len(space), fine**2))
+    volume = node_weight(grid, space, np.full(len(space), fine**2), edges)
     area[area < 1e-6 * grid.cell] = 0.0
     return area, volume
 
@@ -182,34 +207,46 @@ def water_force(
     return unit * fall, unit
 
 
-def fixed_by_bodies(grid: Grid, soil: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+def fixed_by_bodies(
+    grid: Grid, soil: np.ndarray, fixed: np.ndarray, kind: np.ndarray
+) -> np.ndarray:
     """Nodes held by kinematic points: those with more B-spline weight of fixed than of soil points.
 
     Args:
         grid: the grid.
         soil: (N, 2) positions of moving points [m].
         fixed: (K, 2) positions of kinematic points [m].
+        kind: (nodes,) types of the nodes.
 
     Returns:
         (nodes,) bool.
     """
     if len(fixed) == 0:
         return np.zeros(grid.nodes, bool)
-    held = node_weight(grid, fixed, np.ones(len(fixed)))
-    return (held > node_weight(grid, soil, np.ones(len(soil)))).ravel()
+    edges = kind.reshape(grid.shape) & EDGES
+    held = node_weight(grid, fixed, np.ones(len(fixed)), edges)
+    return (held > node_weight(grid, soil, np.ones(len(soil)), edges)).ravel()
 
 
-def node_weight(grid: Grid, points: np.ndarray, amount: np.ndarray) -> np.ndarray:
-    """Sum of `amount` (N,) x B-spline of `points` (N, 2) [m] at each node, shape `grid.shape`."""
+def node_weight(
+    grid: Grid, points: np.ndarray, amount: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
+    """Sum of `amount` (N,) x spline of `points` (N, 2) [m] at each node, shape `grid.shape`.
+
+    `edges` are the nodes' `edge_bits`.
+    """
     total = np.zeros(grid.shape)
     scaled = (points - np.asarray(grid.origin)) / grid.cell
     scaled = np.clip(scaled, 1.0, np.asarray(grid.shape) - 2.0)
     centre = np.floor(scaled + 0.5).astype(int)
     offset = scaled - centre
-    weights = [0.5 * (0.5 - offset) ** 2, 0.75 - offset**2, 0.5 * (0.5 + offset) ** 2]
+    home = edges[centre[:, 0], centre[:, 1]]
+    left, right, base = (home & bit > 0 for bit in (LEFT_EDGE, RIGHT_EDGE, BASE_EDGE))
+    across = weights_of_points(offset[:, 0], left, right)
+    upward = weights_of_points(offset[:, 1], base, np.zeros(len(home), bool))
     for i in range(3):
         for j in range(3):
-            share = amount * weights[i][:, 0] * weights[j][:, 1]
+            share = amount * across[i] * upward[j]
             np.add.at(total, (centre[:, 0] + i - 1, centre[:, 1] + j - 1), share)
     return total
 

@@ -17,6 +17,7 @@ from shapely.ops import unary_union
 from geometry.fill import MaterialPoints, fill
 from mpm_taichi.boundary import STICK, WATER_DENSITY, Grid, fixed_by_bodies, make_grid, node_tables
 from mpm_taichi.mohr_coulomb import NO_CAP, material_constants
+from mpm_taichi.splines import EDGES
 
 if TYPE_CHECKING:
     from geometry.scene import Material, Scene
@@ -123,8 +124,8 @@ def nodes_of(
         gravity=settings.gravity_m_per_s2,
     )
     fixed = points.kinematic
-    held = fixed_by_bodies(grid, points.position[~fixed], points.position[fixed])
-    return np.where(held, STICK, kind).astype(np.int32), table
+    held = fixed_by_bodies(grid, points.position[~fixed], points.position[fixed], kind)
+    return np.where(held, STICK | (kind & EDGES), kind).astype(np.int32), table
 
 
 def material_rows(

@@ -67,21 +67,25 @@ def elastic_trial(stress, gradient, volumetric, dt, elastic):
     `stress` and the result are (xx, yy, zz, xy) [Pa]; `gradient` is the velocity gradient
     (dvx/dx, dvy/dx, dvx/dy, dvy/dy) [1/s]; `volumetric` the volumetric strain increment [-], which
     F-bar averages over a cell and which may thus differ from dt tr(gradient).
-    The rotation (angle theta, tan(theta) = dt spin) leaves the invariants as they are.
+    F = I + dt L turns by the angle theta of its polar decomposition, tan(theta) =
+    (F_yx - F_xy) / (F_xx + F_yy), which leaves the invariants as they are. Strain is dt sym(L) and
+    half of dt^2 det(L) on both axes: nil for a rigid turn, and with the area that F has.
     """
     shear2 = 2.0 * elastic[0]
-    third = dt * (gradient[0] + gradient[3]) * (1.0 / 3.0)
-    tangent = 0.5 * dt * (gradient[1] - gradient[2])
-    scale = 1.0 / (1.0 + tangent * tangent)
-    cos2 = (1.0 - tangent * tangent) * scale
-    sin2 = 2.0 * tangent * scale
+    growth = 0.5 * dt * dt * (gradient[0] * gradient[3] - gradient[1] * gradient[2])
+    third = (dt * (gradient[0] + gradient[3]) + 2.0 * growth) * (1.0 / 3.0)
+    along = 1.0 + 0.5 * dt * (gradient[0] + gradient[3])
+    across = 0.5 * dt * (gradient[1] - gradient[2])
+    scale = 1.0 / (along * along + across * across)
+    cos2 = (along * along - across * across) * scale
+    sin2 = 2.0 * along * across * scale
     centre = 0.5 * (stress[0] + stress[1]) + elastic[1] * volumetric - shear2 * third
     half = 0.5 * (stress[0] - stress[1])
     half_turned = half * cos2 - stress[3] * sin2
     shear_turned = stress[3] * cos2 + half * sin2
     return vec4(
-        centre + half_turned + shear2 * dt * gradient[0],
-        centre - half_turned + shear2 * dt * gradient[3],
+        centre + half_turned + shear2 * (dt * gradient[0] + growth),
+        centre - half_turned + shear2 * (dt * gradient[3] + growth),
         stress[2] + elastic[1] * volumetric - shear2 * third,
         shear_turned + elastic[0] * dt * (gradient[1] + gradient[2]),
     )

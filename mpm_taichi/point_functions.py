@@ -26,6 +26,7 @@ from mpm_taichi.layout import (
     vec4,
 )
 from mpm_taichi.transfer import (
+    area_rate,
     gather,
     move,
     pressure_relief,
@@ -99,26 +100,27 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
     ):  # fmt: skip
         r = row[p]
         node = home[p]
+        place = kind[node]
         scatter(
-            load, node, columns, motion[p], gradient[p], stress[p], history[p][0], edges[r][3],
-            volume, cell, affine, atomic,
+            load, node, columns, place, motion[p], gradient[p], stress[p], history[p][0],
+            edges[r][3], volume, cell, affine, atomic,
         )  # fmt: skip
-        if kind[node] & NEAR:
-            scatter_volume(load, node, columns, motion[p], volume, strength[r], atomic)
+        if place & NEAR:
+            scatter_volume(load, node, columns, place, motion[p], volume, strength[r], atomic)
 
     @ti.func
     def gather_and_move(
         p, dt, cell, blend, columns, motion: A, home: A, gradient: A, stress: A, history: A,
-        flow: A, swelling: A, atomic: ti.template(),
+        flow: A, swelling: A, kind: A, atomic: ti.template(),
     ):  # fmt: skip
         node = home[p]
-        mean, velocity_gradient = gather(flow, node, columns, motion[p], cell)
+        mean, velocity_gradient = gather(flow, node, columns, kind[node], motion[p], cell)
         new, node, alarm = move(motion[p], node, columns, mean, blend, dt, cell)
         gradient[p] = velocity_gradient
         motion[p] = new
         home[p] = node
         if ti.static(averaged):
-            divergence = velocity_gradient[0] + velocity_gradient[3]
+            divergence = area_rate(velocity_gradient, dt)
             s = stress[p]
             closed = ti.select(history[p][1] <= 0.0, 1.0, 0.0)
             pressure = (s[0] + s[1] + s[2]) * (1.0 / 3.0)
@@ -142,11 +144,11 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
 
     @ti.func
     def settle_gather(
-        p, cell, columns, motion: A, home: A, gradient: A, flow: A, swelling: A,
+        p, cell, columns, motion: A, home: A, gradient: A, flow: A, swelling: A, kind: A,
         atomic: ti.template(),
     ):  # fmt: skip
         node = home[p]
-        _, velocity_gradient = gather(flow, node, columns, motion[p], cell)
+        _, velocity_gradient = gather(flow, node, columns, kind[node], motion[p], cell)
         gradient[p] = velocity_gradient
         if ti.static(averaged):
             sums = vec4(velocity_gradient[0] + velocity_gradient[3], 0.0, 0.0, 1.0)
@@ -171,12 +173,13 @@ def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleN
         )  # fmt: skip
         stress[p] = new_stress
         still = vec4(motion[p][0], motion[p][1], 0.0, 0.0)
+        place = kind[node]
         scatter(
-            load, node, columns, still, zero, new_stress, 0.0, edges[r][3], volume, cell, False,
-            atomic,
+            load, node, columns, place, still, zero, new_stress, 0.0, edges[r][3], volume, cell,
+            False, atomic,
         )  # fmt: skip
-        if kind[node] & NEAR:
-            scatter_volume(load, node, columns, still, volume, strength[r], atomic)
+        if place & NEAR:
+            scatter_volume(load, node, columns, place, still, volume, strength[r], atomic)
 
     @ti.func
     def point_energy(p, volume, motion: A, stress: A, history: A, row: A, elastic: A, edges: A):

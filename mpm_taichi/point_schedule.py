@@ -80,7 +80,7 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
             if integers[slot, PHASE] == SETTLING and p < integers[slot, LAST_SETTLED]:
                 settle_gather(
                     p, numbers[slot, CELL], integers[slot, COLUMNS], motion, home, gradient, flow,
-                    swelling, True,
+                    swelling, kind, True,
                 )  # fmt: skip
         for n in range(slots * nodes):
             if integers[n // nodes, PHASE] == SETTLING and swelling[n][3] > 0.0:
@@ -177,7 +177,7 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
                 alarm = gather_and_move(
                     p, numbers[slot, TIME_STEP], numbers[slot, CELL], numbers[slot, BLEND],
                     integers[slot, COLUMNS], motion, home, gradient, stress, history, flow,
-                    swelling, True,
+                    swelling, kind, True,
                 )  # fmt: skip
                 if alarm != 0:
                     integers[slot, ALARM] = frame + 1

@@ -94,7 +94,7 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
         ratio = 1.0
         while step < SETTLE_LIMIT and ratio > SETTLE_TOLERANCE and last > first:
             for p in range(first, last):
-                settle_gather(p, cell, columns, motion, home, gradient, flow, swelling, False)
+                settle_gather(p, cell, columns, motion, home, gradient, flow, swelling, kind, False)
             average_cells(first_node, last_node, swelling)
             for p in range(first, last):
                 settle_scatter(
@@ -196,7 +196,7 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                         for p in range(first, last):
                             alarm |= gather_and_move(
                                 p, dt, cell, blend, columns, motion, home, gradient, stress,
-                                history, flow, swelling, False,
+                                history, flow, swelling, kind, False,
                             )  # fmt: skip
                         average_cells(first_node, last_node, swelling)
                         for n in range(first_node, last_node):

@@ -1,9 +1,9 @@
 """Transfer between material points and grid, and the update of one node: the physics of a step.
 
-Quadratic B-splines on a grid of cell size h. A point keeps the node nearest to it (`home`) and its
-offset from that node in cells, -0.5 <= offset < 0.5: float32 then resolves a motion as well at
-400 m as at 0 m. Stress and velocity gradients use the moments of the B-splines (MLS-MPM, Hu et al.
-2018), so that force and affine momentum travel in one matrix.
+Quadratic B-splines (`splines`) on a grid of cell size h. A point keeps the node nearest to it
+(`home`) and its offset from that node in cells, -0.5 <= offset < 0.5: float32 then resolves a
+motion as well at 400 m as at 0 m. Stress and velocity gradients use the moments of the B-splines
+(MLS-MPM, Hu et al. 2018), so that force and affine momentum travel in one matrix.
 
 Every function is written once; the flag `atomic` alone tells the two schedules of `solver` apart.
 Arrays with a row per point: `motion` (offset x, y [cells], velocity x, y [m/s]); `home`, number
@@ -20,18 +20,20 @@ import taichi as ti
 
 from mpm_taichi.boundary import contact
 from mpm_taichi.mohr_coulomb import elastic_trial, return_to_yield
+from mpm_taichi.splines import (
+    BASE_EDGE,
+    EDGES,
+    LEFT_EDGE,
+    RIGHT_EDGE,
+    edge_slopes,
+    edge_weights,
+    mass_offset,
+    spline_weights,
+)
 
 vec2 = ti.types.vector(2, ti.f32)
 vec4 = ti.types.vector(4, ti.f32)
 vec8 = ti.types.vector(8, ti.f32)
-
-
-@ti.func
-def spline_weights(offset):
-    """Quadratic B-spline weights of the three nodes around a point at `offset` [cells]."""
-    below = 0.5 - offset
-    above = 0.5 + offset
-    return ti.Vector([0.5 * below * below, 0.75 - offset * offset, 0.5 * above * above])
 
 
 @ti.func
@@ -63,12 +65,21 @@ def smooth_pressure(own, below, above, left, right, smoothing):
 
 
 @ti.func
+def area_rate(gradient, dt):
+    """Rate at which area grows in a step [1/s], to second order: (det(I + dt L) - 1) / dt.
+
+    The first order alone lets a mass that turns grow by (dt spin)^2 a step.
+    """
+    return gradient[0] + gradient[3] + dt * (gradient[0] * gradient[3] - gradient[1] * gradient[2])
+
+
+@ti.func
 def strain_increment(gradient, opened, means, dt, averaged: ti.template()):
     """Volumetric strain increment of a point: its own, or the mean over its cell (F-bar).
 
     A point that has opened goes by its own: it moves freely, and its cell must not feel it.
     """
-    divergence = gradient[0] + gradient[3]
+    divergence = area_rate(gradient, dt)
     if ti.static(averaged):
         if opened <= 0.0 and means[3] > 0.0:
             divergence = means[0]
@@ -136,10 +147,64 @@ def add(
 
 @ti.func
 def scatter(
-    load: ti.template(), home, columns, motion, gradient, stress, strain, mass, volume, cell,
+    load: ti.template(), home, columns, kind, motion, gradient, stress, strain, mass, volume, cell,
     affine: ti.template(), atomic: ti.template(),
 ):  # fmt: skip
     """Add a point's momentum, internal force and mass to its nine nodes.
+
+    `kind` is the type of its home.
+    """
+    if kind & EDGES:
+        scatter_beside(
+            load, home, columns, kind, motion, gradient, stress, strain, mass, volume, cell,
+            affine, atomic,
+        )  # fmt: skip
+    else:
+        scatter_inside(
+            load, home, columns, motion, gradient, stress, strain, mass, volume, cell, affine,
+            atomic,
+        )  # fmt: skip
+
+
+@ti.func
+def scatter_beside(
+    load: ti.template(), home, columns, kind, motion, gradient, stress, strain, mass, volume, cell,
+    affine: ti.template(), atomic: ti.template(),
+):  # fmt: skip
+    """`scatter` of a point beside level ground or a wall."""
+    x = mass_offset(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE)
+    y = mass_offset(motion[1], kind & BASE_EDGE, 0)
+    mass_x = edge_weights(x, kind & LEFT_EDGE, kind & RIGHT_EDGE)
+    mass_y = edge_weights(y, kind & BASE_EDGE, 0)
+    weight_x = edge_weights(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE)
+    weight_y = edge_weights(motion[1], kind & BASE_EDGE, 0)
+    slope_x = edge_slopes(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE)
+    slope_y = edge_slopes(motion[1], kind & BASE_EDGE, 0)
+    pull = -volume * (1.0 + strain) / cell
+    spread = cell if ti.static(affine) else 0.0
+    for i in ti.static(range(3)):
+        for j in ti.static(range(3)):
+            across = spread * ((i - 1) - x)
+            upward = spread * ((j - 1) - y)
+            weight = mass_x[i] * mass_y[j] * mass
+            force_x = pull * slope_x[i] * weight_y[j]
+            force_y = pull * weight_x[i] * slope_y[j]
+            value = vec8(
+                weight * (motion[2] + gradient[0] * across + gradient[2] * upward),
+                weight * (motion[3] + gradient[1] * across + gradient[3] * upward),
+                force_x * stress[0] + force_y * stress[3],
+                force_x * stress[3] + force_y * stress[1],
+                weight, 0.0, 0.0, 0.0,
+            )  # fmt: skip
+            add(load, home + (i - 1) * columns + (j - 1), value, 0, 5, atomic)
+
+
+@ti.func
+def scatter_inside(
+    load: ti.template(), home, columns, motion, gradient, stress, strain, mass, volume, cell,
+    affine: ti.template(), atomic: ti.template(),
+):  # fmt: skip
+    """`scatter` of any other point, by far the most frequent.
 
     The value at a node is linear in its distance from the point: base + i across + j upward.
     """
@@ -167,7 +232,7 @@ def scatter(
 
 @ti.func
 def scatter_volume(
-    load: ti.template(), home, columns, motion, volume, strength, atomic: ti.template()
+    load: ti.template(), home, columns, kind, motion, volume, strength, atomic: ti.template()
 ):
     """Add a point's volume, and volume x strength in simple shear, to its nine nodes.
 
@@ -178,8 +243,12 @@ def scatter_volume(
     value = vec8(
         0.0, 0.0, 0.0, 0.0, 0.0, volume, 0.5 * volume * strength[1], volume * strength[0]
     )  # fmt: skip
-    weight_x = spline_weights(motion[0])
-    weight_y = spline_weights(motion[1])
+    weight_x = edge_weights(
+        mass_offset(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE),
+        kind & LEFT_EDGE,
+        kind & RIGHT_EDGE,
+    )
+    weight_y = edge_weights(mass_offset(motion[1], kind & BASE_EDGE, 0), kind & BASE_EDGE, 0)
     for i in ti.static(range(3)):
         for j in ti.static(range(3)):
             node = home + (i - 1) * columns + (j - 1)
@@ -219,13 +288,46 @@ def update_node(load, table, kind, dt, gravity, damping):
 
 
 @ti.func
-def gather(flow: ti.template(), home, columns, motion, cell):
+def gather(flow: ti.template(), home, columns, kind, motion, cell):
     """Velocity, its change, and velocity gradient at a point, from its nine nodes.
+
+    `kind` is the type of its home.
 
     Returns:
         mean: (velocity x, y, change x, y) [m/s].
         gradient: (dvx/dx, dvy/dx, dvx/dy, dvy/dy) [1/s].
     """
+    mean = vec4(0.0, 0.0, 0.0, 0.0)
+    gradient = vec4(0.0, 0.0, 0.0, 0.0)
+    if kind & EDGES:
+        mean, gradient = gather_beside(flow, home, columns, kind, motion, cell)
+    else:
+        mean, gradient = gather_inside(flow, home, columns, motion, cell)
+    return mean, gradient
+
+
+@ti.func
+def gather_beside(flow: ti.template(), home, columns, kind, motion, cell):
+    """`gather` of a point beside level ground or a wall."""
+    weight_x = edge_weights(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE)
+    weight_y = edge_weights(motion[1], kind & BASE_EDGE, 0)
+    slope_x = edge_slopes(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE)
+    slope_y = edge_slopes(motion[1], kind & BASE_EDGE, 0)
+    mean = vec4(0.0, 0.0, 0.0, 0.0)
+    across = vec4(0.0, 0.0, 0.0, 0.0)
+    upward = vec4(0.0, 0.0, 0.0, 0.0)
+    for i in ti.static(range(3)):
+        for j in ti.static(range(3)):
+            value = flow[home + (i - 1) * columns + (j - 1)]
+            mean += weight_x[i] * weight_y[j] * value
+            across += slope_x[i] * weight_y[j] * value
+            upward += weight_x[i] * slope_y[j] * value
+    return mean, vec4(across[0], across[1], upward[0], upward[1]) / cell
+
+
+@ti.func
+def gather_inside(flow: ti.template(), home, columns, motion, cell):
+    """`gather` of any other point."""
     weight_x = spline_weights(motion[0])
     weight_y = spline_weights(motion[1])
     mean = vec4(0.0, 0.0, 0.0, 0.0)

@@ -87,12 +87,15 @@ def exact_path(begin: np.ndarray, gradients: np.ndarray, soil: Soil) -> np.ndarr
     stress = np.asarray(begin, float)
     history = [stress]
     for gradient in gradients:
-        angle = np.arctan(0.5 * (gradient[:, 1, 0] - gradient[:, 0, 1]))
+        angle = np.arctan2(
+            gradient[:, 1, 0] - gradient[:, 0, 1], 2.0 + np.trace(gradient, axis1=1, axis2=2)
+        )
         turn = np.zeros((len(angle), 3, 3))
         turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
         turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
         strain = np.zeros((len(angle), 3, 3))
         strain[:, :2, :2] = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+        strain[:, :2, :2] += 0.5 * np.linalg.det(gradient)[:, None, None] * np.eye(2)
         lame = soil.bulk_modulus - 2.0 / 3.0 * soil.shear_modulus
         volumetric = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         turned = turn @ tensor(stress) @ turn.transpose(0, 2, 1)
@@ -187,6 +190,12 @@ def closed_forms() -> tuple[list[Row], dict[str, np.ndarray]]:
     return rows, paths
 
 
+def turn_gradient(angle: float) -> np.ndarray:
+    """Displacement gradient (2, 2) of a rigid turn by `angle` [rad]: R - I."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.array([[cosine - 1.0, -sine], [sine, cosine - 1.0]])
+
+
 def turn_once(steps: int) -> tuple[float, float]:
     """A full turn without strain: error of the stress at the end and of its invariants on the way.
 
@@ -194,8 +203,7 @@ def turn_once(steps: int) -> tuple[float, float]:
     """
     begin = np.array([[-80e3, -30e3, -50e3, 15e3]])
     angle = 2.0 * np.pi / steps
-    gradients = np.zeros((steps, 1, 2, 2))
-    gradients[:, 0, 1, 0], gradients[:, 0, 0, 1] = np.tan(angle), -np.tan(angle)
+    gradients = np.tile(turn_gradient(angle), (steps, 1, 1, 1))
     path = solver_path(begin, gradients, Soil(0.0, 1e9, 30e6, 0.3))[:, 0]
     centre = 0.5 * (path[:, 0] + path[:, 1])
     radius = np.hypot(0.5 * (path[:, 0] - path[:, 1]), path[:, 3])

@@ -12,6 +12,7 @@ import taichi as ti
 from benchmarks.verification.mohr_coulomb_reference import Soil
 from mpm_taichi.mohr_coulomb import elastic_trial, material_constants, return_to_yield, vec4
 from mpm_taichi.runtime import start
+from mpm_taichi.transfer import area_rate
 
 VECTORS = ti.types.ndarray(dtype=vec4, ndim=1)
 
@@ -35,7 +36,7 @@ def step_all(
     """One step of unit time of each element: elastic trial, return to yield."""
     for p in stress:
         g = gradient[p]
-        trial = elastic_trial(stress[p], g, g[0] + g[3], 1.0, elastic[p])
+        trial = elastic_trial(stress[p], g, area_rate(g, 1.0), 1.0, elastic[p])
         new, _, _, _ = return_to_yield(trial, elastic[p], strength[p], edges[p])
         stress[p] = new
 

@@ -45,7 +45,7 @@ DENSITY, GRAVITY = 1800.0, 9.81
 UNIT_WEIGHT = DENSITY * GRAVITY
 START_HEIGHT, START_RATIO = 10.0, 0.12
 """h0 [m] and B / h0 of the profile (1) with which a run starts."""
-HALTS = {0.08: 72.0, 0.05: 42.0, 0.03: 55.0}
+HALTS = {0.08: 84.0, 0.05: 46.0, 0.03: 60.0}
 """B / h0 at which the lowering halts and the deposit is measured: seconds of lowering to there."""
 HOLD_S = 5.0
 

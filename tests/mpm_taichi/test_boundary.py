@@ -20,6 +20,7 @@ from mpm_taichi.boundary import (
     TOP,
     TRACTION,
     contact,
+    edge_bits,
     fixed_by_bodies,
     ground_normal,
     ground_shares,
@@ -30,6 +31,7 @@ from mpm_taichi.boundary import (
 )
 from mpm_taichi.layout import vec2, vec8
 from mpm_taichi.runtime import start
+from mpm_taichi.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE
 
 VEC2 = ti.types.ndarray(dtype=vec2, ndim=1)
 VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)
@@ -85,12 +87,16 @@ def test_grid_has_node_lines_on_the_lowest_ground_and_the_left_wall():
     assert grid.nodes == x.size
 
 
-def test_node_weight_keeps_the_amount_and_its_first_moment():
-    grid = make_grid(scene(LINES["sloped"]))
+@pytest.mark.parametrize("name", LINES)
+def test_node_weight_keeps_the_amount_and_its_first_moment(name):
+    chosen = scene(LINES[name])
+    grid = make_grid(chosen)
     random = np.random.default_rng(0)
-    points = random.uniform([1, 4], [39, 28], (300, 2))
+    points = random.uniform([0, 0], [40, 1], (300, 2))
+    base = chosen.ground.height(points[:, 0])
+    points[:, 1] = base + points[:, 1] * (28 - base)
     amount = random.uniform(0, 2, 300)
-    weight = node_weight(grid, points, amount)
+    weight = node_weight(grid, points, amount, edge_bits(chosen, grid))
     x, y = grid.coordinates()
     assert weight.sum() == pytest.approx(amount.sum())
     assert (weight * x).sum() == pytest.approx(amount @ points[:, 0])
@@ -101,8 +107,8 @@ def test_node_weight_keeps_the_amount_and_its_first_moment():
 
 
 def ends_of_integration(grid):
-    left = grid.origin[0] + 1.5 * grid.cell
-    return left, grid.origin[0] + (grid.shape[0] - 2.5) * grid.cell
+    left = grid.origin[0] + MARGIN * grid.cell
+    return left, grid.origin[0] + (grid.shape[0] - 1 - MARGIN) * grid.cell
 
 
 @pytest.mark.parametrize("name", LINES)
@@ -134,7 +140,7 @@ def test_a_level_ground_has_a_cell_of_area_in_each_column_wherever_it_lies(heigh
     chosen = scene([[0, 2], [2, height], [40, height]])
     grid = make_grid(chosen)
     area, volume = ground_shares(chosen, grid)
-    columns = slice(MARGIN + 5, -MARGIN - 3)
+    columns = slice(MARGIN + 5, -MARGIN - 4)
     assert area[columns].sum(axis=1) == pytest.approx(grid.cell)
     # Three cells of space above the ground, of which no share is lost to the nodes below it.
     assert volume[columns].sum(axis=1) == pytest.approx(3 * grid.cell**2)
@@ -146,8 +152,27 @@ def test_traction_reaches_the_nodes_whose_splines_touch_the_ground_and_no_others
     middle = grid.shape[0] // 2
     _, y = grid.coordinates()
     touched = (kind[middle] & TRACTION) > 0
-    assert y[middle, touched] == pytest.approx([1.0, 2.0, 3.0])
-    assert table[middle, touched, boundary.AREA] == pytest.approx([1 / 8, 3 / 4, 1 / 8], abs=2e-3)
+    assert y[middle, touched] == pytest.approx([2.0])
+    assert table[middle, touched, boundary.AREA] == pytest.approx([1.0], abs=2e-3)
+    # Half a cell up the grid line lies inside the cell: three nodes are within reach.
+    chosen = scene([[0, 2], [2, 2.5], [40, 2.5]])
+    grid, kind, table = tables(chosen)
+    touched = (kind[middle] & TRACTION) > 0
+    assert y[middle, touched] == pytest.approx([2.0, 3.0])
+
+
+def test_splines_end_on_level_ground_that_lies_on_a_line_of_nodes_and_on_walls():
+    chosen = scene([[0, 2], [20, 2], [25, 6], [40, 6]])
+    grid = make_grid(chosen)
+    bits = edge_bits(chosen, grid)
+    x, y = grid.coordinates()
+    low = (y == 2.0) & (x <= 18.5)
+    high = (y == 6.0) & (x >= 26.5)
+    assert ((bits & BASE_EDGE > 0) == low | high).all()
+    assert ((bits & LEFT_EDGE > 0) == (x == 0.0)).all()
+    assert ((bits & RIGHT_EDGE > 0) == (x == 40.0)).all()
+    between = scene([[0, 2], [2, 2.5], [40, 2.5]])
+    assert not (edge_bits(between, make_grid(between)) & BASE_EDGE)[MARGIN + 5 : -MARGIN - 5].any()
 
 
 # --- types and tables ---
@@ -193,15 +218,16 @@ def test_walls_and_lid():
 
 
 def test_fixed_bodies_hold_the_nodes_they_outweigh():
-    grid = make_grid(scene(LINES["level on a grid line"]))
+    chosen = scene(LINES["level on a grid line"])
+    grid, kind, _ = tables(chosen)
     place = np.arange(0.25, 6.0, 0.5)
     body = np.stack(np.meshgrid(10 + place, 5 + place), axis=-1).reshape(-1, 2)
     soil = body + [6.0, 0.0]
-    held = fixed_by_bodies(grid, soil, body).reshape(grid.shape)
+    held = fixed_by_bodies(grid, soil, body, kind.ravel()).reshape(grid.shape)
     x, y = grid.coordinates()
     assert held[(x > 10) & (x < 15.9) & (y > 5) & (y < 11)].all()
     assert not held[(x > 16.1) & (x < 25)].any(), "the soil beside it is free"
-    assert not fixed_by_bodies(grid, soil, np.empty((0, 2))).any()
+    assert not fixed_by_bodies(grid, soil, np.empty((0, 2)), kind.ravel()).any()
 
 
 def test_water_force_is_the_slope_of_the_pore_pressure():

@@ -124,7 +124,10 @@ FIXED = SimulationSettings(duration_s=2.0, time_step_s=0.02)
 GOOD = (0, 5)
 BAD = {
     1: (block("numbers", velocity=(1e19, 0), base=4.0), "a position or an energy is not a number"),
-    2: (block("flight", velocity=(250, 0), base=4.0), "left the domain: a point behind a side"),
+    2: (
+        block("flight", velocity=(0, 60), base=4.0, walls="open"),
+        "left the domain: a point at y",
+    ),
     3: (block("stiff", youngs_modulus_mpa=1e6), "energy balance: .* % of the released energy out"),
     4: (
         block("shot", velocity=(0, 1e3), base=4.0),

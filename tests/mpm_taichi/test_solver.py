@@ -206,3 +206,24 @@ def test_top_of_a_closed_domain_is_a_lid_of_an_open_one_the_end():
     assert closed.status == "finished" and closed.wall_contact["top"] > 0.0
     assert closed.positions[..., 1].max() < 12 + 2
     assert opened.status == "failed" and "domain.y_max 12 m" in opened.reason
+
+
+def test_a_sheet_of_one_layer_brakes_by_the_friction_of_the_soil():
+    # No thickness to speak of: what brakes it is sin(phi) g at the ground, from 10 m/s to rest.
+    sheet = slump(
+        domain={"x_min": 0, "x_max": 120, "y_max": 20, "walls": "open"},
+        zones=[
+            {
+                "name": "a",
+                "material": "sand",
+                "polygon": [[20, 0], [60, 0], [60, 1.05], [20, 1.05]],
+                "initial_velocity": [10.0, 0.0],
+            }
+        ],
+        materials={"sand": {"friction_deg": 30, "cohesion_kpa": 0}},
+    )
+    (run,) = simulate([sheet], SHORT)
+    way = run.positions[:, :, 0].astype(float).mean(axis=1) - 40.0
+    braking = np.minimum(run.time, 10.0 / (0.5 * 9.81))
+    expected = 10.0 * braking - 0.25 * 9.81 * braking**2
+    assert np.abs(way - expected).max() < 0.02 * expected[-1]

@@ -5,9 +5,6 @@ import pytest
 from benchmarks.verification import free_motion
 
 KNOWN_MISSES = {
-    # x += dt v stretches what turns by (dt spin)^2 / 2 a step, and the strain does not see it.
-    "turn: growth of the radius",
-    "turn: angle behind a full turn",
     # Pressure evened out within and between cells spreads as points pass from cell to cell.
     "turn: stress in the frame of the disc, r < 0.6 R",
 }
