@@ -10,7 +10,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from geometry.measurements import Measurements
+from inversion.classical import imm
 from inversion.classical.analysis import METHODS, Analysis, MethodAnswer, Stability
 from inversion.classical.kinetics import Motion
 from inversion.classical.sections_of_case import CaseSections
@@ -53,6 +56,7 @@ def _analysis(analysis: Analysis, case: CaseSections) -> dict[str, Any]:
             "centre_after_m": _rounded(last.centre.tolist(), 2),
             "mass_kg_per_m": round(first.mass),
         },
+        "energy": _energy(analysis),
         "methods": [_method(answer) for answer in analysis.answers],
         "section_before": _stability(analysis.before),
         "section_final": _stability(analysis.final),
@@ -71,6 +75,32 @@ def _analysis(analysis: Analysis, case: CaseSections) -> dict[str, Any]:
         ],
         "published": published(case.measurements, analysis),
     }
+
+
+def _energy(analysis: Analysis) -> dict[str, float] | None:
+    """What gravity gives and what the forces of IMM see of it; for buoyant weights alone.
+
+    The difference is what the mass gives off by becoming flatter: no force along its base.
+    """
+    if analysis.judgement.water == "boundary":
+        return None
+    stages = analysis.forces
+    steps = np.diff(imm.travel_of(stages))
+    drops = -np.diff([stage.centre[1] for stage in stages])
+    return {
+        "gravity_mj_per_m": round(_mean([s.weight for s in stages]) @ drops / 1e6, 2),
+        "driving_mj_per_m": round(_mean([s.driving for s in stages]) @ steps / 1e6, 2),
+        "others_mj_per_m": round(_mean([s.resistance for s in stages]) @ steps / 1e6, 2),
+        "liquefied_length_times_travel_m2": round(
+            _mean([s.liquefied_length for s in stages]) @ steps, 1
+        ),
+    }
+
+
+def _mean(values: Sequence[float]) -> np.ndarray:
+    """Means of neighbours."""
+    values = np.asarray(values)
+    return 0.5 * (values[1:] + values[:-1])
 
 
 def labels(analysis: Analysis) -> list[str]:

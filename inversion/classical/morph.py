@@ -138,7 +138,8 @@ class Slide:
         """Refuse sections that cannot be those of one slide.
 
         Raises:
-            InputError: the slip surface leaves the soil, or the areas differ too much.
+            InputError: the slip surface leaves the soil, the areas differ too much, or the mass
+                went the other way.
         """
         left, right = self.slip.ends
         x = np.linspace(left, right, 400)[1:-1]
@@ -162,6 +163,14 @@ class Slide:
                 f"area of the sliding mass: {self.area_before:.4g} m2 before and "
                 f"{self.area_before / self.area_factor:.4g} m2 after; they may differ by "
                 f"{100 * AREA_TOLERANCE:.0f} %: the slip surface or the profile is wrong"
+            )
+
+        moved = self._columns[1].middle - self._columns[0].middle
+        if moved * (-1 if self.side == "left" else 1) <= 0:
+            raise InputError(
+                f"the mass above the slip surface moved {abs(moved):.3g} m to the "
+                f"{'left' if moved < 0 else 'right'}, not to the {self.side}: side, slip surface "
+                "or profile is wrong"
             )
 
     def section(self, share: float) -> Stage:
@@ -323,6 +332,12 @@ class _Columns:
     def filled(self) -> np.ndarray:
         """Share of the area left of each place."""
         return self._sums / self.total
+
+    @property
+    def middle(self) -> float:
+        """Centre of the area, x [m]."""
+        strips = np.diff(self._sums)
+        return float(strips @ (0.5 * (self.x[1:] + self.x[:-1])) / self.total)
 
     def place(self, share: np.ndarray) -> np.ndarray:
         """Where a share of the area lies to the left [m]; exact for straight surfaces."""

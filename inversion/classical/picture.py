@@ -209,7 +209,8 @@ def _draw_motion(ax: Axes, analysis: Analysis) -> None:
     ax.set_ylabel("velocity of the centre (m/s)", fontsize=8.5)
     top = ax.get_ylim()[1]
     ax.set(xlim=(0, None), ylim=(0, 1.3 * top))
-    ax.legend(fontsize=7.5, frameon=False, loc="upper left")
+    if any(answer.motion is not None for answer in analysis.answers):
+        ax.legend(fontsize=7.5, frameon=False, loc="upper left")
     ax.tick_params(labelsize=8)
     ax.spines[["top", "right"]].set_visible(False)
 
