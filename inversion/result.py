@@ -98,16 +98,18 @@ class EquallyGood(Part):
 class Answer(Part):
     """What was found."""
 
-    parameters: list[ParameterAnswer]
+    parameters: list[ParameterAnswer] = Field(description="in the question's order")
     loss: float = Field(description="at the answer")
-    loss_unit: Literal["m2", "standardised"]
+    loss_unit: Literal["m2", "standardised"] = Field(
+        description="m2: the paper's loss; standardised: sum of squared standard deviations"
+    )
     tolerance: float = Field(description="loss at which the search may end")
     reached: bool = Field(description="the loss is below the tolerance")
-    method: Literal["gauss_newton", "lbfgsb"]
+    method: Literal["gauss_newton", "lbfgsb"] = Field(description="of the search")
     words: str = Field(description="how the search ended")
-    correlation: Correlation
-    undetermined: list[Undetermined]
-    equally_good: list[EquallyGood]
+    correlation: Correlation = Field(description="of the parameters, given the data")
+    undetermined: list[Undetermined] = Field(description="directions the data say nothing of")
+    equally_good: list[EquallyGood] = Field(description="other values that fit as well")
     derivative: dict[str, dict[str, float]] = Field(
         description="measurement -> parameter -> derivative at the answer, m per outside unit"
     )
@@ -121,7 +123,9 @@ class Iteration(Part):
     """One look at the engine: a forward run with its derivative, or a run of the scan."""
 
     iteration: int = Field(description="0: the start, and the scan where there was one")
-    kind: Literal["start", "scan", "lbfgsb", "gauss_newton"]
+    kind: Literal["start", "scan", "lbfgsb", "gauss_newton"] = Field(
+        description="what asked for it"
+    )
     accepted: bool = Field(description="False: a step that made it worse and was taken back")
     values: dict[str, float] = Field(description="parameters by name")
     loss: float | None = Field(description="null: the run failed")
@@ -133,27 +137,27 @@ class Iteration(Part):
 class Start(Part):
     """The same question from another first guess."""
 
-    start: dict[str, float]
-    answer: dict[str, float]
-    loss: float
-    reached: bool
-    iterations: int
-    runs: int
-    words: str
+    start: dict[str, float] = Field(description="first guess")
+    answer: dict[str, float] = Field(description="where its search ended")
+    loss: float = Field(description="there")
+    reached: bool = Field(description="the loss is below the tolerance")
+    iterations: int = Field(description="after the start")
+    runs: int = Field(description="simulations asked for")
+    words: str = Field(description="how the search ended")
 
 
 class VariantAnswer(Part):
     """The answer under another reading of the question."""
 
-    name: str
+    name: str = Field(description="as in the question")
     words: str = Field(description="what is different")
     values: dict[str, float] = Field(description="parameters by name")
     ratios: dict[str, float] = Field(description="strength / sigma'_v0 there, by name")
-    loss: float
-    reached: bool
+    loss: float = Field(description="at `values`")
+    reached: bool = Field(description="the loss is below the tolerance")
     predicted: dict[str, float] = Field(description="measured quantities by name")
     measured: dict[str, float] = Field(description="fitted targets by name")
-    at_bound: list[str]
+    at_bound: list[str] = Field(description="parameters that rest on a bound")
     words_end: str = Field(description="how its search ended")
 
 
@@ -169,20 +173,20 @@ class Side(Part):
     predicted_before: dict[str, float] = Field(
         description="fitted measurements with the change, at the answer's values"
     )
-    predicted: dict[str, float] = Field(description="fitted measurements at `values`")
-    loss: float
+    predicted: dict[str, float] = Field(description="fitted measurements after the last run")
+    loss: float = Field(description="of the last run")
     reached: bool = Field(description="False: only the linear estimate is known")
 
 
 class SensitivityAnswer(Part):
     """What one assumption does to the answer."""
 
-    name: str
-    kind: str
-    words: str
+    name: str = Field(description="as in the question")
+    kind: str = Field(description="as in the question")
+    words: str = Field(description="what was changed")
     change: dict[str, float] = Field(description="of the side that changes the answer most")
     std: dict[str, float] = Field(description="root mean square over the sides: its contribution")
-    sides: list[Side]
+    sides: list[Side] = Field(description="each of the changes")
 
 
 class MeasurementAnswer(Part):
@@ -190,59 +194,59 @@ class MeasurementAnswer(Part):
 
     name: str = Field(description="as in the engine; a profile has one line for each place")
     group: str = Field(description="name of the measurement it belongs to")
-    type: str
-    unit: str
+    type: str = Field(description="as in measurements.yaml")
+    unit: str = Field(description="m or m/s")
     measured: float | None = Field(description="null for a reading without a measurement")
-    low: float | None
-    high: float | None
-    std: float | None
-    predicted: float
+    low: float | None = Field(description="lower end of the stated range")
+    high: float | None = Field(description="upper end of the stated range")
+    std: float | None = Field(description="of the survey, with what the model is granted")
+    predicted: float = Field(description="at the answer")
     predicted_at_start: float = Field(description="before anything moved; nothing is subtracted")
-    difference_in_std: float | None
-    role: Role
-    confidence: str
-    source: str
+    difference_in_std: float | None = Field(description="(predicted - measured) / std")
+    role: Role = Field(description="what the search did with it")
+    confidence: str = Field(description="how far the measured value may be trusted")
+    source: str = Field(description="where it is written")
     by_eye: float | None = Field(description="the toe by the naked eye, for a toe")
 
 
 class SeedAnswer(Part):
     """The answer on points that were jittered with another seed."""
 
-    seed: int
-    values: dict[str, float]
+    seed: int = Field(description="of the jitter")
+    values: dict[str, float] = Field(description="with the linear step that would be next")
     predicted_before: dict[str, float] = Field(description="at the answer's values")
-    loss: float
-    reached: bool
+    loss: float = Field(description="of the last run")
+    reached: bool = Field(description="the loss is below the tolerance")
 
 
 class Noise(Part):
     """How much the numbers depend on where exactly the material points lie."""
 
     jitter: float = Field(description="each point moved by up to jitter x spacing / 2")
-    seeds: list[int]
+    seeds: list[int] = Field(description="whose runs finished")
     std: dict[str, float] = Field(description="standard deviation of each prediction at the answer")
     mean: dict[str, float] = Field(description="mean over the seeds")
-    answers: list[SeedAnswer]
+    answers: list[SeedAnswer] = Field(description="the answer on each")
     answer_std: dict[str, float] = Field(description="scatter of the re-solved answers")
 
 
 class Result(Part):
     """The whole of `result.json`."""
 
-    case: str
-    title: str
-    measurement_set: str
+    case: str = Field(description="name of the folder")
+    title: str = Field(description="name in words")
+    measurement_set: str = Field(description="the set that was fitted")
     engine: str = Field(description="mpm, or the name of a learned simulator")
-    spacing_m: float
+    spacing_m: float = Field(description="between material points")
     manifest: dict[str, Any] = Field(description="settings, versions, seeds, machine, time")
-    question: Question
-    answer: Answer
-    iterations: list[Iteration]
-    starts: list[Start]
-    variants: list[VariantAnswer]
-    sensitivities: list[SensitivityAnswer]
-    measurements: list[MeasurementAnswer]
-    noise: Noise | None
+    question: Question = Field(description="as asked")
+    answer: Answer = Field(description="what was found")
+    iterations: list[Iteration] = Field(description="the way to it")
+    starts: list[Start] = Field(description="the same from other first guesses, its own first")
+    variants: list[VariantAnswer] = Field(description="under other readings of the question")
+    sensitivities: list[SensitivityAnswer] = Field(description="under changed assumptions")
+    measurements: list[MeasurementAnswer] = Field(description="measured against predicted")
+    noise: Noise | None = Field(description="on jittered points; null: not measured")
     classical: list[dict[str, Any]] = Field(description="as the classical methods write them")
     published: dict[str, dict[str, Any]] = Field(description="strengths found by others, kPa")
     timings: dict[str, float] = Field(description="wall time by stage, s")

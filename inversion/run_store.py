@@ -183,7 +183,8 @@ def save_kept(path: Path, run: KeptRun) -> None:
 def load_kept(path: Path) -> KeptRun | None:
     """Read a run; None where there is none, or where the file is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # Opened here: numpy leaves a damaged file open.
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         end, at_rest, wall_time = (float(value) for value in arrays.pop("numbers"))
         return KeptRun(
