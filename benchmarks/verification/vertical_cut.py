@@ -120,7 +120,7 @@ def rows_of_watched(case: str, standing: Watched, falling: Watched) -> list[Row]
     return [
         Row(case, f"N = {standing.number:.2f} stands: settlement / H in the last {half:g} s", rest,
             1e-4, 0.0, bound=True),
-        Row(case, f"N = {falling.number:.2f} falls: time until the crest has sunk by H / 100",
+        Row(case, f"N = {falling.number:.2f} falls: time after the lowering until sunk by H / 100",
             float(fallen[0]) if len(fallen) else np.inf, WATCHED_S, 0.0, "s", bound=True),
     ]  # fmt: skip
 
