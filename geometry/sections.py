@@ -42,14 +42,18 @@ class Section:
     """Unit that the file itself names."""
 
 
-def read_section(path: str | Path) -> Section:
+def read_section(path: str | Path, kind: str | None = None) -> Section:
     """Read the outlines of a CSV, GeoJSON or DXF file.
+
+    Args:
+        path: the drawing.
+        kind: csv, geojson or dxf; None: as its suffix says.
 
     Raises:
         InputError: unknown suffix, unreadable file, or a row or shape that is no zone.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
+    suffix = path.suffix.lower() if kind is None else f".{kind}"
     if suffix not in FORMATS:
         raise InputError(f"{path}: sections end in {', '.join(FORMATS)}")
     if not path.is_file():

@@ -14,6 +14,7 @@ from pipeline.cli import base_parser, main_exit
 COMMANDS = (
     "inversion.invert_command",
     "inversion.classical.command",
+    "inversion.new_case",
     "inversion.catalogue_command",
     "inversion.schema_command",
 )
