@@ -1,8 +1,9 @@
 """L-BFGS-B, the paper's search (Byrd and others 1995): the gradient of the loss, within bounds.
 
 The paper minimises the squared runout error alone. With the loss `misfit` the priors are added.
-The scaled parameters are stretched so that a unit step, the first that the method takes, is a tenth
-of a strength or one degree.
+The scaled parameters are stretched so that a unit step is a tenth of a strength or one degree, and
+the function is divided by its first slope: where all parameters have bounds, the method first tries
+a step as long as the slope, which would otherwise throw a strength to its bound.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ def lbfgsb(search: Search, first: Look) -> Found:
         raise WorkFailed(f"the simulation at the start failed: {first.prediction.reason}")
     unit = np.where(parameters.logarithmic, UNIT_LOG, UNIT_DEGREES) / parameters.prior_std
     best = first
+    steepness = float(np.linalg.norm(value_and_gradient(objective, first)[1] * unit))
+    scale = 1.0 / max(steepness, 1e-12)
 
     def evaluate(scaled: np.ndarray) -> tuple[float, np.ndarray]:
         nonlocal best
@@ -44,7 +47,7 @@ def lbfgsb(search: Search, first: Look) -> Found:
             look = search.look(values, "lbfgsb", number)
         if not np.isfinite(look.loss):  # a guard stopped the run: turn the line search back
             search.reject(look)
-            return 1e3 * max(first.loss, 1.0), np.zeros(len(unit))
+            return 1e3 * scale * max(first.loss, 1.0), np.zeros(len(unit))
         if look.loss < best.loss:
             best = look
         elif look is not first:
@@ -52,7 +55,7 @@ def lbfgsb(search: Search, first: Look) -> Found:
         if look.loss < objective.tolerance and objective.loss == "runout":
             raise _Ended
         value, slope = value_and_gradient(objective, look)
-        return value, slope * unit
+        return scale * value, scale * slope * unit
 
     bounds = list(zip(parameters.fitted_low / unit, parameters.fitted_high / unit, strict=True))
     words = ""

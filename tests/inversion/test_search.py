@@ -79,6 +79,13 @@ def test_the_known_answer_is_found_as_the_paper_asks(method):
     assert found.values[0] == pytest.approx(runout_alone, rel=0.01)
 
 
+def test_the_first_step_of_lbfgsb_is_a_tenth_of_a_strength():
+    search = problem([strength("a"), angle("b")], dam, targets(53.0))
+    found = calibrate(search, np.array([50.0, 30.0]), method="lbfgsb", least_m=2.0)
+    first, second = found.looks[:2]
+    assert second.values[0] / first.values[0] == pytest.approx(np.exp(-0.1), rel=0.01)
+
+
 @pytest.mark.parametrize("start", [10.0, 30.0, 80.0])
 def test_three_starts_give_one_answer(start):
     search = problem([strength("a"), angle("b")], dam, targets(53.0))
