@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from geometry.scene import document_error
-from inversion.classical.analysis import analyse
+from inversion.classical.analysis import Analysis, analyse
 from inversion.classical.document import document, table
 from inversion.classical.judgement import FILE_NAME, Judgement, load_judgements
 from inversion.classical.sections_of_case import CaseSections, load_sections
@@ -70,17 +70,48 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
     case = load_sections(case_folder(arguments.case), run=arguments.run)
-    analyses = [analyse(case, judgement) for judgement in _judgements(case, arguments)]
     name = case.folder.resolve().name
     out = Path(arguments.out) if arguments.out else Path("results") / name / "classical"
+    analyses, refused = analyse_all(case, arguments)
     from inversion.classical.picture import save_picture  # matplotlib takes its time
 
     for analysis in analyses:
         print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")
         save_picture(case, analysis, out / f"{_file_name(analysis.judgement.name)}.png")
-    write_json(out / RESULT, document(case, analyses))
-    print(f"wrote {out / RESULT} and {len(analyses)} picture{'s'[: len(analyses) > 1]}")
+    for reason in refused:
+        print(f"Not analysed: {reason}")
+    write_json(out / RESULT, document(case, analyses, refused))
+    print(f"wrote {out / RESULT} and {len(analyses)} picture{'' if len(analyses) == 1 else 's'}")
     return 0
+
+
+def analyse_all(
+    case: CaseSections, arguments: argparse.Namespace
+) -> tuple[list[Analysis], list[str]]:
+    """Every slide of a case, and why others could not be analysed.
+
+    Without a `classical.yaml` nobody has said that these sections make a slide, so sections that do
+    not belong together are a finding and no error.
+
+    Raises:
+        InputError: what the file or the options ask for cannot be.
+    """
+    asked = (case.folder / FILE_NAME).is_file() or arguments.slide is not None
+    analyses, refused = [], []
+    try:
+        judgements = _judgements(case, arguments)
+    except InputError as problem:
+        if asked or _changes(arguments):
+            raise
+        return [], [str(problem)]
+    for judgement in judgements:
+        try:
+            analyses.append(analyse(case, judgement))
+        except InputError as problem:
+            if asked or _changes(arguments):
+                raise
+            refused.append(str(problem))
+    return analyses, refused
 
 
 def case_folder(text: str) -> Path:
@@ -92,11 +123,7 @@ def case_folder(text: str) -> Path:
 
 def _judgements(case: CaseSections, arguments: argparse.Namespace) -> list[Judgement]:
     """The judgements of the case with the options given on the command line."""
-    changes = {
-        name: value for _, name, _ in CALLS if (value := getattr(arguments, name)) is not None
-    }
-    if arguments.liquefied_alone:
-        changes["count_others"] = False
+    changes = _changes(arguments)
     judgements = load_judgements(case.folder, case.measurements)
     if arguments.slide is not None:
         names = [judgement.name for judgement in judgements]
@@ -107,6 +134,14 @@ def _judgements(case: CaseSections, arguments: argparse.Namespace) -> list[Judge
         return [Judgement.model_validate(j.model_dump() | changes) for j in judgements]
     except ValidationError as error:
         raise InputError(document_error(error, f"{FILE_NAME} with the options given")) from None
+
+
+def _changes(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Judgement calls given on the command line."""
+    changes = {
+        name: value for _, name, _ in CALLS if (value := getattr(arguments, name)) is not None
+    }
+    return changes | ({"count_others": False} if arguments.liquefied_alone else {})
 
 
 def _file_name(name: str) -> str:

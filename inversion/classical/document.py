@@ -22,12 +22,15 @@ from pipeline.table import aligned
 SECTIONS_NOTE = "sections in between: morphed by machine, area conserved"
 
 
-def document(case: CaseSections, analyses: Sequence[Analysis]) -> dict[str, Any]:
-    """`classical.json`: every analysis with all its numbers."""
+def document(
+    case: CaseSections, analyses: Sequence[Analysis], refused: Sequence[str] = ()
+) -> dict[str, Any]:
+    """`classical.json`: every analysis with all its numbers, and why others could not be made."""
     return {
         "case": case.folder.resolve().name,
         "title": case.scene.name.replace("_", " ").title(),
         "analyses": [_analysis(analysis, case) for analysis in analyses],
+        "not_analysed": list(refused),
     }
 
 

@@ -103,11 +103,11 @@ class Slide:
         return np.where(inside, self.slip.level(x), self.before.surface(x))
 
     def after_surface(self, x: np.ndarray | float) -> np.ndarray:
-        """Surface after the slide [m]; the ground beyond the surveyed ends."""
+        """Surface after the slide [m]; beyond the surveyed ends that of the section before."""
         x = np.asarray(x, dtype=float)
         inside = (x >= self.after[0, 0]) & (x <= self.after[-1, 0])
         level = np.interp(x, self.after[:, 0], self.after[:, 1])
-        return np.where(inside, level, self.before.ground_level(x))
+        return np.where(inside, level, self.before.surface(x))
 
     @property
     def area_before(self) -> float:
@@ -156,7 +156,7 @@ class Slide:
             place = x[np.argmin(low)]
             raise InputError(
                 f"slip surface: {-low.min():.2g} m above the surface after the slide at "
-                f"x = {place:.4g} m"
+                f"x = {place:.4g} m; `search` looks for one that is not"
             )
         if abs(self.area_factor - 1.0) > AREA_TOLERANCE:
             raise InputError(

@@ -207,7 +207,8 @@ def head_of(section: Section, after: np.ndarray, side: Side) -> float:
     left, right = section.extent
     x = np.linspace(left, right, 2001)
     before = section.surface(x)
-    now = np.interp(x, after[:, 0], after[:, 1])
+    surveyed = (x >= after[0, 0]) & (x <= after[-1, 0])
+    now = np.where(surveyed, np.interp(x, after[:, 0], after[:, 1]), before)
     height = float(np.ptp(before))
     moved = np.abs(now - before) > UNMOVED * height
     if side == "right":

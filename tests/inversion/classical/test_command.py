@@ -207,6 +207,18 @@ def test_without_a_file_every_side_with_a_runout_is_analysed():
         default_judgements(nothing, "case")
 
 
+def test_sections_that_make_no_slide_are_a_finding_where_nobody_said_they_do(lsfd, tmp_path):
+    (lsfd / "classical.yaml").unlink()
+    (lsfd / "post_failure_profile.csv").write_text(
+        "x_m,y_m,part\n40,2,constructed\n70,9,constructed\n170,44,constructed\n210,46,constructed\n"
+    )
+    result = classical(lsfd, tmp_path / "out")
+    assert result["analyses"] == []
+    assert "slip surface" in result["not_analysed"][0] or "area" in result["not_analysed"][0]
+    with pytest.raises(InputError):
+        main(["classical", str(lsfd), "--slide", "upstream"])
+
+
 def test_head_of_the_mass_follows_from_the_surfaces():
     for name, side, head in (
         ("lower_san_fernando", "left", 214.5),
