@@ -314,7 +314,8 @@ def profile_text(profile: Profile, words: CaseWords) -> str:
         "x_m,y_m,part",
     ]
     lines += [
-        f"{x:g},{y:g},{part}" for x, y, part in zip(profile.x, profile.y, profile.part, strict=True)
+        f"{float(x)!r},{float(y)!r},{part}"
+        for x, y, part in zip(profile.x, profile.y, profile.part, strict=True)
     ]
     return "\n".join(lines) + "\n"
 

@@ -1,0 +1,17 @@
+"""A folder made by `python -m inversion new` is a target like those that ship."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from inversion.__main__ import main
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
+
+
+def test_a_new_case_is_a_target(bench):
+    folder = bench.folder / "case_histories" / "road_embankment"
+    section, survey = EXAMPLES / "road_embankment.csv", EXAMPLES / "road_embankment_after.csv"
+    main(["new", str(folder), "--section", str(section), "--profile", str(survey)])
+    assert bench.planned("invert_road_embankment") == {"invert_case": 1, "classical_case": 1}
+    assert bench.planned("simulate_road_embankment") == {"simulate_case": 1}
