@@ -210,7 +210,7 @@ def test_without_a_file_every_side_with_a_runout_is_analysed():
 def test_sections_that_make_no_slide_are_a_finding_where_nobody_said_they_do(lsfd, tmp_path):
     (lsfd / "classical.yaml").unlink()
     (lsfd / "post_failure_profile.csv").write_text(
-        "x_m,y_m,part\n40,2,constructed\n70,9,constructed\n170,44,constructed\n210,46,constructed\n"
+        "x_m,y_m,part\n20,2,constructed\n40,30,constructed\n214,46,constructed\n"
     )
     result = classical(lsfd, tmp_path / "out")
     assert result["analyses"] == []
