@@ -155,6 +155,7 @@ def answer(
             sources,
             interval(parameters, found.values, total),
             ratio_changes,
+            stops,
         ),  # fmt: skip
         loss=look.loss,
         loss_unit=objective.unit,
@@ -206,11 +207,13 @@ def _parameters(
     sources: Mapping[str, Mapping[str, float]],
     intervals: Sequence[tuple[float, float]],
     ratio_changes: Mapping[str, Mapping[str, float]],
+    stops: Sequence[Stop],
 ) -> list[ParameterAnswer]:
     parameters = case.parameters
     prediction = found.look.prediction
     ratio = ratios(prediction, found.values, parameters.names)
     before = parameters.prior_std * np.where(parameters.logarithmic, found.values, 1.0)
+    good = np.array([found.values, *[stop.values for stop in stops]])
     lines = []
     for place, spec in enumerate(parameters.specs):
         has_ratio = spec.name in ratio
@@ -232,6 +235,9 @@ def _parameters(
                 std_by_source=dict(sources[spec.name]),
                 std_total=float(total[place]),
                 interval_95=intervals[place],
+                equally_good_range=(
+                    (float(good[:, place].min()), float(good[:, place].max())) if stops else None
+                ),
                 at_bound=parameters.at_bound(found.values)[place],
                 determined=bool(spread.determined[place]),
                 prior_std=float(before[place]),

@@ -66,6 +66,7 @@ class BackAnalysis:
     sensitivities: list[SensitivityAnswer] = field(default_factory=list)
     ratio_changes: dict[str, dict[str, float]] = field(default_factory=dict)
     noise: Noise | None = None
+    remarks: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
     runs: int = 0
 
@@ -114,7 +115,7 @@ class BackAnalysis:
         self.starts = [assemble.start_of(self.found, self.objective)]
         number = self.case.config.inversion.starts - 1
         for place, start in enumerate(further_starts(self.case.parameters, number)):
-            found = self._calibrated(self.case.setup, start)
+            found = self._calibrated(f"start {place + 2}", self.case.setup, start)
             if found is not None:
                 self.starts.append(assemble.start_of(found, self.objective))
                 self.say(f"start {place + 2}: {self._told(found)}")
@@ -128,7 +129,7 @@ class BackAnalysis:
                 self.spread.flat, self.found.look.loss,
             )  # fmt: skip
             self.runs += self.engine.runs - before
-            self.say(f"{len(self.stops)} other answers fit as well")
+            self.say(f"other answers that fit as well: {len(self.stops)}")
 
     def measure_noise(self) -> None:
         """Find the answer again on jittered points."""
@@ -139,7 +140,7 @@ class BackAnalysis:
         self._resolve(problems)
         kept = [(s, p) for s, p in zip(seeds, problems, strict=True) if np.isfinite(p.loss)]
         if len(kept) < 2:
-            self.say("noise: fewer than two of the jittered runs finished; not measured")
+            self.remark("noise: fewer than two of the jittered runs finished; not measured")
             return
         targets, parameters = self.objective.targets, self.case.parameters
         before = np.array([problem.before.values for _, problem in kept])
@@ -170,7 +171,7 @@ class BackAnalysis:
         """Search under every other reading of the question."""
         for variant in self.case.question.variants:
             changed = self.case.variant(variant)
-            found = self._calibrated(changed.setup, self.found.values)
+            found = self._calibrated(variant.name, changed.setup, self.found.values)
             if found is None:
                 continue
             self.say(f"{variant.name}: {self._told(found)}")
@@ -192,14 +193,13 @@ class BackAnalysis:
 
     def solve_sensitivities(self) -> None:
         """Solve again under every changed assumption, all of them side by side."""
-        asked = [
-            (entry, changed)
-            for entry in self.case.question.sensitivities
-            for changed in self.case.sides(entry)
-        ]
+        entries, left_out = self.case.sensitivities
+        for line in left_out:
+            self.remark(line)
+        asked = [(entry, changed) for entry, changes in entries for changed in changes]
         problems = [self._problem(changed.setup) for _, changed in asked]
         self._resolve(problems)
-        for entry in self.case.question.sensitivities:
+        for entry, _ in entries:
             own = [
                 (changed, problem)
                 for (other, changed), problem in zip(asked, problems, strict=True)
@@ -212,7 +212,7 @@ class BackAnalysis:
         answered = [self._side(changed, problem) for changed, problem in own
                     if problem.before is not None and np.isfinite(problem.loss)]  # fmt: skip
         if not answered:
-            self.say(f"{entry.name}: the simulation failed; not among the sensitivities")
+            self.remark(f"{entry.name}: the simulation failed; not among the sensitivities")
             return
         changes = [side.change for side in answered]
         first = names[0]
@@ -295,6 +295,7 @@ class BackAnalysis:
             measurements=assemble.measurements(self.objective, found.look.prediction),
             noise=self.noise,
             classical=[],
+            remarks=self.remarks,
             published=case.measurements.strength_published_kpa,
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},
             runs=self.runs,
@@ -302,6 +303,11 @@ class BackAnalysis:
         )  # fmt: skip
 
     # --- what the stages share ---
+
+    def remark(self, line: str) -> None:
+        """Something a reader of the result should know: said, and kept."""
+        self.remarks.append(line)
+        self.say(line)
 
     @property
     def slope(self) -> np.ndarray:
@@ -342,7 +348,7 @@ class BackAnalysis:
             on_look=self._tell_look if tell else None,
         )
 
-    def _calibrated(self, setup: Setup, start: np.ndarray) -> Found | None:
+    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> Found | None:
         """Another search with the noise that is known; None, and a line, where there is none."""
         engine = MPMEngine(setup, self.store)
         noise = self.steps.noise
@@ -354,7 +360,7 @@ class BackAnalysis:
                 search, start, method=self.case.config.inversion.method, least_m=self.least_m
             )
         except WorkFailed as error:
-            self.say(f"no answer: {error}")
+            self.remark(f"{name}: no answer: {error}")
             found = None
         self.runs += engine.runs
         return found

@@ -19,6 +19,10 @@ from inversion.resolve import Problem, resolve
 STOPS_OF_ONE, STOPS_OF_MANY = 3, 1
 #: Length of a walk to one side in standard deviations beforehand: half the width of the bounds.
 LENGTH = 1.74
+#: A stop that cannot be brought back to the data is tried again at half the distance, so often.
+HALVINGS = 2
+#: Batches that bring the stops of a round back to the data.
+ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,35 @@ class Stop:
     loss: float
 
 
+@dataclass
+class Walker:
+    """One on the way along a flat direction, to one side.
+
+    Attributes:
+        along: number of the direction.
+        heading: unit vector (p,) in scaled parameters, turned with the way.
+        values: where the walker stands (p,).
+        slope: derivative known there (k, p).
+        left: stops still to be made; stride: distance to the next.
+        halvings: still allowed.
+    """
+
+    along: int
+    heading: np.ndarray
+    values: np.ndarray
+    slope: np.ndarray
+    left: int
+    stride: float
+    halvings: int = HALVINGS
+
+    def turn(self) -> None:
+        """Turn the heading into what the data do not notice here."""
+        noticed = np.linalg.pinv(self.slope, rcond=1e-6) @ (self.slope @ self.heading)
+        ahead = self.heading - noticed
+        if np.linalg.norm(ahead) > 0.3:
+            self.heading = ahead / np.linalg.norm(ahead)
+
+
 def walk(
     engine: Forward,
     objective: Objective,
@@ -50,38 +83,49 @@ def walk(
 
     Args:
         engine: the forward engine.
-        objective: of the answer; its preferences do not count here.
+        objective: of the answer; its priors and preferences do not count here.
         values: the answer (p,).
         slope: derivative of the fitted numbers by the scaled parameters there (k, p).
         flat: directions (q, p) in scaled parameters.
         loss: of the answer; a stop may be as bad, if that is above the tolerance.
+
+    Returns:
+        the stops, along each direction from one end to the other.
     """
     data_alone = DataAlone(**vars_of(objective))
     stops = STOPS_OF_ONE if len(flat) == 1 else STOPS_OF_MANY
-    parameters = objective.parameters
-    found = []
-    walkers = [(q, sense, values, slope) for q in range(len(flat)) for sense in (1.0, -1.0)]
-    for _ in range(stops):
-        problems = []
-        for q, sense, at, known in walkers:
-            here = parameters.to_fitted(at)
-            far = reach(objective, here, sense * flat[q], LENGTH / stops)
-            ahead = here + sense * far * flat[q]
-            start = parameters.to_values(ahead)
-            problems.append((q, sense, Problem(engine, data_alone, start, known, frozen=flat[q])))
-        resolve([problem for _, _, problem in problems], rounds=3)
-        walkers = []
-        for q, sense, problem in problems:
-            if not np.isfinite(problem.loss):
-                continue
-            if problem.loss < max(objective.tolerance, 1.5 * loss):
-                found.append(Stop(q, problem.values, problem.prediction, problem.loss))
-                if not any(parameters.at_bound(problem.values)):
-                    walkers.append((q, sense, problem.values, problem.slope))
-        if not walkers:
-            break
-    return sorted(found, key=lambda stop: (stop.along, float(flat[stop.along]
-                  @ parameters.to_fitted(stop.values))))  # fmt: skip
+    good_enough = max(objective.tolerance, 1.5 * loss)
+    walkers = [
+        Walker(along, sense * flat[along], values, slope, stops, LENGTH / stops)
+        for along in range(len(flat))
+        for sense in (1.0, -1.0)
+    ]
+    found: list[Stop] = []
+    while walkers:
+        problems = [_ahead(engine, data_alone, walker) for walker in walkers]
+        resolve(problems, rounds=ROUNDS)
+        for walker, problem in zip(walkers, problems, strict=True):
+            if problem.loss < good_enough:
+                found.append(Stop(walker.along, problem.values, problem.prediction, problem.loss))
+                walker.values, walker.slope = problem.values, problem.slope
+                walker.left -= 1
+                if any(objective.parameters.at_bound(problem.values)):
+                    walker.left = 0
+            else:
+                walker.stride *= 0.5
+                walker.halvings -= 1
+        walkers = [walker for walker in walkers if walker.left > 0 and walker.halvings >= 0]
+    fitted = objective.parameters.to_fitted
+    return sorted(found, key=lambda stop: (stop.along, flat[stop.along] @ fitted(stop.values)))
+
+
+def _ahead(engine: Forward, objective: Objective, walker: Walker) -> Problem:
+    """The next stop of a walker, still to be brought back to the data."""
+    walker.turn()
+    here = objective.parameters.to_fitted(walker.values)
+    far = reach(objective, here, walker.heading, walker.stride)
+    start = objective.parameters.to_values(here + far * walker.heading)
+    return Problem(engine, objective, start, walker.slope, frozen=walker.heading)
 
 
 def reach(objective: Objective, here: np.ndarray, direction: np.ndarray, length: float) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from geometry.measurements import FILE_NAME as MEASUREMENTS_FILE
@@ -38,6 +39,7 @@ class LoadedCase:
         setup: the question as the engine takes it.
         config: settings in force.
         use_constructed: constructed data may enter the fit.
+        own_spacing_m: the spacing the case itself asks for.
     """
 
     folder: Path
@@ -48,6 +50,7 @@ class LoadedCase:
     setup: Setup
     config: Config
     use_constructed: bool
+    own_spacing_m: float
 
     @property
     def name(self) -> str:
@@ -92,6 +95,24 @@ class LoadedCase:
     def sides(self, sensitivity: Sensitivity) -> list[Changed]:
         """The setups of a sensitivity."""
         return sides(self.setup, sensitivity, self.source)
+
+    @cached_property
+    def sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
+        """The sensitivities with their setups, and lines about those that cannot be had.
+
+        At a coarser spacing than the case asks for, a change may leave a zone thinner than a
+        spacing; that is no mistake in the question, so such a sensitivity is left out and told.
+        """
+        found, left_out = [], []
+        for sensitivity in self.question.sensitivities:
+            try:
+                found.append((sensitivity, self.sides(sensitivity)))
+            except InputError as error:
+                if self.scene.spacing <= self.own_spacing_m:
+                    raise
+                reason = str(error).removeprefix(f"{self.source}: sensitivities: ")
+                left_out.append(f"left out at {self.scene.spacing:g} m spacing: {reason}")
+        return found, left_out
 
     def jittered(self, setup: Setup, seed: int) -> Setup:
         """The same setup with its points jittered by a seed."""
@@ -144,9 +165,8 @@ def load_case(
     scene = load_scene(folder / SCENE_FILE)
     measurements = load_measurements(folder, scene)
     question = load_question(folder, scene)
-    spacing = spacing_m
-    if spacing is None:
-        spacing = (question.spacing_m or scene.spacing) * config.inversion.spacing_factor
+    own = question.spacing_m or scene.spacing
+    spacing = own * config.inversion.spacing_factor if spacing_m is None else spacing_m
     if spacing != scene.spacing:
         document = {**scene.model_dump(), "spacing": spacing}
         scene = scene_from_mapping(document, f"{folder / SCENE_FILE} at {spacing:g} m spacing")
@@ -166,7 +186,9 @@ def load_case(
         use_constructed=use_constructed,
     )
     setup = Setup(scene, simulation, Parameters(question.parameters), targets, foot)
-    case = LoadedCase(folder, scene, measurements, chosen, question, setup, config, use_constructed)
+    case = LoadedCase(
+        folder, scene, measurements, chosen, question, setup, config, use_constructed, own
+    )
     _check_all(case)
     return case
 
@@ -186,5 +208,4 @@ def _check_all(case: LoadedCase) -> None:
     """Build every variant and sensitivity now: a mistake should not show after an hour."""
     for variant in case.question.variants:
         case.variant(variant)
-    for sensitivity in case.question.sensitivities:
-        case.sides(sensitivity)
+    _ = case.sensitivities

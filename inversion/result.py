@@ -49,6 +49,9 @@ class ParameterAnswer(Part):
     )
     std_total: float = Field(description="root of the sum of the squares of all of them")
     interval_95: tuple[float, float] = Field(description="95 % of the total, cut at the bounds")
+    equally_good_range: tuple[float, float] | None = Field(
+        description="least and largest value among the equally good answers; null: none were sought"
+    )
     at_bound: Literal["low", "high"] | None = Field(description="the bound it rests on")
     determined: bool = Field(description="False: the data leave it as wide as it was before them")
     prior_std: float = Field(
@@ -248,6 +251,7 @@ class Result(Part):
     measurements: list[MeasurementAnswer] = Field(description="measured against predicted")
     noise: Noise | None = Field(description="on jittered points; null: not measured")
     classical: list[dict[str, Any]] = Field(description="as the classical methods write them")
+    remarks: list[str] = Field(description="what could not be had, and why")
     published: dict[str, dict[str, Any]] = Field(description="strengths found by others, kPa")
     timings: dict[str, float] = Field(description="wall time by stage, s")
     runs: int = Field(description="simulations asked for, cached ones included")

@@ -14,6 +14,7 @@ def summary(result: Result) -> str:
         _measured_table(result),
         _changes_table(result),
         _undetermined(result),
+        "\n".join(result.remarks),
     ]
     return "\n\n".join(part for part in parts if part)
 
@@ -63,6 +64,9 @@ def _remark(parameter: ParameterAnswer) -> str:
     remarks = []
     if not parameter.determined:
         remarks.append(f"not determined: as wide as before, {parameter.prior_std:.2g}")
+    span = parameter.equally_good_range
+    if span is not None and span[1] - span[0] > parameter.std_data:
+        remarks.append(f"as good: {span[0]:.1f}-{span[1]:.1f}")
     if parameter.at_bound:
         remarks.append(f"at its {parameter.at_bound} bound")
     return "; ".join(remarks)
