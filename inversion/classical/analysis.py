@@ -143,6 +143,7 @@ class Workbench:
         self._slips: dict[str, Polyline] = {}
         self._slides: dict[tuple, Slide] = {}
         self._stages: dict[tuple[int, float], Stage] = {}
+        self._slices: dict[tuple, Slices] = {}
 
     def slide(self, judgement: Judgement) -> Slide:
         """The slide of a judgement. Raises `InputError` as `CaseSections.slide`."""
@@ -168,10 +169,13 @@ class Workbench:
     ) -> tuple[Slices, float]:
         """Slices at a share, and the factor on the strength of soil that did not liquefy."""
         form = "boundary" if judgement.water == "boundary" and not buoyant else "buoyant"
-        slices = self.slide(judgement).slices(
-            self.stage(judgement, share), form=form, base=judgement.base_strength
-        )
-        return slices, 1.0 if judgement.count_others else 0.0
+        slide = self.slide(judgement)
+        key = (id(slide), share, form, judgement.base_strength)
+        if key not in self._slices:
+            self._slices[key] = slide.slices(
+                self.stage(judgement, share), form=form, base=judgement.base_strength
+            )
+        return self._slices[key], 1.0 if judgement.count_others else 0.0
 
     def forces(self, judgement: Judgement, share: float, *, buoyant: bool = False) -> SlideForces:
         """Sums over the slices at a share."""

@@ -74,7 +74,7 @@ class Path:
 
     def arc_length(self) -> float:
         """Length of the path [m]."""
-        t = np.linspace(0.0, 1.0, 2001)
+        t = np.linspace(0.0, 1.0, 1001)
         steps = [math.hypot(1.0, self.slope(self.length * part)) for part in t]
         return float(np.trapezoid(steps, t) * self.length)
 
@@ -134,7 +134,7 @@ class Body:
 
     def work(self, residual_strength: float) -> float:
         """Work of all forces from the first to the last centre of gravity [J/m]."""
-        x = np.linspace(0.0, self.path.length, 4001)
+        x = np.linspace(0.0, self.path.length, 1001)
         forces = [
             self.force(place, residual_strength) * math.hypot(1.0, self.path.slope(place))
             for place in x

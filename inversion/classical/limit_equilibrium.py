@@ -142,11 +142,11 @@ def required_strength(
                 raise ValueError("Bishop's method needs the circle")
             return bishop(changed, circle) - factor
 
-        found = _false_position(excess, liquefied.shape)
+        found = _secant(excess, liquefied.shape)
     return np.where(liquefied > 0, found, np.nan)
 
 
-def _false_position(excess: Callable[[np.ndarray], np.ndarray], shape: tuple) -> np.ndarray:
+def _secant(excess: Callable[[np.ndarray], np.ndarray], shape: tuple) -> np.ndarray:
     """Root of a function that is nearly linear, from 0 and 20 kPa, by secants."""
     low, high = np.zeros(shape), np.full(shape, 2e4)
     at_low, at_high = excess(low), excess(high)

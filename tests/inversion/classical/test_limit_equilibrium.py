@@ -125,9 +125,11 @@ def test_still_water_by_weight_or_by_pressure(soil, section, water):
     weights = cut(made, circle, "left", form="buoyant", count=400)
     pressures = cut(made, circle, "left", form="boundary", count=400)
     assert pressures.weight.sum() > 1.2 * weights.weight.sum()
-    assert bishop(pressures, circle) == pytest.approx(float(bishop(weights, circle)), rel=3e-3)
-    assert ordinary(pressures) == pytest.approx(float(ordinary(weights)), rel=3e-3)
-    assert spencer(pressures) == pytest.approx(float(spencer(weights)), rel=0.03)
+    assert bishop(pressures, circle) == pytest.approx(float(bishop(weights, circle)), rel=1e-4)
+    assert ordinary(pressures) == pytest.approx(float(ordinary(weights)), rel=1e-4)
+    assert force_balance(pressures) == pytest.approx(float(force_balance(weights)), rel=1e-4)
+    # Water between slices is level; Spencer inclines it with the soil's forces: nearly the same.
+    assert spencer(pressures) == pytest.approx(float(spencer(weights)), rel=4e-3)
 
 
 def test_both_at_once_is_not_possible(slab):
