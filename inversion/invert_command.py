@@ -42,6 +42,12 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     parser.add_argument(
         "--quick", action="store_true", help="the answer alone: one start, no variants, no seeds"
     )
+    parser.add_argument(
+        "--report",
+        choices=("film", "page", "none"),
+        default="film",
+        help="report.html with pictures and a film, without a new film, or none; default: film",
+    )
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
     return add_common(parser)
@@ -72,6 +78,10 @@ def run(arguments: argparse.Namespace) -> int:
     result = analysis.run()
     result = save_all(analysis, result, folder)
     print(summary(result))
+    if arguments.report != "none":
+        from inversion.report import write_report  # matplotlib takes its time
+
+        write_report(folder, case.folder, film=arguments.report == "film")
     say(f"wrote {folder}")
     return 0
 

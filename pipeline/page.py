@@ -66,12 +66,14 @@ class Table:
 class Picture:
     """A picture or film from a file (png, jpg, gif, svg, mp4), copied into the page.
 
-    `description` says what there is to see, for readers who cannot see it.
+    `description` says what there is to see, for readers who cannot see it. `least_width_px`: on a
+    narrower screen the picture is moved sideways instead of being shrunk further; 0: it is shrunk.
     """
 
     path: str | os.PathLike[str]
     description: str
     caption: str = ""
+    least_width_px: int = 0
 
     def html(self) -> str:
         """The element as HTML."""
@@ -90,6 +92,9 @@ class Picture:
             shown = f'<video controls loop muted playsinline aria-label="{words}" {source}></video>'
         else:
             shown = f'<img alt="{words}" {source}>'
+        if self.least_width_px:
+            least = f'<div class="wide picture" style="--least: {self.least_width_px}px">'
+            shown = f"{least}{shown}</div>"
         caption = f"<figcaption>{html.escape(self.caption)}</figcaption>" if self.caption else ""
         return f"<figure>{shown}{caption}</figure>"
 
@@ -177,6 +182,7 @@ th, td { padding: .25rem .9rem .25rem 0; text-align: left; vertical-align: top;
 td.number { text-align: right; }
 figure { margin: 1rem 0; }
 img, video { max-width: 100%; height: auto; background: #ffffff; border-radius: 4px; }
+.picture img, .picture video { width: 100%; min-width: var(--least); max-width: none; }
 figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
 @media print {
   :root { --ground: #ffffff; --ink: #000000; --soft: #444444; --line: #bbbbbb; }
@@ -184,5 +190,6 @@ figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
   figure, table { break-inside: avoid; }
   h2 { break-after: avoid; }
   .wide { overflow: visible; }
+  .picture img, .picture video { min-width: 0; }
 }
 """

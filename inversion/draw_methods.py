@@ -1,0 +1,197 @@
+"""The strength by every method, in one picture: bars for ranges, one panel for each slide.
+
+In: a `ReportData`. Out: a chart of the material point method with other readings of the question,
+the classical methods, and what others have published.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from geometry.draw import HALO, TEXT_COLOUR
+from inversion.draw_style import (
+    CLASSICAL,
+    NOTE,
+    OTHERS,
+    OURS,
+    clean,
+    new_figure,
+    row_labels,
+    save_figure,
+    words,
+)
+from inversion.report_data import ReportData
+
+ROW, ABOVE, BELOW, LEFT, RIGHT = 0.27, 0.42, 0.55, 2.75, 0.55
+ENGINES = {"mpm": "MPM"}
+
+
+@dataclass(frozen=True)
+class Strength:
+    """One row: a strength [kPa] with its range, and how it is drawn.
+
+    Attributes:
+        label: of the row.
+        value: the strength; None: the method finds none.
+        low: lower end of its range; None: no range.
+        high: upper end.
+        kind: ours, variant, classical or others.
+        wide: a second, wider range (95 %).
+        hollow: the value is only recalled.
+    """
+
+    label: str
+    value: float | None
+    low: float | None
+    high: float | None
+    kind: str
+    wide: tuple[float, float] | None = None
+    hollow: bool = False
+
+
+@dataclass(frozen=True)
+class Slide:
+    """One panel."""
+
+    title: str
+    rows: list[Strength]
+
+
+def slides(data: ReportData) -> list[Slide]:
+    """The panels: one for each side that has a strength sought."""
+    found = []
+    for side in ("left", "right"):
+        names = [p.name for p in data.strengths if data.side(p) == side]
+        if names:
+            rows = [*_ours(data, names), *_classical(data, side), *_published(data, names)]
+            found.append(Slide(_title(data, side), rows))
+    return found
+
+
+def draw_methods(data: ReportData, path: Path) -> Path | None:
+    """Save the chart; None where no strength is sought."""
+    panels = slides(data)
+    if not panels:
+        return None
+    heights = [ROW * (len(panel.rows) + 0.4) for panel in panels]
+    total = sum(heights) + len(panels) * (ABOVE + BELOW)
+    figure = new_figure(total)
+    width = figure.get_figwidth()
+    end = 1.06 * max(_largest(panel) for panel in panels)
+    top = total
+    for panel, height in zip(panels, heights, strict=True):
+        top -= ABOVE + height
+        box = (LEFT / width, top / total, (width - LEFT - RIGHT) / width, height / total)
+        _draw(figure.add_axes(box), panel, end)
+        top -= BELOW
+    return save_figure(figure, path)
+
+
+def _ours(data: ReportData, names: list[str]) -> Iterator[Strength]:
+    """Our answers with one standard deviation and 95 %, then other readings of the question."""
+    engine = ENGINES.get(data.result.engine, data.result.engine)
+    several = len(names) > 1
+    for p in data.strengths:
+        if p.name in names:
+            yield Strength(
+                f"{engine}, zone {', '.join(p.zones)}" if several else f"{engine}, this analysis",
+                p.value,
+                max(p.value - p.std_total, 0.0),
+                p.value + p.std_total,
+                "ours",
+                p.interval_95,
+            )
+    for variant in data.result.variants:
+        for p in data.strengths:
+            if p.name in names:
+                zones = f", zone {', '.join(p.zones)}" if several else ""
+                fitted = "" if variant.reached else " (not fitted)"
+                label = f"  {variant.name}{zones}{fitted}"
+                yield Strength(label, variant.values[p.name], None, None, "variant")
+
+
+def _classical(data: ReportData, side: str) -> Iterator[Strength]:
+    for analysis in data.result.classical:
+        if analysis.get("side") != side:
+            continue
+        for method in analysis["methods"]:
+            low, high = method["low_kpa"], method["high_kpa"]
+            yield Strength(method["title"], method["value_kpa"], low, high, "classical")
+
+
+def _published(data: ReportData, names: list[str]) -> Iterator[Strength]:
+    """What others found, for all of the case or for a zone of this panel."""
+    zones = {zone for p in data.strengths if p.name in names for zone in p.zones}
+    for key, entry in data.result.published.items():
+        if "zones" in entry and not zones & set(map(str, entry["zones"])):
+            continue
+        yield _other(key, entry)
+
+
+def _other(key: str, entry: dict[str, Any]) -> Strength:
+    confidence = entry.get("confidence", "")
+    told = "the paper" if key == "paper" else key.replace("_", " ").capitalize()
+    told = told.replace("Paper ", "the paper, ")
+    label = f"{told} ({confidence})" if confidence not in ("", "paper") else told
+    hollow = confidence == "recalled"
+    return Strength(
+        label, entry["value"], entry.get("low"), entry.get("high"), "others", None, hollow
+    )
+
+
+def _title(data: ReportData, side: str) -> str:
+    if data.case is None:
+        return "S_r by every method"
+    upstream = data.case.measurements.upstream == side
+    return f"S_r of the {'upstream' if upstream else 'downstream'} slide"
+
+
+def _largest(panel: Slide) -> float:
+    ends = [end for row in panel.rows for end in (row.value, row.high, *(row.wide or ()))]
+    return max(end for end in ends if end is not None)
+
+
+def _draw(ax: Axes, panel: Slide, end: float) -> None:
+    row_labels(ax, [row.label.strip() for row in panel.rows])
+    ax.set_xlim(0.0, end)
+    clean(ax)
+    ours = next(row for row in panel.rows if row.kind == "ours")
+    ax.axvspan(ours.low, ours.high, color=OURS, alpha=0.08, linewidth=0, zorder=0)
+    for number, row in enumerate(panel.rows):
+        _draw_row(ax, number, row)
+    for tick, row in zip(ax.get_yticklabels(), panel.rows, strict=True):
+        tick.set_color(_colour(row.kind))
+        tick.set_fontweight("bold" if row.kind == "ours" else "normal")
+        tick.set_fontstyle("italic" if row.kind == "variant" else "normal")
+    ax.set_xlabel("$S_r$ (kPa)", fontsize=8.5)
+    ax.set_title(words(panel.title), loc="left", fontsize=10, color=TEXT_COLOUR, fontweight="bold")
+
+
+def _draw_row(ax: Axes, number: int, row: Strength) -> None:
+    colour = _colour(row.kind)
+    if row.value is None:
+        ax.text(0.0, number, " finds none", fontsize=8, color=NOTE, va="center")
+        return
+    if row.wide is not None:
+        ax.plot(row.wide, [number] * 2, color=colour, linewidth=1.2, zorder=2)
+    if row.low is not None:
+        ax.barh(number, row.high - row.low, left=row.low, height=0.52, color=colour, alpha=0.35,
+                linewidth=0, zorder=2)  # fmt: skip
+    hollow = row.hollow or row.kind == "variant"
+    ax.plot(row.value, number, marker="D" if row.kind == "ours" else "o", linestyle="none",
+            markersize=7 if row.kind == "ours" else 5.5, color=colour, zorder=4,
+            markerfacecolor="white" if hollow else colour)  # fmt: skip
+    right = max(end for end in (row.value, row.high, *(row.wide or ())) if end is not None)
+    ax.annotate(f"{row.value:.1f}", (right, number), xytext=(6, 0), textcoords="offset points",
+                va="center", fontsize=8.5, color=colour, path_effects=HALO, zorder=5,
+                fontweight="bold" if row.kind == "ours" else "normal",
+                annotation_clip=False)  # fmt: skip
+
+
+def _colour(kind: str) -> str:
+    return {"ours": OURS, "variant": OURS, "classical": CLASSICAL}.get(kind, OTHERS)

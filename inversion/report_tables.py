@@ -1,0 +1,277 @@
+"""The tables of a report.
+
+In: a `ReportData`. Out: `pipeline.page.Table`s; None where a table would have no rows.
+"""
+
+from __future__ import annotations
+
+from inversion.draw_measured import Group, groups
+from inversion.draw_methods import slides
+from inversion.report_data import ReportData
+from inversion.report_words import unit
+from inversion.result import MeasurementAnswer
+from pipeline.page import Table
+
+KINDS = {"ours": "this analysis", "variant": "this analysis, another reading",
+         "classical": "classical", "others": "published elsewhere"}  # fmt: skip
+
+
+def answer_table(data: ReportData) -> Table:
+    """Every parameter with all its numbers."""
+    rows = []
+    for p in data.result.answer.parameters:
+        ratio = None if p.ratio is None else f"{p.ratio:.3f} ± {p.ratio_std:.3f}"
+        stress = None
+        if p.sigma_v0_kpa is not None:
+            stress = f"{p.sigma_v0_kpa:.0f} (± {p.sigma_v0_std_kpa:.0f} within the zone)"
+        notes = [] if p.determined else ["not determined"]
+        notes += [f"at its {p.at_bound} bound"] if p.at_bound else []
+        rows.append(
+            [
+                p.label,
+                f"{p.value:.1f} {unit(p)}",
+                f"{p.std_total:.1f}",
+                f"{p.std_data:.1f}",
+                f"{p.interval_95[0]:.1f} to {p.interval_95[1]:.1f}",
+                None
+                if p.equally_good_range is None
+                else f"{p.equally_good_range[0]:.1f} to {p.equally_good_range[1]:.1f}",
+                ratio,
+                stress,
+                f"{p.start:g} ({p.low:g} to {p.high:g})",
+                "; ".join(notes),
+            ]
+        )
+    header = ["sought", "value", "std", "of which survey", "95 %", "equally good", "S_r/σ'_v0",
+              "σ'_v0 (kPa)", "first guess (bounds)", ""]  # fmt: skip
+    return Table(header, rows)
+
+
+def method_table(data: ReportData) -> Table | None:
+    """The numbers of the picture of methods."""
+    rows = [
+        [panel.title, row.label.strip(), _one(row.value), _span(row.low, row.high), KINDS[row.kind]]
+        for panel in slides(data)
+        for row in panel.rows
+    ]
+    header = ["slide", "method", "S_r (kPa)", "range (kPa)", "kind"]
+    return Table(header, rows) if rows else None
+
+
+def classical_notes(data: ReportData) -> list[str]:
+    """What is constructed, searched or morphed in the classical analyses, slide by slide."""
+    return [
+        f"Classical methods, {analysis['name']} slide: {'; '.join(analysis.get('labels', []))}."
+        for analysis in data.result.classical
+    ]
+
+
+def measured_tables(data: ReportData) -> list[Table]:
+    """Measured against predicted: single values with the toe by the naked eye, then the series."""
+    found = groups(data)
+    single = [group.lines[0] for group in found if len(group.lines) == 1]
+    known = {m.name for group in found for m in group.lines}
+    single += [m for m in data.result.measurements if m.name not in known]
+    header = ["measurement", "type", "measured", "std", "range", "predicted", "by the naked eye",
+              "before the slide", "in std", "role", "confidence", "source"]  # fmt: skip
+    tables = [Table(header, [_measured_row(m) for m in single])] if single else []
+    return tables + [_series_table(group) for group in found if len(group.lines) > 1]
+
+
+def _measured_row(m: MeasurementAnswer) -> list[str | None]:
+    return [
+        m.name,
+        m.type.replace("_", " "),
+        None if m.measured is None else f"{m.measured:.1f} {m.unit}",
+        None if m.std is None else f"{m.std:.2g}",
+        _span(m.low, m.high),
+        f"{m.predicted:.1f} {m.unit}",
+        _one(m.by_eye),
+        _one(m.predicted_at_start),
+        None if m.difference_in_std is None else f"{m.difference_in_std:+.1f}",
+        m.role,
+        m.confidence,
+        m.source,
+    ]
+
+
+def _series_table(group: Group) -> Table:
+    """The values of a profile or a history, and in its caption what they are worth."""
+    first = group.lines[0]
+    rows = [
+        [
+            m.name.removeprefix(group.name).strip() or m.name,
+            f"{m.measured:.1f}",
+            f"{m.std:.2g}",
+            f"{m.predicted:.1f}",
+            f"{m.difference_in_std:+.1f}",
+            m.role,
+        ]
+        for m in group.lines
+    ]
+    caption = f"{group.name} ({first.type.replace('_', ' ')}, {first.confidence}): {first.source}"
+    unit_ = first.unit
+    header = ["where", f"measured ({unit_})", "std", f"predicted ({unit_})", "in std", "role"]
+    if group.role == "constructed":
+        header[1] = f"constructed ({unit_})"
+    return Table(header, rows, caption)
+
+
+def variant_table(data: ReportData) -> Table | None:
+    """Other readings of the question, all solved."""
+    parameters = data.result.answer.parameters
+    rows = []
+    for variant in data.result.variants:
+        ratios = ", ".join(f"{ratio:.3f}" for ratio in variant.ratios.values())
+        notes = [] if variant.reached else ["not fitted"]
+        notes += [f"{name} at a bound" for name in variant.at_bound]
+        predicted = "; ".join(
+            f"{name} {value:.1f}"
+            + (f" (target {variant.measured[name]:g})" if name in variant.measured else "")
+            for name, value in list(variant.predicted.items())[:6]
+        )
+        rows.append(
+            [
+                variant.name,
+                *(_one(variant.values[p.name]) for p in parameters),
+                ratios,
+                predicted,
+                f"{variant.loss:.2g}",
+                "; ".join([variant.words, *notes]),
+            ]
+        )
+    header = ["reading", *(f"{p.label} ({unit(p)})" for p in parameters), "S_r/σ'_v0", "predicted",
+              "loss", ""]  # fmt: skip
+    return Table(header, rows) if rows else None
+
+
+def sensitivity_table(data: ReportData) -> Table | None:
+    """What each assumption does, and what it adds to the standard deviation."""
+    result = data.result
+    if not result.sensitivities and result.noise is None:
+        return None
+    shown = [p for p in result.answer.parameters if p.determined] or result.answer.parameters
+    rows: list[list[str | None]] = [
+        ["survey", "errors of the fitted measurements", *[None] * len(shown),
+         *(f"{p.std_data:.2g}" for p in shown)]
+    ]  # fmt: skip
+    for entry in result.sensitivities:
+        for number, side in enumerate(entry.sides):
+            first = number == 0
+            added = [f"{entry.std[p.name]:.2g}" if first else None for p in shown]
+            if entry.kind == "target":
+                added = ["not added"] * len(shown) if first else [None] * len(shown)
+            fit = "" if side.reached else " (linear estimate: not fitted)"
+            rows.append(
+                [entry.name if first else "", f"{side.words}{fit}",
+                 *(f"{side.change[p.name]:+.2g}" for p in shown), *added]
+            )  # fmt: skip
+    if result.noise is not None:
+        seeds = f"{len(result.noise.seeds)} jitter seeds"
+        rows.append(
+            ["place of the material points", seeds, *[None] * len(shown),
+             *(f"{result.noise.answer_std[p.name]:.2g}" for p in shown)]
+        )  # fmt: skip
+    header = ["assumption", "changed", *(f"{p.label}: change ({unit(p)})" for p in shown),
+              *(f"{p.label}: adds ± ({unit(p)})" for p in shown)]  # fmt: skip
+    return Table(header, rows)
+
+
+def equally_good_table(data: ReportData) -> Table | None:
+    """Answers that fit as well, with what they predict; the answer itself first."""
+    answer = data.result.answer
+    if not answer.equally_good:
+        return None
+    fitted = [m for m in data.result.measurements if m.role == "fitted"][:6]
+    rows = [
+        ["this answer", *(f"{p.value:.1f}" for p in answer.parameters),
+         *(f"{m.predicted:.1f}" for m in fitted), f"{answer.loss:.2g}", ""]
+    ]  # fmt: skip
+    for stop in answer.equally_good:
+        bounds = f"{', '.join(stop.at_bound)} at a bound" if stop.at_bound else ""
+        rows.append(
+            ["as good", *(f"{stop.values[p.name]:.1f}" for p in answer.parameters),
+             *(_one(stop.predicted.get(m.name)) for m in fitted), f"{stop.loss:.2g}", bounds]
+        )  # fmt: skip
+    header = ["", *(f"{p.label} ({unit(p)})" for p in answer.parameters),
+              *(f"{m.name} ({m.unit})" for m in fitted), "loss", ""]  # fmt: skip
+    return Table(header, rows)
+
+
+def history_table(data: ReportData) -> Table:
+    """Every look at the engine."""
+    parameters = data.result.answer.parameters
+    fitted = [m for m in data.result.measurements if m.role == "fitted"][:6]
+    rows = [
+        [
+            line.iteration,
+            line.kind.replace("_", " ").replace("lbfgsb", "L-BFGS-B")
+            + ("" if line.accepted else ", taken back"),
+            *(f"{line.values[p.name]:.2f}" for p in parameters),
+            *(_one(line.predicted.get(m.name)) for m in fitted),
+            None if line.loss is None else f"{line.loss:.3g}",
+            line.runs_so_far,
+        ]
+        for line in data.result.iterations
+    ]
+    header = ["iteration", "what", *(f"{p.label} ({unit(p)})" for p in parameters),
+              *(f"{m.name} ({m.unit})" for m in fitted), "loss", "simulations so far"]  # fmt: skip
+    return Table(header, rows)
+
+
+def starts_table(data: ReportData) -> Table | None:
+    """The same question from other first guesses; None: there was one."""
+    if len(data.result.starts) < 2:
+        return None
+    parameters = data.result.answer.parameters
+    rows = [
+        [
+            ", ".join(f"{start.start[p.name]:.3g}" for p in parameters),
+            ", ".join(f"{start.answer[p.name]:.2f}" for p in parameters),
+            f"{start.loss:.2g}" + ("" if start.reached else " (not fitted)"),
+            start.iterations,
+            start.runs,
+        ]
+        for start in data.result.starts
+    ]
+    names = ", ".join(p.label for p in parameters)
+    return Table(["first guess", "answer", "loss", "iterations", "simulations"], rows, names)
+
+
+def made_tables(data: ReportData) -> list[Table]:
+    """Timings, and how the result was made."""
+    result = data.result
+    manifest = result.manifest
+    timings = [[name, f"{seconds:.1f} s"] for name, seconds in result.timings.items()]
+    rows: list[list[str]] = [
+        ["simulations", f"{result.runs} in all, {result.runs_to_answer} until the answer"],
+        ["engine", f"{result.engine}, points every {result.spacing_m:g} m"],
+        ["search", f"{result.answer.method.replace('_', ' ')}: {result.answer.words}"],
+    ]
+    machine = manifest.get("machine", {})
+    if isinstance(machine, dict) and machine:
+        rows.append(["machine", ", ".join(f"{key} {value}" for key, value in machine.items())])
+    for key in ("made", "code_version", "config_hash", "inversion_physics_version"):
+        if key in manifest:
+            rows.append([key.replace("_", " "), str(manifest[key])])
+    packages = manifest.get("packages", {})
+    wanted = [name for name in ("python", "numpy", "scipy", "taichi") if name in packages]
+    if wanted:
+        rows.append(["packages", ", ".join(f"{name} {packages[name]}" for name in wanted)])
+    settings = manifest.get("config", {})
+    for group in ("simulation", "inversion"):
+        if isinstance(settings, dict) and isinstance(settings.get(group), dict):
+            told = ", ".join(f"{key} {value}" for key, value in settings[group].items())
+            rows.append([f"settings: {group}", told])
+    tables = [Table(["", ""], rows)]
+    if timings:
+        tables.insert(0, Table(["stage", "wall time"], timings))
+    return tables
+
+
+def _one(number: float | None) -> str | None:
+    return None if number is None else f"{number:.1f}"
+
+
+def _span(low: float | None, high: float | None) -> str | None:
+    return None if low is None or high is None else f"{low:.3g} to {high:.3g}"

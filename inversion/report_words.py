@@ -1,0 +1,184 @@
+"""What a report says in words: the answer in a sentence, misfits, what is not determined.
+
+In: a `ReportData`. Out: sentences. Nothing is said that is not in the result.
+"""
+
+from __future__ import annotations
+
+from inversion.draw_measured import groups
+from inversion.draw_methods import ENGINES
+from inversion.report_data import ReportData
+from inversion.result import MeasurementAnswer, ParameterAnswer
+
+FAR = 2.0
+"""Standard deviations beyond which a difference is called a misfit."""
+
+ENGINE_WORDS = {"mpm": "the material point method"}
+SYMBOL = {"kPa": "kPa", "deg": "°", "kg/m3": "kg/m³"}
+
+
+def unit(parameter: ParameterAnswer) -> str:
+    """The unit as it is written after a number."""
+    return SYMBOL.get(parameter.unit, parameter.unit)
+
+
+def value(parameter: ParameterAnswer) -> str:
+    """Value and standard deviation with the unit."""
+    space = "" if unit(parameter) == "°" else " "
+    return f"{parameter.value:.1f} ± {parameter.std_total:.1f}{space}{unit(parameter)}"
+
+
+def _number(parameter: ParameterAnswer, number: float) -> str:
+    space = "" if unit(parameter) == "°" else " "
+    return f"{number:.2g}{space}{unit(parameter)}"
+
+
+def answer_sentence(data: ReportData) -> str:
+    """The answer: strengths with ratios, engine, spacing, water, and whether it fits."""
+    result = data.result
+    parts = []
+    for p in data.strengths or result.answer.parameters:
+        ratio = ""
+        if p.ratio is not None:
+            ratio = f" (S_r/σ'_v0 = {p.ratio:.3f} ± {p.ratio_std:.3f})"
+        parts.append(f"{p.label}: {value(p)}{ratio}")
+    engine = ENGINE_WORDS.get(result.engine, result.engine)
+    how = f"by {engine} at {result.spacing_m:g} m spacing{water_words(data)}"
+    end = (
+        "" if result.answer.reached else " NOT FITTED: the search ended before the loss was small."
+    )
+    return f"{'; '.join(parts)}; {how}.{end}"
+
+
+def water_words(data: ReportData) -> str:
+    """With or without the reservoir, where that is known."""
+    if data.with_water is None:
+        return ""
+    return ", with the reservoir" if data.with_water else ", without water"
+
+
+def meaning_sentences(data: ReportData) -> list[str]:
+    """What the numbers after ± are, and what they rest on."""
+    result = data.result
+    told = [
+        "± is one standard deviation, of the survey and of every assumption that was tried; ratios "
+        "are to the mean vertical effective stress of the zone before failure."
+    ]
+    ranges = [
+        f"{p.label} {p.interval_95[0]:.1f} to {p.interval_95[1]:.1f} {unit(p)}"
+        for p in data.strengths
+    ]
+    if ranges:
+        told.append(f"95 % range: {'; '.join(ranges)}.")
+    fitted = [m for m in result.measurements if m.role == "fitted"]
+    if fitted:
+        names = "; ".join(f"{m.name} {m.measured:g} {m.unit} ({m.confidence})" for m in fitted[:6])
+        more = f" and {len(fitted) - 6} more" if len(fitted) > 6 else ""
+        told.append(f"Fitted: {names}{more}. Measurements: set '{result.measurement_set}'.")
+    at_bound = [
+        f"{p.label} at its {p.at_bound} bound" for p in result.answer.parameters if p.at_bound
+    ]
+    if at_bound:
+        told.append(f"Resting on a bound: {'; '.join(at_bound)}.")
+    return told
+
+
+def misfits(data: ReportData) -> list[MeasurementAnswer]:
+    """Measurements, not constructed, that the answer misses by more than `FAR`, worst first."""
+    far = [
+        m
+        for m in data.result.measurements
+        if m.role != "constructed"
+        and m.difference_in_std is not None
+        and abs(m.difference_in_std) > FAR
+    ]
+    return sorted(far, key=lambda m: -abs(m.difference_in_std))
+
+
+def misfit_sentence(data: ReportData) -> str:
+    """What the answer does not reproduce, or that nothing was found."""
+    far = misfits(data)
+    if far:
+        told = "; ".join(_misfit(m) for m in far[:4])
+        more = f"; and {len(far) - 4} more" if len(far) > 4 else ""
+        return f"Not reproduced: {told}{more}."
+    judges = [m for m in data.result.measurements if m.role in ("held out", "compared")]
+    if not judges:
+        return "No measurement outside the fit is there to judge the answer by."
+    told = "; ".join(
+        f"{m.name}, measured {m.measured:g} {m.unit}, predicted {m.predicted:.1f}"
+        for m in judges[:4]
+    )
+    return f"Measurements outside the fit are met within {FAR:g} standard deviations: {told}."
+
+
+def _misfit(m: MeasurementAnswer) -> str:
+    role = "" if m.role == "fitted" else f", {m.role}"
+    return (
+        f"{m.name} measured {m.measured:g} ± {m.std:g} {m.unit}, predicted {m.predicted:.1f} "
+        f"{m.unit} ({m.difference_in_std:+.1f} standard deviations{role})"
+    )
+
+
+def variant_misfits(data: ReportData) -> list[str]:
+    """The same of each variant: measurements outside its fit that it misses by more than `FAR`."""
+    known = {m.name: m for m in data.result.measurements if m.role != "constructed"}
+    told = []
+    for variant in data.result.variants:
+        far = []
+        for name, predicted in variant.predicted.items():
+            m = known.get(name)
+            if m is None or name in variant.measured or not m.std:
+                continue
+            off = (predicted - m.measured) / m.std
+            if abs(off) > FAR:
+                far.append(f"{name} measured {m.measured:g}, predicted {predicted:.1f} {m.unit}")
+        if far:
+            told.append(f"{variant.name}: {'; '.join(far)}")
+    return told
+
+
+def constructed_sentence(data: ReportData) -> str:
+    """Which data were drawn and not surveyed; empty: none."""
+    names = [group.name for group in groups(data) if group.role == "constructed"]
+    if not names:
+        return ""
+    return (
+        f"Constructed, not surveyed: {', '.join(names)}. It is drawn (dotted) for orientation and "
+        "entered neither fit nor score."
+    )
+
+
+def undetermined_sentences(data: ReportData) -> list[str]:
+    """What the data say nothing of: directions, and each number before and after."""
+    told = [
+        f"Not determined: {d.words} (standard deviation {d.remaining:.2f} of the one before)."
+        for d in data.result.answer.undetermined
+    ]
+    for p in data.result.answer.parameters:
+        if not p.determined:
+            basis = "its prior" if p.has_prior else f"its bounds, {p.low:g} to {p.high:g}"
+            told.append(
+                f"{p.label} is not identifiable from these measurements: "
+                f"± {_number(p, p.std_data)} after them, ± {_number(p, p.prior_std)} before "
+                f"({basis}). The value {p.value:.1f} is only where the search left it."
+            )
+    if not told:
+        told.append("The data determine every number that was sought.")
+    return told
+
+
+def variant_sentence(data: ReportData) -> str:
+    """The strengths under the readings without and with water, the widest spread named."""
+    if not data.result.variants or not data.strengths:
+        return ""
+    p = data.strengths[0]
+    found = [(v.values[p.name], v.name) for v in data.result.variants]
+    low, high = min(found), max(found)
+    engine = ENGINES.get(data.result.engine, data.result.engine)
+    if len(found) == 1:
+        return f"{p.label}: {p.value:.1f} {unit(p)} as asked ({engine}), {low[0]:.1f} {low[1]}."
+    return (
+        f"{p.label}: {p.value:.1f} {unit(p)} as asked ({engine}); from {low[0]:.1f} ({low[1]}) to "
+        f"{high[0]:.1f} {unit(p)} ({high[1]}) under other readings of the question."
+    )
