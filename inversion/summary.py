@@ -13,6 +13,7 @@ def summary(result: Result) -> str:
         _answer_table(result),
         _measured_table(result),
         _changes_table(result),
+        _others_table(result),
         _undetermined(result),
         "\n".join(result.remarks),
     ]
@@ -112,6 +113,29 @@ def _changes_table(result: Result) -> str:
         begun = ", ".join(f"{value:.3g}" for value in start.start.values())
         rows.append([f"started at {begun}", *values, "", "" if start.reached else "not fitted"])
     return "" if len(rows) == 1 else aligned(rows, left={0, len(names) + 1, len(names) + 2})
+
+
+def _others_table(result: Result) -> str:
+    """S_r by the classical methods and as found by others."""
+    rows = [["S_r by others, kPa", "value", "range", ""]]
+    for analysis in result.classical:
+        for method in analysis.get("methods", []):
+            value, low, high = (method.get(key) for key in ("value_kpa", "low_kpa", "high_kpa"))
+            rows.append(
+                [
+                    f"{method['title']}, {analysis['name']}",
+                    "-" if value is None else f"{value:.1f}",
+                    "" if low is None else f"{low:.1f}-{high:.1f}",
+                    method.get("reason") or "; ".join(analysis.get("labels", [])[:1]),
+                ]
+            )
+    for name, entry in result.published.items():
+        if "value" in entry:
+            low, high = entry.get("low"), entry.get("high")
+            span = "" if low is None else f"{low:g}-{high:g}"
+            words = [name.replace("_", " "), f"{entry['value']:.1f}", span]
+            rows.append([*words, str(entry.get("confidence", ""))])
+    return "" if len(rows) == 1 else aligned(rows, left={0, 3})
 
 
 def _fitted(reached: bool, at_bound: list[str]) -> str:
