@@ -243,9 +243,11 @@ def _attach(entry: SurfaceProfile, path: Path, group: str) -> None:
 
 def _error_line(error: ValidationError, source: str) -> str:
     """`document_error`, with a hint where a key merely lacks its unit."""
-    first = error.errors(include_url=False)[0]
-    if first["type"] != "extra_forbidden":
+    # A misspelt key is also a missing one; the misspelling says more.
+    unknown = [e for e in error.errors(include_url=False) if e["type"] == "extra_forbidden"]
+    if not unknown:
         return document_error(error, source)
+    first = unknown[0]
     where, key = first["loc"][:-1], str(first["loc"][-1])
     fields = _fields_at(where)
     meant = [name for name in fields if name.startswith(f"{key.partition('_')[0]}_")]

@@ -76,6 +76,10 @@ def test_profile_in_pieces(case_folder):
         ),
         (lambda d: d["sets"]["field"][2].update(weight=2), "weight: unknown key; allowed are name"),
         (lambda d: d["sets"]["field"][2].update(std=2), "std: unknown key; did you mean std_is or"),
+        (
+            lambda d: d["sets"]["field"][2].update(std=d["sets"]["field"][2].pop("std_m")),
+            "sets.field.2.freeboard.std: unknown key; did you mean std_is or std_m",
+        ),
         (lambda d: d["sets"]["field"][2].update(value_ft=5), "value_ft: .* did you mean value_m"),
         (lambda d: d["initial"].update(crest_ft=5), "initial.crest_ft: .*mean crest_x_m or crest"),
         (lambda d: d.update(colour=5), ".yaml: colour: unknown key; allowed are case, upstream"),
