@@ -4,6 +4,7 @@ import pytest
 
 from benchmarks.verification import elastic_column
 
+
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pictures")
