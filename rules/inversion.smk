@@ -56,6 +56,12 @@ rule invert_case:
         sections=f"{RESULTS}/{{case}}/inversion/sections.npz",
         run=f"{RESULTS}/{{case}}/inversion/run.h5",
         summary=f"{RESULTS}/{{case}}/inversion/summary.txt",
+        page=report(
+            f"{RESULTS}/{{case}}/inversion/report.html",
+            caption="../report/inversion.rst",
+            category="Case histories",
+            labels={"case": "{case}", "what": "back-analysis"},
+        ),
     log:
         f"{RESULTS}/logs/invert_{{case}}.log",
     benchmark:

@@ -71,7 +71,7 @@ out.mkdir(parents=True, exist_ok=True)
 if command == "classical":
     (out / "classical.json").write_text("{}")
 else:
-    for name in ("result.json", "history.csv", "sections.npz", "run.h5"):
+    for name in ("result.json", "history.csv", "sections.npz", "run.h5", "report.html"):
         (out / name).write_text(case)
     print("S_r 26 kPa")
 '''

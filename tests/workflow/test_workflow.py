@@ -46,7 +46,7 @@ def test_everything_is_made_once(bench):
     report = bench.folder / "report.html"
     bench.snakemake("everything", options=["--report", str(report)])
     text = report.read_text()
-    for word in ("gallery.png", "runs.png", "runs.html", "runout.mp4"):
+    for word in ("gallery.png", "runs.png", "runs.html", "runout.mp4", "report.html"):
         assert word in text
 
 
