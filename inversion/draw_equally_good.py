@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from geometry.draw import HALO, TEXT_COLOUR
-from inversion.draw_style import HELD_OUT, NOTE, OURS, PALE, new_figure, save_figure, words
+from inversion.draw_style import HELD_OUT, NOTE, OURS, PALE, new_figure, save_figure, wrapped
 from inversion.report_data import ReportData
 from inversion.result import ParameterAnswer
 
@@ -45,7 +45,7 @@ def draw_equally_good(data: ReportData, path: Path) -> Path | None:
     _end(ax, place(answer)[-1], "this answer", OURS)
     extreme = int(np.argmax(np.abs(place(others)[:, -1] - place(answer)[-1])))
     _end(ax, place(others)[extreme][-1], "as good", "#3f7da6")
-    paper = _paper(data, parameters)
+    paper = papers_answer(data)
     if shared and paper is not None:
         ax.plot(x, paper, color=HELD_OUT, linewidth=1.6, linestyle="--", marker="s", zorder=3)
         _end(ax, paper[-1], "the paper", HELD_OUT)
@@ -53,10 +53,10 @@ def draw_equally_good(data: ReportData, path: Path) -> Path | None:
     return save_figure(figure, path)
 
 
-def _paper(data: ReportData, parameters: list[ParameterAnswer]) -> np.ndarray | None:
-    """The paper's single answer, where it gives one value for each of these zones."""
+def papers_answer(data: ReportData) -> np.ndarray | None:
+    """The paper's single answer (p,), where it gives one value for each of these zones."""
     values = []
-    for p in parameters:
+    for p in data.result.answer.parameters:
         found = [data.result.published.get(f"{PAPER}{zone}") for zone in p.zones]
         if len(found) != 1 or found[0] is None:
             return None
@@ -71,10 +71,8 @@ def _end(ax: Axes, y: float, text: str, colour: str) -> None:
 
 
 def _axes(ax: Axes, parameters: list[ParameterAnswer], shared: bool) -> None:
-    import textwrap
-
-    names = ["\n".join(textwrap.wrap(p.label, 22)) for p in parameters]
-    ax.set_xticks(range(len(parameters)), [words(name) for name in names], fontsize=8.5)
+    names = [wrapped(p.label, 22) for p in parameters]
+    ax.set_xticks(range(len(parameters)), names, fontsize=8.5)
     ax.set_xlim(-0.15, len(parameters) - 0.85)
     for number, p in enumerate(parameters):
         ax.axvline(number, color="#bbbbbb", linewidth=0.8, zorder=0)

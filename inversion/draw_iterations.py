@@ -21,6 +21,7 @@ from inversion.draw_style import (
     new_figure,
     save_figure,
     words,
+    wrapped,
 )
 from inversion.report_data import ReportData
 from inversion.result import Iteration
@@ -32,6 +33,8 @@ from mpm_taichi.trajectory import Run
 MOST = 8
 """Sections in the picture; a search with more looks leaves some in the middle out."""
 WIDTH, LEFT, RIGHT, BOTTOM, GAP = 9.5, 0.55, 0.15, 0.5, 0.34
+LONGEST = 120
+"""Characters of a heading that fit beside each other; longer ones take two lines."""
 LINES = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 2, 1.2, 2)))
 COLOURS = (OURS, HELD_OUT, "#009e73", "#8a5a00")
 
@@ -47,16 +50,18 @@ def draw_iterations(data: ReportData, path: Path) -> Path | None:
     limits = view_limits(shown, marks)
     width = WIDTH - LEFT - RIGHT
     panel = width * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
-    total = len(looks) * (panel + GAP) + BOTTOM
+    headings = [_heading(data, look) for look in looks]
+    gap = GAP + (0.14 if any("\n" in heading for heading in headings) else 0.0)
+    total = len(looks) * (panel + gap) + BOTTOM
     figure = new_figure(total, WIDTH)
     colouring = colouring_of(shown, "material")
     for number, look in enumerate(looks):
-        bottom = total - (number + 1) * (panel + GAP)
+        bottom = total - (number + 1) * (panel + gap)
         box = (LEFT / WIDTH, bottom / total, width / WIDTH, panel / total)
         ax = figure.add_axes(box)
         draw_frame(ax, shown, number + 1, colouring=colouring, overlay=marks, limits=limits)
         _predicted_toes(ax, data, data.result.iterations[look])
-        ax.set_title(_heading(data, look), loc="left", fontsize=8.5, color=TEXT_COLOUR, pad=3)
+        ax.set_title(headings[number], loc="left", fontsize=8.2, color=TEXT_COLOUR, pad=3)
         if number < len(looks) - 1:
             ax.set_xlabel("")
             ax.set_xticklabels([])
@@ -121,19 +126,21 @@ def _heading(data: ReportData, look: int) -> str:
         for p in data.result.answer.parameters
     )
     toes = ", ".join(
-        f"{toe.name} {line.predicted[toe.name]:.1f} m (measured {toe.value_m:g} m)"
+        f"{toe.name} {line.predicted[toe.name]:.1f} m (measured {toe.value_m:g})"
         for toe in data.toes
         if toe.name in line.predicted
     )
     last = " (the answer)" if data.sections is not None and look == data.sections.answer else ""
-    return words(f"{kind.capitalize()}{last}   {values}   {toes}")
+    first = f"{kind.capitalize()}{last}   {values}"
+    apart = "   " if len(first) + len(toes) < LONGEST else "\n"
+    return words(f"{first}{apart}{toes}")
 
 
 def draw_history(data: ReportData, path: Path) -> Path:
     """Save the history: loss, values and fitted quantities by the number of the look."""
     result = data.result
     fitted = [m for m in result.measurements if m.role == "fitted"][:4]
-    parameters = result.answer.parameters[:4]
+    parameters = (data.strengths or result.answer.parameters)[:4]
     figure = new_figure(1.75 * 3 + 0.45)
     axes = figure.subplots(3, 1, sharex=True)
     figure.subplots_adjust(left=0.11, right=0.72, top=0.94, bottom=0.09, hspace=0.34)
@@ -141,14 +148,12 @@ def draw_history(data: ReportData, path: Path) -> Path:
     kept = [line for line in result.iterations if line.accepted]
     places = [number for number, line in enumerate(result.iterations) if line.accepted]
     for number, p in enumerate(parameters):
-        y = [100 * (line.values[p.name] - p.low) / (p.high - p.low) for line in kept]
-        _line(axes[1], places, y, number)
-    axes[1].set_title("Values sought, from lower to upper bound", **_title())
-    axes[1].set_ylabel("% of the bounds", fontsize=8.5)
-    axes[1].set_ylim(-4, 104)
-    ends = [100 * (p.value - p.low) / (p.high - p.low) for p in parameters]
+        _line(axes[1], places, [line.values[p.name] for line in kept], number)
+    axes[1].set_title("Values sought", **_title())
+    axes[1].set_ylabel(parameters[0].unit, fontsize=8.5)
+    axes[1].set_ylim(bottom=0)
     told = [f"{p.label}: {p.value:.3g} {p.unit}" for p in parameters]
-    _end_labels(axes[1], ends, told, (0.0, 100.0))
+    _end_labels(axes[1], [p.value for p in parameters], told, axes[1].get_ylim())
     series = [[line.predicted.get(m.name, np.nan) for line in kept] for m in fitted]
     for number, (m, y) in enumerate(zip(fitted, series, strict=True)):
         _line(axes[2], places, y, number)
@@ -161,7 +166,7 @@ def draw_history(data: ReportData, path: Path) -> Path:
     axes[2].set_ylabel("m", fontsize=8.5)
     told = [f"{m.name}: {m.predicted:.1f}, measured {m.measured:g} {m.unit}" for m in fitted]
     _end_labels(axes[2], [m.predicted for m in fitted], told, axes[2].get_ylim())
-    axes[2].set_xlabel("look at the engine (0: the start)", fontsize=8.5)
+    axes[2].set_xlabel("step of the search (0: the first guess)", fontsize=8.5)
     axes[2].xaxis.set_major_locator(MaxNLocator(integer=True))
     return save_figure(figure, path)
 
@@ -213,13 +218,7 @@ def _end_labels(
         places[int(number)] = last
     excess = max(last - limits[1], 0.0) if len(ends) else 0.0
     for number, label in enumerate(labels):
-        ax.annotate(_wrapped(label), (1.0, places[number] - excess),
+        ax.annotate(wrapped(label, 30), (1.0, places[number] - excess),
                     xycoords=("axes fraction", "data"), xytext=(6, 0), annotation_clip=False,
                     textcoords="offset points", va="center", fontsize=8, linespacing=1.1,
                     color=COLOURS[number], path_effects=HALO)  # fmt: skip
-
-
-def _wrapped(label: str, width: int = 30) -> str:
-    import textwrap
-
-    return words("\n".join(textwrap.wrap(label, width)))

@@ -70,7 +70,7 @@ def draw_measured(data: ReportData, path: Path) -> Path | None:
     ax = figure.add_axes(
         (LEFT / width, BELOW / total, (width - LEFT - RIGHT) / width, ROW * len(rows) / total)
     )
-    row_labels(ax, [f"{row.name}\n{row.role}" for row in rows])
+    row_labels(ax, [f"{row.name} ({row.role})" for row in rows], width=26)
     reach = max(3.0, *(abs(m.difference_in_std) for row in rows for m in row.lines)) * 1.12
     ax.set_xlim(-reach, reach)
     ax.axvspan(-2, 2, color=LINE, alpha=0.55, linewidth=0, zorder=0)

@@ -6,6 +6,7 @@ the classical methods, and what others have published.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -111,7 +112,7 @@ def _ours(data: ReportData, names: list[str]) -> Iterator[Strength]:
             if p.name in names:
                 zones = f", zone {', '.join(p.zones)}" if several else ""
                 fitted = "" if variant.reached else " (not fitted)"
-                label = f"  {variant.name}{zones}{fitted}"
+                label = f"{variant.name}{zones}{fitted}"
                 yield Strength(label, variant.values[p.name], None, None, "variant")
 
 
@@ -135,13 +136,26 @@ def _published(data: ReportData, names: list[str]) -> Iterator[Strength]:
 
 def _other(key: str, entry: dict[str, Any]) -> Strength:
     confidence = entry.get("confidence", "")
-    told = "the paper" if key == "paper" else key.replace("_", " ").capitalize()
-    told = told.replace("Paper ", "the paper, ")
-    label = f"{told} ({confidence})" if confidence not in ("", "paper") else told
-    hollow = confidence == "recalled"
+    told = reference(key)
+    label = f"{told} ({confidence})" if confidence == "recalled" else told
     return Strength(
-        label, entry["value"], entry.get("low"), entry.get("high"), "others", None, hollow
+        label,
+        entry["value"],
+        entry.get("low"),
+        entry.get("high"),
+        "others",
+        hollow=confidence == "recalled",
     )
+
+
+def reference(key: str) -> str:
+    """The key of a published value as it is cited: olson_stark_2002 -> Olson and Stark (2002)."""
+    found = re.fullmatch(r"([a-z_]+?)_(\d{4}[a-z]?)(?:_(.+))?", key)
+    if found is None:
+        return re.sub(r"^paper(_|$)", r"the paper, ", key).replace("_", " ").strip(", ")
+    authors = " and ".join(name.capitalize() for name in found[1].split("_"))
+    more = f", {found[3].replace('_', ' ')}" if found[3] else ""
+    return f"{authors} ({found[2]}){more.replace('imm', 'IMM')}"
 
 
 def _title(data: ReportData, side: str) -> str:
@@ -157,7 +171,7 @@ def _largest(panel: Slide) -> float:
 
 
 def _draw(ax: Axes, panel: Slide, end: float) -> None:
-    row_labels(ax, [row.label.strip() for row in panel.rows])
+    row_labels(ax, [row.label for row in panel.rows])
     ax.set_xlim(0.0, end)
     clean(ax)
     ours = next(row for row in panel.rows if row.kind == "ours")

@@ -6,6 +6,7 @@ is the only bearer of a meaning. A chart is narrow, so that it can be read on a 
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import matplotlib
@@ -56,6 +57,14 @@ def words(text: str) -> str:
     return escaped.replace("S_r", r"$S_r$")
 
 
+def wrapped(text: str, width: int, lines: int = 3) -> str:
+    """Text for a picture in lines of at most `width` characters; what does not fit is cut off."""
+    found = textwrap.wrap(text, width)
+    if len(found) > lines:
+        found = [*found[: lines - 1], textwrap.shorten(" ".join(found[lines - 1 :]), width)]
+    return words("\n".join(found))
+
+
 def clean(ax: Axes, *, grid: str = "x", left: bool = False) -> None:
     """Take away the frame; leave a quiet grid along one axis."""
     ax.spines[["top", "right"]].set_visible(False)
@@ -65,8 +74,11 @@ def clean(ax: Axes, *, grid: str = "x", left: bool = False) -> None:
     ax.tick_params(labelsize=8.5, colors=TEXT_COLOUR, length=3 if left else 0)
 
 
-def row_labels(ax: Axes, labels: list[str], *, size: float = 8.5) -> None:
-    """Name the rows 0, 1, 2, ... of a chart, the first on top."""
-    ax.set_yticks(range(len(labels)), [words(label) for label in labels], fontsize=size)
+def row_labels(ax: Axes, labels: list[str], *, width: int = 36, lines: int = 2) -> None:
+    """Name the rows 0, 1, 2, ... of a chart, the first on top, in at most so many lines each."""
+    shown = [wrapped(label, width, lines) for label in labels]
+    ax.set_yticks(range(len(labels)), shown, fontsize=8.5, linespacing=1.0)
+    for label, text in zip(ax.get_yticklabels(), shown, strict=True):
+        label.set_fontsize(8.5 if "\n" not in text else 7.5)
     ax.tick_params(axis="y", length=0, labelcolor=TEXT_COLOUR)
     ax.set_ylim(len(labels) - 0.4, -0.6)

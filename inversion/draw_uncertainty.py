@@ -125,26 +125,23 @@ def draw_before_after(data: ReportData, path: Path) -> Path:
     total = 0.62 * len(parameters) + 0.62
     figure = new_figure(total)
     ax = figure.add_axes((0.36, 0.42 / total, 0.58, (total - 0.5) / total))
-    row_labels(ax, [_two_lines(p.label) for p in parameters])
+    row_labels(ax, [p.label for p in parameters], width=28)
     ax.set_xlim(-0.02, 1.02)
     ax.set_xticks([0, 1], ["lower bound", "upper bound"], fontsize=8)
     ax.spines[["top", "right", "left", "bottom"]].set_visible(False)
     for number, p in enumerate(parameters):
-        _draw_before_after(ax, number, p)
+        _draw_before_after(ax, number, p, data.prior_mean(p))
     return save_figure(figure, path)
 
 
-def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer) -> None:
+def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer, prior_mean: float | None) -> None:
     def share(value: float) -> float:
         return min(max((value - p.low) / (p.high - p.low), 0.0), 1.0)
 
     ax.plot([0, 1], [number + 0.12] * 2, color="#888888", linewidth=0.8, zorder=1)
-    middle = 0.5 * (p.low + p.high) if not p.has_prior else p.value
-    before = (
-        (0.0, 1.0)
-        if not p.has_prior
-        else (share(middle - p.prior_std), share(middle + p.prior_std))
-    )
+    before = (0.0, 1.0)
+    if prior_mean is not None:
+        before = share(prior_mean - p.prior_std), share(prior_mean + p.prior_std)
     after = share(p.value - p.std_data), share(p.value + p.std_data)
     if not p.determined and not p.has_prior:
         after = before
@@ -153,18 +150,13 @@ def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer) -> None:
             linewidth=0, zorder=2)  # fmt: skip
     ax.barh(number + 0.12, after[1] - after[0], left=after[0], height=0.16, color=colour,
             linewidth=0, zorder=3)  # fmt: skip
-    ax.plot([share(p.value)], [number + 0.12], marker="D", markersize=6.5, color=colour,
-            markeredgecolor="white", zorder=4)  # fmt: skip
-    unit = p.unit.replace("deg", "°")
+    ax.plot([share(p.value)] * 2, [number - 0.1, number + 0.34], color=TEXT_COLOUR, linewidth=1.6,
+            zorder=4)  # fmt: skip
+    unit = "°" if p.unit == "deg" else f" {p.unit}"
+    before_words = "" if prior_mean is None else f" (before ± {p.prior_std:.2g})"
     known = f"± {p.std_data:.2g} from the data" if p.determined else "as wide as before"
-    text = f"{p.value:.1f} {unit}, {known} (before ± {p.prior_std:.2g})"
+    text = f"{p.value:.1f}{unit}, {known} {before_words}"
     place, side = (0.0, "left") if share(p.value) < 0.6 else (1.0, "right")
     ax.text(place, number - 0.28, words(text), fontsize=8.5, color=colour, ha=side, va="center")
     for x, value in ((0, p.low), (1, p.high)):
         ax.text(x, number + 0.41, f"{value:g}", fontsize=7.5, color=NOTE, ha="center", va="center")
-
-
-def _two_lines(label: str) -> str:
-    import textwrap
-
-    return "\n".join(textwrap.wrap(label, 28)[:2])

@@ -80,13 +80,9 @@ def _section(data: ReportData) -> Section:
 
     path = data.folder / "section.png"
     save_case_picture(data.case, data.run, read_deposit(data.case, data.run), path)
-    toes = "; ".join(f"{toe.name} {toe.value_m:g} m" for toe in data.toes)
-    see = (
-        f"With the strengths found, the simulated toe stands where the measured one does ({toes})."
-    )
-    if not data.result.answer.reached or not toes:
-        see = "The section before the slide, and the deposit simulated with the strengths found."
-    parts: list[Part] = [Paragraph(see)]
+    told = "; ".join(words.toe_words(data))
+    see = f"Simulated with the strengths found, {told}." if told else ""
+    parts: list[Part] = [Paragraph(see)] if see else []
     if constructed := words.constructed_sentence(data):
         parts.append(Paragraph(constructed))
     parts.append(
@@ -116,7 +112,7 @@ def _methods(data: ReportData) -> Section:
     notes = list(map(Paragraph, tables.classical_notes(data)))
     return Section(
         "The strength by every method",
-        [Paragraph(see), picture, *notes, *_given(tables.method_table(data))],
+        [Paragraph(see), picture, *notes, *tables.method_tables(data)],
     )
 
 
@@ -124,10 +120,9 @@ def _measured(data: ReportData) -> Section:
     from inversion.draw_measured import draw_measured
 
     parts: list[Part] = [Paragraph(words.misfit_sentence(data))]
-    parts += [
-        Paragraph(f"Under another reading, not reproduced: {told}.")
-        for told in words.variant_misfits(data)
-    ]
+    if others := words.variant_misfits(data):
+        told = "; ".join(others)
+        parts.append(Paragraph(f"Nor under other readings of the question: {told}."))
     path = draw_measured(data, data.folder / "measured.svg")
     if path is None:
         return Section("Measured against predicted")
@@ -135,8 +130,9 @@ def _measured(data: ReportData) -> Section:
         Paragraph(
             "Each mark is a measurement: at 0 the prediction is exact. Only what is called fitted "
             "entered the search; held-out data judge it; constructed data were drawn and judge "
-            "nothing. The toe is where the smoothed height of the connected mass falls below a "
-            "threshold; the toe by the naked eye is the outermost connected point."
+            "nothing. Nothing is subtracted from a prediction: `before the slide` is what it would "
+            "read had nothing moved. The toe is where the smoothed height of the connected mass "
+            "falls below a threshold; the toe by the naked eye is the outermost connected point."
         )
     )
     parts.append(Picture(path, "Differences of all measurements in standard deviations."))
@@ -145,7 +141,7 @@ def _measured(data: ReportData) -> Section:
 
 
 def _not_determined(data: ReportData) -> Section:
-    from inversion.draw_equally_good import draw_equally_good
+    from inversion.draw_equally_good import draw_equally_good, papers_answer
     from inversion.draw_uncertainty import draw_before_after
 
     parts: list[Part] = list(map(Paragraph, words.undetermined_sentences(data)))
@@ -157,12 +153,13 @@ def _not_determined(data: ReportData) -> Section:
     parts += [Paragraph(see), Picture(path, "Bars before and after the data for each parameter.")]
     path = draw_equally_good(data, data.folder / "equally_good.svg")
     if path is not None:
-        parts.append(
-            Paragraph(
-                "Each line is a set of values that fits as well as the answer does: the data "
-                "cannot choose among them."
-            )
+        see = (
+            "Each line is a set of values that fits as well as the answer does: the data cannot "
+            "choose among them."
         )
+        if papers_answer(data) is not None:
+            see += " Dashed: the paper's single answer, to its own measured runouts."
+        parts.append(Paragraph(see))
         parts.append(
             Picture(path, "Lines across the parameters, one for each equally good answer.")
         )
@@ -183,7 +180,7 @@ def _sensitivities(data: ReportData) -> Section:
             ),
             Picture(path, "Tornado chart of the changes of the answer."),
         ]
-    return Section("What moves the answer", [*parts, *_given(tables.sensitivity_table(data))])
+    return Section("What moves the answer", [*parts, *tables.sensitivity_tables(data)])
 
 
 def _variants(data: ReportData) -> Section:
@@ -206,8 +203,8 @@ def _search(data: ReportData) -> Section:
     if path is not None:
         parts.append(
             Paragraph(
-                "The simulated section at each iteration: the simulated toe (blue triangle) comes "
-                "to the measured one (black triangle on its stated range)."
+                "The simulated section at each iteration. Blue triangle: the simulated toe. Black "
+                "triangle: the measured one, on its stated range. Dotted line: constructed."
             )
         )
         parts.append(

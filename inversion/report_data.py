@@ -82,6 +82,11 @@ class ReportData:
         """The answer is for a section with a reservoir or groundwater; None: not known."""
         return None if self.run is None else self.run.scene.has_water
 
+    def prior_mean(self, parameter: ParameterAnswer) -> float | None:
+        """Most likely value of a parameter beforehand; None: all between its bounds are alike."""
+        spec = next(s for s in self.result.question.parameters if s.name == parameter.name)
+        return None if spec.prior is None else spec.prior.mean
+
     def side(self, parameter: ParameterAnswer) -> str:
         """The side of the crest most of a parameter's zones lie on: left or right."""
         if self.case is None:

@@ -5,15 +5,18 @@ In: a `ReportData`. Out: `pipeline.page.Table`s; None where a table would have n
 
 from __future__ import annotations
 
+from inversion.assemble import NOISE_SOURCE
 from inversion.draw_measured import Group, groups
 from inversion.draw_methods import slides
 from inversion.report_data import ReportData
-from inversion.report_words import unit
-from inversion.result import MeasurementAnswer
+from inversion.report_words import MINUS, number_with_unit, signed, unit, value
+from inversion.result import MeasurementAnswer, ParameterAnswer
 from pipeline.page import Table
 
 KINDS = {"ours": "this analysis", "variant": "this analysis, another reading",
          "classical": "classical", "others": "published elsewhere"}  # fmt: skip
+
+SEARCHES = {"gauss_newton": "Gauss-Newton", "lbfgsb": "L-BFGS-B"}
 
 
 def answer_table(data: ReportData) -> Table:
@@ -29,7 +32,7 @@ def answer_table(data: ReportData) -> Table:
         rows.append(
             [
                 p.label,
-                f"{p.value:.1f} {unit(p)}",
+                number_with_unit(p, f"{p.value:.1f}"),
                 f"{p.std_total:.1f}",
                 f"{p.std_data:.1f}",
                 f"{p.interval_95[0]:.1f} to {p.interval_95[1]:.1f}",
@@ -47,15 +50,17 @@ def answer_table(data: ReportData) -> Table:
     return Table(header, rows)
 
 
-def method_table(data: ReportData) -> Table | None:
-    """The numbers of the picture of methods."""
-    rows = [
-        [panel.title, row.label.strip(), _one(row.value), _span(row.low, row.high), KINDS[row.kind]]
+def method_tables(data: ReportData) -> list[Table]:
+    """The numbers of the picture of methods, one table for each slide."""
+    header = ["method", "S_r (kPa)", "range (kPa)", "what it is"]
+    return [
+        Table(
+            header,
+            [[r.label, _one(r.value), _span(r.low, r.high), KINDS[r.kind]] for r in panel.rows],
+            panel.title,
+        )
         for panel in slides(data)
-        for row in panel.rows
     ]
-    header = ["slide", "method", "S_r (kPa)", "range (kPa)", "kind"]
-    return Table(header, rows) if rows else None
 
 
 def classical_notes(data: ReportData) -> list[str]:
@@ -73,8 +78,14 @@ def measured_tables(data: ReportData) -> list[Table]:
     known = {m.name for group in found for m in group.lines}
     single += [m for m in data.result.measurements if m.name not in known]
     header = ["measurement", "type", "measured", "std", "range", "predicted", "by the naked eye",
-              "before the slide", "in std", "role", "confidence", "source"]  # fmt: skip
-    tables = [Table(header, [_measured_row(m) for m in single])] if single else []
+              "before the slide", "in std", "role"]  # fmt: skip
+    tables = []
+    if single:
+        sources = [[m.name, m.confidence, m.source] for m in single]
+        tables = [
+            Table(header, [_measured_row(m) for m in single]),
+            Table(["measurement", "confidence", "source"], sources),
+        ]
     return tables + [_series_table(group) for group in found if len(group.lines) > 1]
 
 
@@ -82,16 +93,14 @@ def _measured_row(m: MeasurementAnswer) -> list[str | None]:
     return [
         m.name,
         m.type.replace("_", " "),
-        None if m.measured is None else f"{m.measured:.1f} {m.unit}",
+        None if m.measured is None else f"{_one(m.measured)} {m.unit}",
         None if m.std is None else f"{m.std:.2g}",
         _span(m.low, m.high),
-        f"{m.predicted:.1f} {m.unit}",
+        f"{_one(m.predicted)} {m.unit}",
         _one(m.by_eye),
         _one(m.predicted_at_start),
-        None if m.difference_in_std is None else f"{m.difference_in_std:+.1f}",
+        None if m.difference_in_std is None else signed(m.difference_in_std),
         m.role,
-        m.confidence,
-        m.source,
     ]
 
 
@@ -101,10 +110,10 @@ def _series_table(group: Group) -> Table:
     rows = [
         [
             m.name.removeprefix(group.name).strip() or m.name,
-            f"{m.measured:.1f}",
+            _one(m.measured),
             f"{m.std:.2g}",
-            f"{m.predicted:.1f}",
-            f"{m.difference_in_std:+.1f}",
+            _one(m.predicted),
+            signed(m.difference_in_std),
             m.role,
         ]
         for m in group.lines
@@ -120,15 +129,16 @@ def _series_table(group: Group) -> Table:
 def variant_table(data: ReportData) -> Table | None:
     """Other readings of the question, all solved."""
     parameters = data.result.answer.parameters
+    labels = {p.name: p.label for p in parameters}
     rows = []
     for variant in data.result.variants:
         ratios = ", ".join(f"{ratio:.3f}" for ratio in variant.ratios.values())
         notes = [] if variant.reached else ["not fitted"]
-        notes += [f"{name} at a bound" for name in variant.at_bound]
+        notes += [f"{labels[name]} at a bound" for name in variant.at_bound]
         predicted = "; ".join(
-            f"{name} {value:.1f}"
+            f"{name} {_one(number)}"
             + (f" (target {variant.measured[name]:g})" if name in variant.measured else "")
-            for name, value in list(variant.predicted.items())[:6]
+            for name, number in list(variant.predicted.items())[:6]
         )
         rows.append(
             [
@@ -145,36 +155,31 @@ def variant_table(data: ReportData) -> Table | None:
     return Table(header, rows) if rows else None
 
 
-def sensitivity_table(data: ReportData) -> Table | None:
-    """What each assumption does, and what it adds to the standard deviation."""
-    result = data.result
-    if not result.sensitivities and result.noise is None:
-        return None
-    shown = [p for p in result.answer.parameters if p.determined] or result.answer.parameters
+def sensitivity_tables(data: ReportData) -> list[Table]:
+    """What each assumption does, and what it adds to the standard deviation; by parameter."""
+    if not data.result.sensitivities and data.result.noise is None:
+        return []
+    determined = [p for p in data.result.answer.parameters if p.determined]
+    return [_sensitivity_table(data, p) for p in determined or data.result.answer.parameters]
+
+
+def _sensitivity_table(data: ReportData, p: ParameterAnswer) -> Table:
     rows: list[list[str | None]] = [
-        ["survey", "errors of the fitted measurements", *[None] * len(shown),
-         *(f"{p.std_data:.2g}" for p in shown)]
-    ]  # fmt: skip
-    for entry in result.sensitivities:
+        ["survey", "errors of the fitted measurements", None, f"{p.std_data:.2f}"]
+    ]
+    for entry in data.result.sensitivities:
+        added = "not added" if entry.kind == "target" else f"{entry.std[p.name]:.2f}"
         for number, side in enumerate(entry.sides):
-            first = number == 0
-            added = [f"{entry.std[p.name]:.2g}" if first else None for p in shown]
-            if entry.kind == "target":
-                added = ["not added"] * len(shown) if first else [None] * len(shown)
-            fit = "" if side.reached else " (linear estimate: not fitted)"
-            rows.append(
-                [entry.name if first else "", f"{side.words}{fit}",
-                 *(f"{side.change[p.name]:+.2g}" for p in shown), *added]
-            )  # fmt: skip
-    if result.noise is not None:
-        seeds = f"{len(result.noise.seeds)} jitter seeds"
-        rows.append(
-            ["place of the material points", seeds, *[None] * len(shown),
-             *(f"{result.noise.answer_std[p.name]:.2g}" for p in shown)]
-        )  # fmt: skip
-    header = ["assumption", "changed", *(f"{p.label}: change ({unit(p)})" for p in shown),
-              *(f"{p.label}: adds ± ({unit(p)})" for p in shown)]  # fmt: skip
-    return Table(header, rows)
+            fit = "" if side.reached else " (not fitted: linear estimate)"
+            name, its = (entry.name, added) if number == 0 else ("", "")
+            rows.append([name, f"{side.words}{fit}", signed(side.change[p.name], 2), its])
+    if data.result.noise is not None:
+        seeds = f"{len(data.result.noise.seeds)} jitter seeds"
+        std = data.result.noise.answer_std[p.name]
+        rows.append([NOISE_SOURCE, seeds, None, f"{std:.2f}"])
+    rows.append(["in all", "root of the sum of squares", None, f"{p.std_total:.2f}"])
+    header = ["assumption", "what was changed", f"change ({unit(p)})", f"adds ± ({unit(p)})"]
+    return Table(header, rows, f"{p.label}: {value(p)}")
 
 
 def equally_good_table(data: ReportData) -> Table | None:
@@ -183,12 +188,13 @@ def equally_good_table(data: ReportData) -> Table | None:
     if not answer.equally_good:
         return None
     fitted = [m for m in data.result.measurements if m.role == "fitted"][:6]
+    labels = {p.name: p.label for p in answer.parameters}
     rows = [
         ["this answer", *(f"{p.value:.1f}" for p in answer.parameters),
          *(f"{m.predicted:.1f}" for m in fitted), f"{answer.loss:.2g}", ""]
     ]  # fmt: skip
     for stop in answer.equally_good:
-        bounds = f"{', '.join(stop.at_bound)} at a bound" if stop.at_bound else ""
+        bounds = "; ".join(f"{labels[name]} at a bound" for name in stop.at_bound)
         rows.append(
             ["as good", *(f"{stop.values[p.name]:.1f}" for p in answer.parameters),
              *(_one(stop.predicted.get(m.name)) for m in fitted), f"{stop.loss:.2g}", bounds]
@@ -205,8 +211,7 @@ def history_table(data: ReportData) -> Table:
     rows = [
         [
             line.iteration,
-            line.kind.replace("_", " ").replace("lbfgsb", "L-BFGS-B")
-            + ("" if line.accepted else ", taken back"),
+            SEARCHES.get(line.kind, line.kind) + ("" if line.accepted else ", taken back"),
             *(f"{line.values[p.name]:.2f}" for p in parameters),
             *(_one(line.predicted.get(m.name)) for m in fitted),
             None if line.loss is None else f"{line.loss:.3g}",
@@ -246,7 +251,7 @@ def made_tables(data: ReportData) -> list[Table]:
     rows: list[list[str]] = [
         ["simulations", f"{result.runs} in all, {result.runs_to_answer} until the answer"],
         ["engine", f"{result.engine}, points every {result.spacing_m:g} m"],
-        ["search", f"{result.answer.method.replace('_', ' ')}: {result.answer.words}"],
+        ["search", f"{SEARCHES[result.answer.method]}: {result.answer.words}"],
     ]
     machine = manifest.get("machine", {})
     if isinstance(machine, dict) and machine:
@@ -270,8 +275,8 @@ def made_tables(data: ReportData) -> list[Table]:
 
 
 def _one(number: float | None) -> str | None:
-    return None if number is None else f"{number:.1f}"
+    return None if number is None else f"{number:.1f}".replace("-", MINUS)
 
 
 def _span(low: float | None, high: float | None) -> str | None:
-    return None if low is None or high is None else f"{low:.3g} to {high:.3g}"
+    return None if low is None or high is None else f"{low:.1f} to {high:.1f}"

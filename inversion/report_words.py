@@ -13,6 +13,8 @@ from inversion.result import MeasurementAnswer, ParameterAnswer
 FAR = 2.0
 """Standard deviations beyond which a difference is called a misfit."""
 
+MINUS = "\N{MINUS SIGN}"
+
 ENGINE_WORDS = {"mpm": "the material point method"}
 SYMBOL = {"kPa": "kPa", "deg": "°", "kg/m3": "kg/m³"}
 
@@ -22,15 +24,26 @@ def unit(parameter: ParameterAnswer) -> str:
     return SYMBOL.get(parameter.unit, parameter.unit)
 
 
+def number_with_unit(parameter: ParameterAnswer, number: str) -> str:
+    """A number with the unit of a parameter, degrees without a space."""
+    space = "" if unit(parameter) == "°" else " "
+    return f"{number}{space}{unit(parameter)}"
+
+
 def value(parameter: ParameterAnswer) -> str:
     """Value and standard deviation with the unit."""
-    space = "" if unit(parameter) == "°" else " "
-    return f"{parameter.value:.1f} ± {parameter.std_total:.1f}{space}{unit(parameter)}"
+    return number_with_unit(parameter, f"{parameter.value:.1f} ± {parameter.std_total:.1f}")
 
 
-def _number(parameter: ParameterAnswer, number: float) -> str:
-    space = "" if unit(parameter) == "°" else " "
-    return f"{number:.2g}{space}{unit(parameter)}"
+def signed(number: float, digits: int = 1) -> str:
+    """A number with its sign, a true minus, and none before nothing."""
+    text = f"{number:+.{digits}f}"
+    return text[1:] if not float(text) else text.replace("-", MINUS)
+
+
+def plain(number: float, digits: int = 1) -> str:
+    """A number with a true minus."""
+    return f"{number:.{digits}f}".replace("-", MINUS)
 
 
 def answer_sentence(data: ReportData) -> str:
@@ -75,6 +88,8 @@ def meaning_sentences(data: ReportData) -> list[str]:
         names = "; ".join(f"{m.name} {m.measured:g} {m.unit} ({m.confidence})" for m in fitted[:6])
         more = f" and {len(fitted) - 6} more" if len(fitted) > 6 else ""
         told.append(f"Fitted: {names}{more}. Measurements: set '{result.measurement_set}'.")
+    if data.result.variants:
+        told.append(variant_sentence(data))
     at_bound = [
         f"{p.label} at its {p.at_bound} bound" for p in result.answer.parameters if p.at_bound
     ]
@@ -106,7 +121,7 @@ def misfit_sentence(data: ReportData) -> str:
     if not judges:
         return "No measurement outside the fit is there to judge the answer by."
     told = "; ".join(
-        f"{m.name}, measured {m.measured:g} {m.unit}, predicted {m.predicted:.1f}"
+        f"{m.name}, measured {m.measured:g} {m.unit}, predicted {plain(m.predicted)}"
         for m in judges[:4]
     )
     return f"Measurements outside the fit are met within {FAR:g} standard deviations: {told}."
@@ -115,8 +130,8 @@ def misfit_sentence(data: ReportData) -> str:
 def _misfit(m: MeasurementAnswer) -> str:
     role = "" if m.role == "fitted" else f", {m.role}"
     return (
-        f"{m.name} measured {m.measured:g} ± {m.std:g} {m.unit}, predicted {m.predicted:.1f} "
-        f"{m.unit} ({m.difference_in_std:+.1f} standard deviations{role})"
+        f"{m.name} measured {m.measured:g} ± {m.std:g} {m.unit}, predicted "
+        f"{plain(m.predicted)} {m.unit} ({signed(m.difference_in_std)} standard deviations{role})"
     )
 
 
@@ -132,10 +147,21 @@ def variant_misfits(data: ReportData) -> list[str]:
                 continue
             off = (predicted - m.measured) / m.std
             if abs(off) > FAR:
-                far.append(f"{name} measured {m.measured:g}, predicted {predicted:.1f} {m.unit}")
+                far.append(f"{name} measured {m.measured:g}, predicted {plain(predicted)} {m.unit}")
         if far:
             told.append(f"{variant.name}: {'; '.join(far)}")
     return told
+
+
+def toe_words(data: ReportData) -> list[str]:
+    """Where each toe stands after the simulated slide, and where it was measured."""
+    known = {m.name: m for m in data.result.measurements}
+    return [
+        f"the {toe.name} has moved {plain(known[toe.name].predicted)} m, measured were "
+        f"{toe.value_m:g} m"
+        for toe in data.toes
+        if toe.name in known
+    ]
 
 
 def constructed_sentence(data: ReportData) -> str:
@@ -158,10 +184,13 @@ def undetermined_sentences(data: ReportData) -> list[str]:
     for p in data.result.answer.parameters:
         if not p.determined:
             basis = "its prior" if p.has_prior else f"its bounds, {p.low:g} to {p.high:g}"
+            after, before = (
+                number_with_unit(p, f"± {std:.2g}") for std in (p.std_data, p.prior_std)
+            )
             told.append(
-                f"{p.label} is not identifiable from these measurements: "
-                f"± {_number(p, p.std_data)} after them, ± {_number(p, p.prior_std)} before "
-                f"({basis}). The value {p.value:.1f} is only where the search left it."
+                f"{p.label} is not identifiable from these measurements: {after} after them, "
+                f"{before} before ({basis}). The value {p.value:.1f} is only where the search "
+                "left it."
             )
     if not told:
         told.append("The data determine every number that was sought.")

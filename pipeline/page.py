@@ -175,6 +175,7 @@ h2 { font-size: 1.2rem; margin: 2.2rem 0 .6rem; padding-top: .8rem;
   border-top: 1px solid var(--line); }
 .lead { font-size: 1.1rem; color: var(--soft); margin-top: 0; }
 .wide { overflow-x: auto; }
+.wide + .wide { margin-top: 1.4rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: var(--soft); padding-bottom: .4rem; }
 th, td { padding: .25rem .9rem .25rem 0; text-align: left; vertical-align: top;
