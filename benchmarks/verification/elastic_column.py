@@ -8,11 +8,10 @@ In the middle, far from the side walls, the layer is a column that strains along
 `settled` must find the stress and then stay; `k0` starts with it; `gravity_on` must reach stress
 and settlement with damping. Errors of stress are shares of rho g H, of settlement of u(H).
 
-What limits it: the nodes on the ground and those below it are all held, yet the spline of the node
-above reaches below the ground. So a velocity that is linear from the ground upwards cannot be had
-in the lowest half cell, and the stress of the lowest two cells is off by some 12 % of rho g H
-whatever their size; the same beside a smooth wall. Above that F-bar and the relaxation of pressure
-make the mean stress constant in a cell: first order, point by point.
+Splines that reach through the ground would leave the stress of the two lowest cells off by some
+12 % of rho g H whatever their size, and likewise beside a smooth wall; ours end there
+(`mpm_taichi.splines`). What limits it now: F-bar and the relaxation of pressure make the mean stress
+constant in a cell: first order, point by point.
 """
 
 from __future__ import annotations

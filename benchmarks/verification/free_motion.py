@@ -11,9 +11,9 @@ so angular momentum and energy must stay and the stress must turn with the disc.
 layer of `elastic_column` under gravity turned on at once swings with the period 4 H / c_p, and
 its energy, potential + kinetic + elastic, must stay.
 
-What limits it: x += dt v stretches what turns by (dt w)^2 / 2 a step, and a strain of first order
-does not see it, so the radius grows by 2 pi^2 / steps in a turn, and the spin falls with it. The
-stress: pressures that are evened out within a cell spread a little each time a point passes from
+x += dt v stretches what turns by (dt w)^2 / 2 a step. A strain of first order would not see it, and
+the radius would grow by 2 pi^2 / steps in a turn; the strain is therefore of second order
+(`mohr_coulomb.elastic_trial`). What limits the stress: pressures that are evened out within a cell spread a little each time a point passes from
 cell to cell, which equilibrium mends in the plane but not in sigma_zz.
 """
 
