@@ -13,8 +13,9 @@ its energy, potential + kinetic + elastic, must stay.
 
 x += dt v stretches what turns by (dt w)^2 / 2 a step. A strain of first order would not see it, and
 the radius would grow by 2 pi^2 / steps in a turn; the strain is therefore of second order
-(`mohr_coulomb.elastic_trial`). What limits the stress: pressures that are evened out within a cell spread a little each time a point passes from
-cell to cell, which equilibrium mends in the plane but not in sigma_zz.
+(`mohr_coulomb.elastic_trial`). What limits the stress: pressures that are evened out within a cell
+spread a little each time a point passes from cell to cell, which equilibrium mends in the plane but
+not in sigma_zz.
 """
 
 from __future__ import annotations
