@@ -187,9 +187,8 @@ def _draw_answers(
                     color="white", fontweight="bold", zorder=9)  # fmt: skip
         taken.append(_box(ax, x, answer.ratio, (-8, -8, 8, 8)))
         zones = f"zone{'s' * (len(answer.zones) > 1)} {', '.join(answer.zones)}"
-        words = (
-            f"{letter}  {answer.title}, {zones}: {answer.s_r_kpa:.3g} ± {answer.std_kpa:.2g} kPa"
-        )
+        title = answer.title.replace("$", r"\$")  # no formula
+        words = f"{letter}  {title}, {zones}: {answer.s_r_kpa:.3g} ± {answer.std_kpa:.2g} kPa"
         ax.annotate(words, (0.0, 1.0), xycoords="axes fraction", xytext=(8, -6 - LINE * number),
                     textcoords="offset points", va="top", fontsize=8, color=OUR_COLOUR,
                     path_effects=HALO, zorder=9)  # fmt: skip

@@ -25,8 +25,8 @@ def draw_equally_good(data: ReportData, path: Path) -> Path | None:
     stops, parameters = data.result.answer.equally_good, data.result.answer.parameters
     if not stops or len(parameters) < 2:
         return None
-    figure = new_figure(3.7)
-    ax = figure.add_axes((0.1, 0.2, 0.72, 0.7))
+    figure = new_figure(3.3)
+    ax = figure.add_axes((0.11, 0.2, 0.7, 0.75))
     shared = len({p.unit for p in parameters}) == 1
     answer = np.array([p.value for p in parameters])
     others = np.array([[stop.values[p.name] for p in parameters] for stop in stops])

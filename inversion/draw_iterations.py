@@ -143,7 +143,7 @@ def draw_history(data: ReportData, path: Path) -> Path:
     parameters = (data.strengths or result.answer.parameters)[:4]
     figure = new_figure(1.75 * 3 + 0.45)
     axes = figure.subplots(3, 1, sharex=True)
-    figure.subplots_adjust(left=0.11, right=0.72, top=0.94, bottom=0.09, hspace=0.34)
+    figure.subplots_adjust(left=0.12, right=0.68, top=0.94, bottom=0.09, hspace=0.34)
     _draw_loss(axes[0], data)
     kept = [line for line in result.iterations if line.accepted]
     places = [number for number, line in enumerate(result.iterations) if line.accepted]
@@ -160,9 +160,7 @@ def draw_history(data: ReportData, path: Path) -> Path:
         axes[2].axhline(m.measured, color=COLOURS[number], linewidth=0.8, zorder=1)
         ends_of = (m.measured - m.std, m.measured + m.std) if m.low is None else (m.low, m.high)
         axes[2].axhspan(*ends_of, color=COLOURS[number], alpha=0.1, linewidth=0, zorder=0)
-    axes[2].set_title(
-        "What is fitted: simulated, with the measured value and its range", **_title()
-    )
+    axes[2].set_title("Simulated; line and band: measured, with its range", **_title())
     axes[2].set_ylabel("m", fontsize=8.5)
     told = [f"{m.name}: {m.predicted:.1f}, measured {m.measured:g} {m.unit}" for m in fitted]
     _end_labels(axes[2], [m.predicted for m in fitted], told, axes[2].get_ylim())
@@ -218,7 +216,7 @@ def _end_labels(
         places[int(number)] = last
     excess = max(last - limits[1], 0.0) if len(ends) else 0.0
     for number, label in enumerate(labels):
-        ax.annotate(wrapped(label, 30), (1.0, places[number] - excess),
+        ax.annotate(wrapped(label, 26, 4), (1.0, places[number] - excess),
                     xycoords=("axes fraction", "data"), xytext=(6, 0), annotation_clip=False,
                     textcoords="offset points", va="center", fontsize=8, linespacing=1.1,
                     color=COLOURS[number], path_effects=HALO)  # fmt: skip

@@ -24,7 +24,7 @@ from inversion.draw_style import (
 from inversion.report_data import ReportData
 from inversion.result import MeasurementAnswer
 
-ROW, ABOVE, BELOW, LEFT, RIGHT = 0.52, 0.35, 0.55, 2.2, 0.25
+ROW, ABOVE, BELOW, LEFT, RIGHT = 0.52, 0.2, 0.55, 1.35, 0.15
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def draw_measured(data: ReportData, path: Path) -> Path | None:
     ax = figure.add_axes(
         (LEFT / width, BELOW / total, (width - LEFT - RIGHT) / width, ROW * len(rows) / total)
     )
-    row_labels(ax, [f"{row.name} ({row.role})" for row in rows], width=26)
+    row_labels(ax, [f"{row.name} ({row.role})" for row in rows], width=20)
     reach = max(3.0, *(abs(m.difference_in_std) for row in rows for m in row.lines)) * 1.12
     ax.set_xlim(-reach, reach)
     ax.axvspan(-2, 2, color=LINE, alpha=0.55, linewidth=0, zorder=0)
@@ -87,6 +87,6 @@ def draw_measured(data: ReportData, path: Path) -> Path | None:
                 transform=ax.get_yaxis_transform(), path_effects=HALO, zorder=4)  # fmt: skip
     for tick, row in zip(ax.get_yticklabels(), rows, strict=True):
         tick.set_color(ROLE_COLOURS[row.role] if row.role != "constructed" else NOTE)
-    ax.set_xlabel("predicted minus measured, in standard deviations (shaded: within 2)",
+    ax.set_xlabel("predicted minus measured, in std (shaded: within 2)",
                   fontsize=8.5)  # fmt: skip
     return save_figure(figure, path)

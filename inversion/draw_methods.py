@@ -28,7 +28,7 @@ from inversion.draw_style import (
 )
 from inversion.report_data import ReportData
 
-ROW, ABOVE, BELOW, LEFT, RIGHT = 0.27, 0.42, 0.55, 2.75, 0.55
+ROW, ABOVE, BELOW, LEFT, RIGHT = 0.27, 0.42, 0.55, 2.1, 0.95
 ENGINES = {"mpm": "MPM"}
 
 
@@ -171,7 +171,7 @@ def _largest(panel: Slide) -> float:
 
 
 def _draw(ax: Axes, panel: Slide, end: float) -> None:
-    row_labels(ax, [row.label for row in panel.rows])
+    row_labels(ax, [row.label for row in panel.rows], width=31)
     ax.set_xlim(0.0, end)
     clean(ax)
     ours = next(row for row in panel.rows if row.kind == "ours")
@@ -201,10 +201,19 @@ def _draw_row(ax: Axes, number: int, row: Strength) -> None:
             markersize=7 if row.kind == "ours" else 5.5, color=colour, zorder=4,
             markerfacecolor="white" if hollow else colour)  # fmt: skip
     right = max(end for end in (row.value, row.high, *(row.wide or ())) if end is not None)
-    ax.annotate(f"{row.value:.1f}", (right, number), xytext=(6, 0), textcoords="offset points",
-                va="center", fontsize=8.5, color=colour, path_effects=HALO, zorder=5,
+    ax.annotate(_told(row), (right, number), xytext=(6, 0), textcoords="offset points",
+                va="center", fontsize=8, color=colour, path_effects=HALO, zorder=5,
                 fontweight="bold" if row.kind == "ours" else "normal",
                 annotation_clip=False)  # fmt: skip
+
+
+def _told(row: Strength) -> str:
+    """The value, and its range or standard deviation where it has one."""
+    if row.low is None:
+        return f"{row.value:.1f}"
+    if row.kind == "ours":
+        return f"{row.value:.1f} ± {row.high - row.value:.1f}"
+    return f"{row.value:.1f} ({row.low:.1f} to {row.high:.1f})"
 
 
 def _colour(kind: str) -> str:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from geometry.draw import TEXT_COLOUR
 from pipeline.files import atomic_path
 
-WIDTH = 7.2
+WIDTH = 5.8
 """Width of a chart [inches]."""
 DPI = 130
 
@@ -53,8 +53,7 @@ def save_figure(figure: Figure, path: Path) -> Path:
 
 def words(text: str) -> str:
     """Text for a picture: S_r with its subscript; what else looks like a formula is shown as is."""
-    escaped = text.replace("\\", "\\\\").replace("$", r"\$")
-    return escaped.replace("S_r", r"$S_r$")
+    return text.replace("$", r"\$").replace("S_r", "$S_r$")
 
 
 def wrapped(text: str, width: int, lines: int = 3) -> str:

@@ -28,7 +28,7 @@ from inversion.draw_style import (
 from inversion.report_data import ReportData
 from inversion.result import ParameterAnswer
 
-ROW, ABOVE, BELOW, LEFT, RIGHT = 0.3, 0.42, 0.6, 2.3, 0.6
+ROW, ABOVE, BELOW, LEFT, RIGHT = 0.3, 0.42, 0.6, 1.95, 0.3
 MOVED = 1e-3
 """A parameter that no assumption moves by this share of its value has no chart."""
 
@@ -100,7 +100,7 @@ def _draw_tornado(ax: Axes, p: ParameterAnswer, panel: Sequence[Bar]) -> None:
     ax.set_xlim(p.value - reach, p.value + reach)
     ax.axvspan(p.value - p.std_total, p.value + p.std_total, color=OURS, alpha=0.08, linewidth=0)
     ax.axvline(p.value, color=TEXT_COLOUR, linewidth=1.0, zorder=4)
-    row_labels(ax, [bar.label for bar in panel])
+    row_labels(ax, [bar.label for bar in panel], width=30)
     clean(ax)
     for number, bar in enumerate(panel):
         low, high = min(0.0, *bar.changes), max(0.0, *bar.changes)
@@ -116,7 +116,7 @@ def _draw_tornado(ax: Axes, p: ParameterAnswer, panel: Sequence[Bar]) -> None:
     unit = p.unit.replace("deg", "°")
     ax.set_xlabel(words(f"{p.label} ({unit})"), fontsize=8.5)
     title = f"{p.label}: {p.value:.1f} ± {p.std_total:.1f} {unit} (shaded)"
-    ax.set_title(words(title), loc="left", fontsize=9.5, color=TEXT_COLOUR, fontweight="bold")
+    ax.set_title(words(title), x=1.0, ha="right", fontsize=9, color=TEXT_COLOUR, fontweight="bold")
 
 
 def draw_before_after(data: ReportData, path: Path) -> Path:
@@ -124,8 +124,8 @@ def draw_before_after(data: ReportData, path: Path) -> Path:
     parameters = data.result.answer.parameters
     total = 0.62 * len(parameters) + 0.62
     figure = new_figure(total)
-    ax = figure.add_axes((0.36, 0.42 / total, 0.58, (total - 0.5) / total))
-    row_labels(ax, [p.label for p in parameters], width=28)
+    ax = figure.add_axes((0.35, 0.42 / total, 0.6, (total - 0.5) / total))
+    row_labels(ax, [p.label for p in parameters], width=26)
     ax.set_xlim(-0.02, 1.02)
     ax.set_xticks([0, 1], ["lower bound", "upper bound"], fontsize=8)
     ax.spines[["top", "right", "left", "bottom"]].set_visible(False)

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from inversion import report_tables as tables
 from inversion import report_words as words
-from inversion.catalogue import answers_of
+from inversion.catalogue import answers_of, load_catalogue, load_strengths
 from inversion.film import LARGEST_BYTES, known_film, save_film
 from inversion.report_data import ReportData, load_report
-from pipeline.page import Paragraph, Picture, Section, Table, write_page
+from pipeline.page import Folded, Paragraph, Picture, Section, Table, write_page
 
 PAGE = "report.html"
-Part = Paragraph | Table | Picture
+Part = Paragraph | Table | Picture | Folded
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone; it is moved sideways instead."""
 
@@ -112,7 +112,12 @@ def _methods(data: ReportData) -> Section:
     notes = list(map(Paragraph, tables.classical_notes(data)))
     return Section(
         "The strength by every method",
-        [Paragraph(see), picture, *notes, *tables.method_tables(data)],
+        [
+            Paragraph(see),
+            picture,
+            *notes,
+            *_folded("The same in numbers", tables.method_tables(data)),
+        ],
     )
 
 
@@ -130,13 +135,14 @@ def _measured(data: ReportData) -> Section:
         Paragraph(
             "Each mark is a measurement: at 0 the prediction is exact. Only what is called fitted "
             "entered the search; held-out data judge it; constructed data were drawn and judge "
-            "nothing. Nothing is subtracted from a prediction: `before the slide` is what it would "
+            "nothing. Nothing is subtracted from a prediction: 'before the slide' is what it would "
             "read had nothing moved. The toe is where the smoothed height of the connected mass "
             "falls below a threshold; the toe by the naked eye is the outermost connected point."
         )
     )
     parts.append(Picture(path, "Differences of all measurements in standard deviations."))
     parts += tables.measured_tables(data)
+    parts += _folded("Profiles and histories, value by value", tables.series_tables(data))
     return Section("Measured against predicted", parts)
 
 
@@ -180,7 +186,10 @@ def _sensitivities(data: ReportData) -> Section:
             ),
             Picture(path, "Tornado chart of the changes of the answer."),
         ]
-    return Section("What moves the answer", [*parts, *tables.sensitivity_tables(data)])
+    return Section(
+        "What moves the answer",
+        [*parts, *_folded("The same in numbers", tables.sensitivity_tables(data))],
+    )
 
 
 def _variants(data: ReportData) -> Section:
@@ -216,7 +225,7 @@ def _search(data: ReportData) -> Section:
         )
     path = draw_history(data, data.folder / "history.svg")
     parts.append(Picture(path, "Loss, values sought and fitted quantities at each look."))
-    parts.append(tables.history_table(data))
+    parts += _folded("Every step in numbers", [tables.history_table(data)])
     if (starts := tables.starts_table(data)) is not None:
         parts += [Paragraph("The same question from other first guesses:"), starts]
     return Section("How it was found", parts)
@@ -226,10 +235,11 @@ def _catalogue(data: ReportData) -> Section:
     answers = answers_of(data.result.model_dump(mode="json"))
     if not answers:
         return Section("Among other flow slides")
-    from inversion.draw_catalogue import draw_catalogue
+    from inversion.draw_catalogue import catalogue_figure
+    from inversion.draw_style import save_figure
 
-    path = data.folder / "catalogue.svg"
-    draw_catalogue(path, answers)
+    figure = catalogue_figure(load_catalogue(), load_strengths(), answers)
+    path = save_figure(figure, data.folder / "catalogue.svg")
     return Section(
         "Among other flow slides",
         [
@@ -250,12 +260,20 @@ def _film(data: ReportData, film: Path | None) -> Section:
         told = f"The film ({size:.1f} MB) lies beside this page: {film.name}."
         return Section("The slide as a film", [Paragraph(told)])
     words_ = "Film of the simulated slide with the strengths found, and the measured surface."
-    return Section("The slide as a film", [Picture(film, words_, least_width_px=WIDE_PX)])
+    told = Paragraph(f"Also beside this page: {film.name}.")
+    return Section("The slide as a film", [Picture(film, words_, least_width_px=WIDE_PX), told])
 
 
 def _made(data: ReportData) -> Section:
     remarks = [Paragraph(f"Could not be had: {remark}") for remark in data.result.remarks]
-    return Section("How this was made", [*remarks, *tables.made_tables(data)])
+    timings, *how = tables.made_tables(data)
+    return Section(
+        "How this was made", [*remarks, timings, *_folded("Settings, versions, machine", how)]
+    )
+
+
+def _folded(title: str, found: list[Table]) -> list[Part]:
+    return [Folded(title, found)] if found else []
 
 
 def _given(table: Table | None) -> list[Part]:

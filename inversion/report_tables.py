@@ -72,7 +72,7 @@ def classical_notes(data: ReportData) -> list[str]:
 
 
 def measured_tables(data: ReportData) -> list[Table]:
-    """Measured against predicted: single values with the toe by the naked eye, then the series."""
+    """Measured against predicted, single values with the toe by the naked eye; and the sources."""
     found = groups(data)
     single = [group.lines[0] for group in found if len(group.lines) == 1]
     known = {m.name for group in found for m in group.lines}
@@ -86,7 +86,12 @@ def measured_tables(data: ReportData) -> list[Table]:
             Table(header, [_measured_row(m) for m in single]),
             Table(["measurement", "confidence", "source"], sources),
         ]
-    return tables + [_series_table(group) for group in found if len(group.lines) > 1]
+    return tables
+
+
+def series_tables(data: ReportData) -> list[Table]:
+    """The measurements of several values, value by value."""
+    return [_series_table(group) for group in groups(data) if len(group.lines) > 1]
 
 
 def _measured_row(m: MeasurementAnswer) -> list[str | None]:
@@ -268,10 +273,8 @@ def made_tables(data: ReportData) -> list[Table]:
         if isinstance(settings, dict) and isinstance(settings.get(group), dict):
             told = ", ".join(f"{key} {value}" for key, value in settings[group].items())
             rows.append([f"settings: {group}", told])
-    tables = [Table(["", ""], rows)]
-    if timings:
-        tables.insert(0, Table(["stage", "wall time"], timings))
-    return tables
+    simulations = ["simulations", rows.pop(0)[1]]
+    return [Table(["stage", "wall time"], [*timings, simulations]), Table(["", ""], rows)]
 
 
 def _one(number: float | None) -> str | None:

@@ -157,8 +157,7 @@ def toe_words(data: ReportData) -> list[str]:
     """Where each toe stands after the simulated slide, and where it was measured."""
     known = {m.name: m for m in data.result.measurements}
     return [
-        f"the {toe.name} has moved {plain(known[toe.name].predicted)} m, measured were "
-        f"{toe.value_m:g} m"
+        f"the {toe.name} moves {plain(known[toe.name].predicted)} m; {toe.value_m:g} m was measured"
         for toe in data.toes
         if toe.name in known
     ]

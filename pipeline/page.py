@@ -28,6 +28,9 @@ MEDIA_TYPES = {
 
 Cell = str | int | float | None
 
+#: Characters of a cell that are kept on one line, and from which on it is given room.
+SHORT, LONG = 14, 45
+
 
 @dataclass(frozen=True)
 class Paragraph:
@@ -100,11 +103,24 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Folded:
+    """Details under a line that opens them; in print they are open."""
+
+    title: str
+    parts: Sequence[Paragraph | Table | Picture]
+
+    def html(self) -> str:
+        """The element as HTML."""
+        inner = "\n".join(part.html() for part in self.parts)
+        return f"<details>\n<summary>{html.escape(self.title)}</summary>\n{inner}\n</details>"
+
+
+@dataclass(frozen=True)
 class Section:
     """A part of the page under its own heading."""
 
     title: str
-    parts: Sequence[Paragraph | Table | Picture] = field(default_factory=tuple)
+    parts: Sequence[Paragraph | Table | Picture | Folded] = field(default_factory=tuple)
 
     def html(self) -> str:
         """The element as HTML."""
@@ -136,7 +152,8 @@ def _cell(value: Cell) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "<td>&ndash;</td>"
     if isinstance(value, str):
-        return f"<td>{html.escape(value)}</td>"
+        kind = ' class="short"' if len(value) <= SHORT else ' class="long"' * (len(value) >= LONG)
+        return f"<td{kind}>{html.escape(value)}</td>"
     text = f"{value:.4g}" if isinstance(value, float) else f"{value}"
     return f'<td class="number">{text}</td>'
 
@@ -181,8 +198,14 @@ caption { text-align: left; color: var(--soft); padding-bottom: .4rem; }
 th, td { padding: .25rem .9rem .25rem 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid var(--line); }
 td.number { text-align: right; }
+td.short { white-space: nowrap; }
+td.long { min-width: 15rem; }
+details { margin: .8rem 0; }
+summary { cursor: pointer; color: var(--soft); }
+details[open] > summary { margin-bottom: .6rem; }
 figure { margin: 1rem 0; }
 img, video { max-width: 100%; height: auto; background: #ffffff; border-radius: 4px; }
+img[src^="data:image/svg"] { width: min(100%, 44rem); }
 .picture img, .picture video { width: 100%; min-width: var(--least); max-width: none; }
 figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
 @media print {
@@ -191,6 +214,10 @@ figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
   figure, table { break-inside: avoid; }
   h2 { break-after: avoid; }
   .wide { overflow: visible; }
-  .picture img, .picture video { min-width: 0; }
+  details::details-content { content-visibility: visible; block-size: auto; }
+  video { display: none; }
+  img[src^="data:image/svg"] { width: min(100%, 30rem); }
+  img[src^="data:image/svg"] { width: min(100%, 44rem); }
+.picture img, .picture video { min-width: 0; }
 }
 """

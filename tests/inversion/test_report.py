@@ -1,0 +1,225 @@
+"""The report: whole, alone, true to the result, and without the parts that have nothing to show."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inversion.__main__ import main
+from inversion.draw_iterations import MOST, shown_looks
+from inversion.draw_methods import reference, slides
+from inversion.draw_uncertainty import bars
+from inversion.report import PAGE, write_report
+from inversion.report_data import ReportData, load_report
+from inversion.report_words import answer_sentence, misfit_sentence, signed, undetermined_sentences
+from inversion.result import Result, save_result
+from inversion.show_command import folders
+from pipeline.cli import InputError
+from tests.inversion.report_case import NASTY, document, full, least, parameter
+from tests.pipeline.test_page import Outline
+
+PICTURES = {"methods.svg", "measured.svg", "before_after.svg", "history.svg", "catalogue.svg"}
+
+
+def page_of(result: Result, folder: Path) -> str:
+    """The page of a result that has nothing but its result.json, checked for being whole."""
+    save_result(result, folder)
+    text = write_report(folder, film=False).read_text("utf-8")
+    outline = Outline()
+    outline.feed(text)
+    assert outline.open == []
+    assert outline.links and all(link.startswith("data:") for link in outline.links)
+    assert "url(" not in text and "@import" not in text
+    return text
+
+
+def headings(text: str) -> list[str]:
+    return re.findall(r"<h2>(.*?)</h2>", text)
+
+
+@pytest.fixture(scope="module")
+def full_page(tmp_path_factory) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp("full")
+    return page_of(full(), folder), folder
+
+
+# --- the page ---
+
+
+def test_every_part_is_there_in_order(full_page):
+    text, folder = full_page
+    assert headings(text) == [
+        "Answer",
+        "The strength by every method",
+        "Measured against predicted",
+        "What the data do not determine",
+        "What moves the answer",
+        "Other readings of the question",
+        "How it was found",
+        "Among other flow slides",
+        "How this was made",
+    ]
+    wanted = PICTURES | {"sensitivities.svg", "equally_good.svg"}
+    assert {path.name for path in folder.glob("*.svg")} == wanted
+    assert text.count('src="data:image/svg+xml') == len(wanted)
+    assert "27.5 ± 1.6 kPa" in text and "no cell size for the fill" in text
+    assert "31.3" in text and "24.6 to 45.4" in text  # Kinetics with its range
+    assert "level of the fill" in text and "not added" in text  # a target is told, not added
+
+
+def test_a_poor_result_gives_a_page_without_empty_parts(tmp_path):
+    text = page_of(least(), tmp_path)
+    found = headings(text)
+    assert "Other readings of the question" not in found and "What moves the answer" not in found
+    assert "The section before and after" not in found and "The slide as a film" not in found
+    assert {path.name for path in tmp_path.glob("*.svg")} == PICTURES
+    assert not re.search(r"<h2>[^<]*</h2>\s*</section>", text)
+
+
+def test_names_are_text_and_not_markup(tmp_path):
+    text = page_of(full(NASTY), tmp_path)
+    assert "<script" not in text
+    assert "&lt;script&gt;alert" in text
+
+
+def test_without_any_strength(tmp_path):
+    angle = parameter("phi", property="friction_deg", unit="deg", high=45.0, sigma_v0_kpa=None,
+                      sigma_v0_std_kpa=None, ratio=None, ratio_std=None)  # fmt: skip
+    text = page_of(Result.model_validate(document([angle])), tmp_path)
+    assert "27.5 ± 1.6°" in text
+    assert "The strength by every method" not in headings(text)
+    assert "Among other flow slides" not in headings(text)
+
+
+def test_the_same_result_gives_the_same_bytes(full_page, tmp_path):
+    text, folder = full_page
+    page_of(full(), tmp_path)
+    assert (tmp_path / PAGE).read_text("utf-8") == text
+    for name in PICTURES:
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+# --- what it says ---
+
+
+def test_the_answer_is_one_sentence():
+    sentence = answer_sentence(ReportData(Path(), full()))
+    assert sentence == (
+        "S_r of the fill: 27.5 ± 1.6 kPa (S_r/σ'_v0 = 0.183 ± 0.011); by the material point method "
+        "at 2 m spacing."
+    )
+    made = document([parameter("s")])
+    made["answer"]["reached"] = False
+    assert "NOT FITTED" in answer_sentence(ReportData(Path(), Result.model_validate(made)))
+
+
+def test_misfits_are_not_hidden(full_page):
+    sentence = misfit_sentence(ReportData(Path(), full()))
+    assert sentence.startswith("Not reproduced: freeboard measured 1.5 ± 0.5 m, predicted −3.9 m")
+    assert "held out" in sentence and "crest" not in sentence
+    lead = re.search(r'<p class="lead">(.*?)</p>', full_page[0])[1]
+    assert "Not reproduced: freeboard" in lead
+    assert "freeboard measured 1.5, predicted −2.2 m" in full_page[0]  # of the variant as well
+
+
+def test_constructed_data_are_called_so_and_no_misfit():
+    result = full()
+    far = [m.model_copy(update={"difference_in_std": 9.0}) if m.role == "constructed" else m
+           for m in result.measurements]  # fmt: skip
+    result = result.model_copy(update={"measurements": far})
+    assert "profile" not in misfit_sentence(ReportData(Path(), result))
+
+
+def test_what_is_not_identifiable_is_told():
+    told = " ".join(undetermined_sentences(ReportData(Path(), full())))
+    assert "friction angle of the rolled fill is not identifiable" in told
+    assert "± 2.9° after them, ± 2.9° before (its bounds, 27 to 37)" in told
+
+
+def test_published_values_of_other_zones_are_left_out():
+    (panel,) = slides(ReportData(Path(), full()))
+    rows = {row.label: row for row in panel.rows}
+    assert rows["Olson and Stark (2002)"].low == 15.8
+    assert rows["Weber (2015), IMM (recalled)"].hollow
+    assert rows["ZIF"].value is None
+    assert not any(row.value == 77.7 for row in panel.rows)
+    assert reference("paper") == "the paper" and reference("paper_zone_1") == "the paper, zone 1"
+
+
+def test_the_strongest_assumption_is_on_top():
+    data = ReportData(Path(), full())
+    found = bars(data, data.result.answer.parameters[0])
+    assert found[0].label == "survey" and found[0].std == 1.5
+    sizes = [max(map(abs, bar.changes)) for bar in found]
+    assert sizes == sorted(sizes, reverse=True)
+    assert [bar.std for bar in found if bar.label == "upper toe"] == [None]
+
+
+@pytest.mark.parametrize(("number", "text"), [(-3.94, "−3.9"), (0.04, "0.0"), (-0.04, "0.0"),
+                                              (10.7, "+10.7")])  # fmt: skip
+def test_numbers_have_their_sign(number, text):
+    assert signed(number) == text
+
+
+def test_a_long_search_is_thinned_and_keeps_its_ends():
+    whole, accepted = np.ones(30, dtype=bool), np.ones(30, dtype=bool)
+    whole[3], accepted[5] = False, False
+    looks = shown_looks(whole, accepted, answer=28)
+    assert len(looks) <= MOST and looks[0] == 0 and looks[-1] == 28
+    assert looks == sorted(set(looks)) and 3 not in looks and 5 not in looks
+    assert shown_looks(whole, accepted, answer=2) == [0, 1, 2]
+
+
+# --- the command ---
+
+
+def test_show_prints_the_table_and_writes_the_page(tmp_path, capsys):
+    folder = tmp_path / "results" / "dam" / "inversion"
+    save_result(least(), folder)
+    assert main(["show", "dam", "--set", f"results_folder={tmp_path / 'results'}"]) == 0
+    told = capsys.readouterr().out
+    assert "27.5 kPa" in told and PAGE in told
+    assert (folder / PAGE).is_file()
+    (folder / PAGE).unlink()
+    assert main(["show", str(folder), "--report", "none"]) == 0
+    assert not (folder / PAGE).exists()
+
+
+def test_show_refuses_what_was_not_asked(tmp_path):
+    with pytest.raises(InputError, match=r"neither a folder with a result\.json nor a case"):
+        folders(str(tmp_path / "nothing"), tmp_path)
+
+
+def test_damaged_sections_are_named(tmp_path):
+    save_result(least(), tmp_path)
+    (tmp_path / "sections.npz").write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"sections\.npz: cannot be read"):
+        load_report(tmp_path)
+
+
+def test_another_set_than_the_case_has_is_named(tmp_path, root):
+    made = json.loads(least().model_dump_json()) | {"measurement_set": "lunar"}
+    save_result(Result.model_validate(made), tmp_path)
+    text = write_report(tmp_path, film=False).read_text("utf-8")  # no run, so no case is needed
+    assert "lunar" in text
+
+
+def test_a_real_case(lsfd, tmp_path):
+    """At 4 m spacing: section, iterations, toes, and the known misfit of this dam."""
+    out = tmp_path / "out"
+    quiet = ["--quick", "--quiet", "--set", "inversion.step_seeds=2", "--report", "page"]
+    assert main(["invert", str(lsfd), "--out", str(out), *quiet]) == 0
+    text = (out / PAGE).read_text("utf-8")
+    assert "with the reservoir" in text and "Not reproduced: freeboard" in text
+    assert "Constructed, not surveyed: profile" in text
+    for name in ("section.png", "iterations.png"):
+        assert (out / name).stat().st_size > 20_000
+    data = load_report(out, lsfd)
+    toe = data.toes[0]
+    assert data.toe_place(toe.side, toe.value_m) == pytest.approx(76.02 - 53.0)
+    assert data.side(data.strengths[0]) == "left"
+    assert len(data.sections.final) == len(data.result.iterations)
