@@ -13,6 +13,7 @@ from pipeline.cli import base_parser, main_exit
 
 COMMANDS = (
     "inversion.invert_command",
+    "inversion.predict_command",
     "inversion.show_command",
     "inversion.classical.command",
     "inversion.new_case",

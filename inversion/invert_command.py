@@ -7,13 +7,13 @@ import sys
 from pathlib import Path
 
 from inversion.back_analysis import BackAnalysis
+from inversion.batch_bar import BatchBar
 from inversion.files import save_all
 from inversion.load import case_folder, load_case
 from inversion.run_store import RunStore
 from inversion.summary import summary
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
-from pipeline.progress import Progress
 
 
 def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
@@ -65,9 +65,11 @@ def run(arguments: argparse.Namespace) -> int:
         use_constructed=arguments.use_constructed,
     )
     folder = Path(arguments.out or Path(config.results_folder) / case.name / "inversion")
-    bar = _Bar(quiet=arguments.quiet)
     store = RunStore(
-        folder / "runs", device=arguments.device, threads=arguments.threads, on_run=bar
+        folder / "runs",
+        device=arguments.device,
+        threads=arguments.threads,
+        on_run=BatchBar(quiet=arguments.quiet),
     )
 
     def say(line: str) -> None:
@@ -105,21 +107,3 @@ def _check_numbers(arguments: argparse.Namespace) -> None:
         raise InputError(f"--threads {arguments.threads}: at least 1")
     if arguments.spacing is not None and not arguments.spacing > 0:
         raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
-
-
-class _Bar:
-    """A bar for each batch of simulations, on a terminal; a log has the lines of the stages."""
-
-    def __init__(self, *, quiet: bool) -> None:
-        self._wanted = sys.stderr.isatty() and not quiet
-        self._progress: Progress | None = None
-
-    def __call__(self, done: int, of: int) -> None:
-        if not self._wanted:
-            return
-        if self._progress is None:
-            self._progress = Progress(of, "simulating").__enter__()
-        self._progress.advance()
-        if done >= of:
-            self._progress.__exit__(None, None, None)
-            self._progress = None

@@ -1,0 +1,26 @@
+"""Progress of batches of simulations: a bar for each on a terminal, nothing in a log."""
+
+from __future__ import annotations
+
+import sys
+
+from pipeline.progress import Progress
+
+
+class BatchBar:
+    """Told by a `RunStore` of each run of a batch; a log has the lines of the stages instead."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._wanted = sys.stderr.isatty() and not quiet
+        self._progress: Progress | None = None
+
+    def __call__(self, done: int, of: int) -> None:
+        """`done` of `of` runs of the present batch have ended."""
+        if not self._wanted:
+            return
+        if self._progress is None:
+            self._progress = Progress(of, "simulating").__enter__()
+        self._progress.advance()
+        if done >= of:
+            self._progress.__exit__(None, None, None)
+            self._progress = None

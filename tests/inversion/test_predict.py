@@ -1,0 +1,228 @@
+"""Prediction: distributions of strengths, smooth responses, closed forms, the command."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from geometry.scene import load_scene
+from inversion.forward import Prediction
+from inversion.known_strength import KnownStrength, parse_strength, placed
+from inversion.predict import envelope, noise_at, predict
+from inversion.response import Monotone, Surface, design, monotone
+from pipeline.cli import InputError, WorkFailed
+from tests.inversion.analytic import Formula
+
+
+def lognormal(mean=18.0, std=5.0, zones=("1",)):
+    return KnownStrength(tuple(zones), mean, std, "lognormal")
+
+
+def power_law(values):
+    """Runout 53 m at 18 kPa, 1.8 % less for each per cent of strength."""
+    return np.array([53.0 * (values[0] / 18.0) ** -1.8])
+
+
+def closed_form(strength, beyond, *, power=1.8):
+    """P(runout > beyond): the logarithm of the runout is normal."""
+    variance = np.log1p((strength.std_kpa / strength.mean_kpa) ** 2)
+    middle = np.log(53.0) - power * (np.log(strength.mean_kpa / 18.0) - 0.5 * variance)
+    return ndtr((middle - np.log(beyond)) / (power * np.sqrt(variance)))
+
+
+@pytest.mark.parametrize("text", ["18+-5", "18±5", "18,5", " 18 +/- 5.0 ", "1.8e1+-5"])
+def test_a_strength_is_read_in_any_of_its_forms(text):
+    found = parse_strength(text, "lognormal")
+    assert (found.mean_kpa, found.std_kpa, found.zones) == (18.0, 5.0, ())
+
+
+def test_zones_stand_before_the_strength():
+    found = parse_strength("1, 6=4+-1", "normal")
+    assert found.zones == ("1", "6") and found.mean_kpa == 4.0 and found.kind == "normal"
+
+
+@pytest.mark.parametrize(
+    "text", ["18", "18+5", "+-5", "a+-b", "18+--5", "0+-1", "4+-0", "4+-5", "=4+-1", "1,=4+-1"]
+)
+def test_what_is_no_strength_is_refused(text):
+    with pytest.raises(InputError, match="--residual-strength"):
+        parse_strength(text, "lognormal")
+
+
+@pytest.mark.parametrize("kind", ["lognormal", "normal"])
+def test_the_strength_has_its_mean_and_standard_deviation(kind):
+    strength = KnownStrength(("1",), 18.0, 4.0, kind)
+    values = strength.at(np.random.default_rng(0).standard_normal(200_000))
+    assert values.mean() == pytest.approx(18.0, rel=0.005)
+    assert values.std() == pytest.approx(4.0, rel=0.01)
+    assert values.min() > 0
+    assert np.all(np.diff(strength.at(np.linspace(-3, 3, 50))) > 0)
+
+
+def test_a_normal_strength_stays_positive_however_wide():
+    values = KnownStrength(("1",), 10.0, 9.0, "normal").at(np.linspace(-8, 8, 100))
+    assert values.min() >= 1.0 - 1e-9 and np.all(np.diff(values) >= 0)
+
+
+def test_zones_are_checked(root):
+    scene = load_scene(root / "case_histories/lower_san_fernando/scene.yaml")
+    nameless = parse_strength("18+-5", "lognormal")
+    assert placed([nameless], ["1"], scene)[0].zones == ("1",)
+    for strengths, zones, words in (
+        ([nameless], ["9"], "zone '9' is not in the scene"),
+        ([nameless], [], "no zone of the scene is liquefied"),
+        ([nameless, nameless], ["1"], "each must name its zones"),
+        ([nameless], ["1", "1"], "given two strengths"),
+        ([nameless], ["7"], "friction_deg 30"),
+    ):
+        with pytest.raises(InputError, match=words):
+            placed(strengths, zones, scene)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_exceedance_of_a_power_law_is_its_closed_form(noise):
+    strength = lognormal()
+    engine = Formula(power_law, ["toe"], noise=noise)
+    seeds = [Formula(power_law, ["toe"], noise=noise, seed=seed) for seed in (1, 2, 3)]
+    found = predict(engine, [strength], jittered=seeds, samples=40_000)
+    beyond = np.array([20.0, 40.0, 60.0, 80.0, 120.0])
+    expected = closed_form(strength, beyond)
+    np.testing.assert_allclose(found.exceedance(0, beyond), expected, atol=0.01 + 0.02 * noise)
+    median = float(found.quantiles((50,))[0, 0])
+    assert median == pytest.approx(53.0 * (strength.at(0.0) / 18.0) ** -1.8, rel=0.005 + noise / 50)
+    assert engine.runs == len(design(1)) <= 20, "not one simulation per sample"
+
+
+def test_two_strengths_act_together():
+    """R = 53 (a/18)^-1 (b/10)^-0.5: the logarithm is normal with both variances."""
+    strengths = [lognormal(), lognormal(10.0, 3.0, ("2",))]
+    engine = Formula(
+        lambda v: np.array([53.0 * (v[0] / 18.0) ** -1.0 * (v[1] / 10.0) ** -0.5]), ["toe"]
+    )
+    found = predict(engine, strengths, samples=40_000)
+    variances = [np.log1p((s.std_kpa / s.mean_kpa) ** 2) for s in strengths]
+    middle = np.log(53.0) + 0.5 * variances[0] + 0.25 * variances[1]
+    spread = np.sqrt(variances[0] + 0.25 * variances[1])
+    beyond = np.array([30.0, 45.0, 60.0, 80.0, 100.0])
+    expected = ndtr((middle - np.log(beyond)) / spread)
+    np.testing.assert_allclose(found.exceedance(0, beyond), expected, atol=0.025)
+
+
+def test_noise_is_what_the_jittered_runs_scatter_by_and_widens_the_distribution():
+    still = lognormal(18.0, 0.01)
+    seeds = [Formula(power_law, ["toe"], noise=2.0, seed=seed) for seed in range(1, 30)]
+    noise = noise_at(seeds, [still], 1)
+    assert noise[0] == pytest.approx(2.0, rel=0.25)
+    found = predict(Formula(power_law, ["toe"]), [still], jittered=seeds)
+    assert found.samples.std() == pytest.approx(noise[0], rel=0.05)
+    assert noise_at(seeds[:1], [still], 1)[0] == 0.0
+
+
+def test_a_response_is_monotone_and_keeps_to_its_runs():
+    np.testing.assert_allclose(monotone(np.array([1.0, 3.0, 2.0, 4.0])), [1, 2.5, 2.5, 4])
+    np.testing.assert_allclose(monotone(np.array([4.0, 2.0, 3.0, 1.0])), [4, 2.5, 2.5, 1])
+    scores = design(1)
+    curve = Monotone(scores[:, 0], np.maximum(0.0, 10.0 - 20.0 * scores))
+    fine = curve(np.linspace(-5, 5, 300)[:, None])[:, 0]
+    assert np.all(np.diff(fine) <= 1e-9) and fine.max() == 70.0 and fine.min() == 0.0
+    assert curve.missed[0] == pytest.approx(0.0)
+
+
+def test_a_surface_tells_what_it_misses():
+    scores = design(2)
+    smooth = Surface(scores, (scores @ [[3.0], [-2.0]]) + 1.0)
+    assert smooth.missed[0] < 1e-3
+    np.testing.assert_allclose(smooth(np.array([[0.5, -0.5]])), [[3.5]], atol=1e-3)
+    rough = np.random.default_rng(0).standard_normal((len(scores), 1))
+    assert Surface(scores, rough).missed[0] > 0.5
+
+
+def test_too_many_failures_end_the_work():
+    engine = Formula(lambda v: np.array([np.nan if v[0] < 18 else 1.0]), ["toe"])
+    with pytest.raises(WorkFailed, match="simulations failed"):
+        predict(engine, [lognormal()])
+    few = Formula(lambda v: np.array([np.nan if v[0] < 9 else 100.0 - v[0]]), ["toe"])
+    found = predict(few, [lognormal()])
+    assert found.failed > 0 and np.all(np.isfinite(found.samples))
+
+
+@dataclass
+class Sheet(Formula):
+    """A block of soil 2 m high whose front lies at the runout."""
+
+    def _one(self, values):
+        made = super()._one(values)
+        x, y = np.meshgrid(np.arange(0.5, made.values[0], 1.0), [0.5, 1.5])
+        points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
+        return Prediction(made.values, made.at_start, positions=points)
+
+
+def test_the_envelope_lies_where_the_fronts_are():
+    found = predict(Sheet(power_law, ["toe"]), [lognormal()], samples=5000)
+    band = envelope(found, spacing=1.0, ground=np.array([(-50.0, 0.0), (900.0, 0.0)]))
+    low, middle, high = band.surfaces
+    assert np.all(low <= middle + 1e-9) and np.all(middle <= high + 1e-9)
+    for surface, percent in zip(band.surfaces, (5, 50, 95), strict=True):
+        front = band.x[np.flatnonzero(surface > 1.0)[-1]]
+        assert front == pytest.approx(float(found.quantiles((percent,))[0, 0]), abs=8.0)
+    assert envelope(predict(Formula(power_law, ["toe"]), [lognormal()]), spacing=1.0,
+                    ground=np.zeros((2, 2))) is None  # fmt: skip
+
+
+def command(root, *arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "inversion", "predict", *map(str, arguments)],
+        cwd=root, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False,
+    )  # fmt: skip
+
+
+def test_the_command_predicts_a_dam_that_has_not_failed(root, lsfd, tmp_path):
+    for name in ("measurements.yaml", "inversion.yaml", "post_failure_profile.csv"):
+        (lsfd / name).unlink()
+    arguments = (lsfd, "--residual-strength", "27+-3", "--spacing", 4, "--seeds", 0,
+                 "--out", tmp_path / "out")  # fmt: skip
+    done = command(root, *arguments)
+    assert done.returncode == 0, done.stderr
+    document = json.loads((tmp_path / "out/prediction.json").read_text())
+    (toe,) = document["quantities"]
+    assert toe["name"] == "left toe" and toe["measured"] is None
+    assert 25 < toe["quantiles"]["5"] < toe["quantiles"]["50"] < toe["quantiles"]["95"] < 76
+    chances = toe["exceedance"]["probability"]
+    assert chances[0] > 0.99 and chances[-1] < 0.01 and np.all(np.diff(chances) <= 0)
+    sections = document["sections"]
+    assert np.all(np.array(sections["y_5_m"]) <= np.array(sections["y_95_m"]))
+    assert len(document["runs"]) <= 20
+    assert (tmp_path / "out/prediction.png").stat().st_size > 10_000
+    assert "probability that the toe runs farther than" in done.stdout
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/runs").iterdir()}
+    again = command(root, *arguments)
+    assert again.stdout == done.stdout
+    assert before == {p: p.stat().st_mtime_ns for p in (tmp_path / "out/runs").iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--residual-strength", "18"), "must be MEAN+-STD"),
+        (("--residual-strength", "9=18+-5"), "zone '9' is not in the scene"),
+        (("--residual-strength", "1=18+-5", "--zones", "1"), "--zones"),
+        (("--residual-strength", "18+-5", "--samples", "3"), "--samples 3"),
+        (("--residual-strength", "18+-5", "--spacing", "-1"), "--spacing -1"),
+        ((), "--residual-strength"),
+    ],
+)
+def test_bad_input_ends_with_one_line(root, arguments, words):
+    done = command(root, "lower_san_fernando", *arguments)
+    assert done.returncode == 2
+    assert words in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_folder_that_is_not_there_is_named(root):
+    done = command(root, "nowhere", "--residual-strength", "18+-5")
+    assert done.returncode == 2 and "nowhere: no such folder" in done.stderr
