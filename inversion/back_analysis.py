@@ -24,6 +24,7 @@ from inversion.equally_good import Stop, walk
 from inversion.finite_steps import FiniteSteps
 from inversion.load import LoadedCase
 from inversion.mpm_engine import MPMEngine, Setup
+from inversion.objective import Objective
 from inversion.question import Sensitivity
 from inversion.resolve import Problem, resolve
 from inversion.result import (
@@ -73,7 +74,7 @@ class BackAnalysis:
     def __post_init__(self) -> None:
         self.engine = MPMEngine(self.case.setup, self.store)
         self.objective = self.case.objective()
-        self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())))
+        self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
         self.least_m = 2.0 * self.case.scene.spacing
 
     def run(self) -> Result:
@@ -326,8 +327,13 @@ class BackAnalysis:
         made = manifest(self.case.config, seeds)
         return {**made, "inversion_physics_version": PHYSICS_VERSION}
 
-    def _steps(self, noise: np.ndarray) -> FiniteSteps:
-        return FiniteSteps(self.case.parameters, noise, self.case.config.inversion.step_to_noise)
+    def _steps(self, noise: np.ndarray, objective: Objective) -> FiniteSteps:
+        return FiniteSteps(
+            self.case.parameters,
+            noise,
+            self.case.config.inversion.step_to_noise,
+            whitener=objective.survey_whitener if objective.loss == "misfit" else None,
+        )
 
     def _search(
         self,
@@ -354,7 +360,7 @@ class BackAnalysis:
         noise = self.steps.noise
         if int(setup.targets.fitted.sum()) != len(noise):
             noise = np.full(int(setup.targets.fitted.sum()), float(np.max(noise)))
-        search = self._search(engine, self._steps(noise))
+        search = self._search(engine, self._steps(noise, self.case.objective(setup)))
         try:
             found = calibrate(
                 search, start, method=self.case.config.inversion.method, least_m=self.least_m

@@ -1,7 +1,8 @@
 """Calibration: from a first guess to the answer, by the method asked for.
 
 In: a `Search` and first guesses. Out: `Found`. A start at which nothing moves, or whose derivative
-says nothing, goes through the geometric scan first.
+says nothing, goes through the geometric scan first; a search that ends far from the data looks
+around once and goes on from the best place it sees.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from inversion.gauss_newton import LARGEST_BOX, best_step, gauss_newton
-from inversion.geometric_scan import moved, scan
+from inversion.geometric_scan import look_around, moved, scan
 from inversion.lbfgsb import lbfgsb
 from inversion.parameters import Parameters
 from inversion.search import Found, Look, Search
@@ -22,6 +23,8 @@ METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
 
 #: A derivative whose best step lowers the sum of squares by a smaller share says nothing.
 LEAST_PROMISE = 0.1
+#: A fit is far off where it is worse than expected by this many standard deviations.
+FAR_OFF = 4.0
 #: Further starts: strengths times this, and friction angles at this share of their bounds.
 OTHER_STARTS = ((0.65, 0.25), (1.6, 0.75), (0.45, 0.6), (2.2, 0.4))
 
@@ -45,7 +48,26 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
         first = first if best is first else search.look(best.values, "scan", 0)
     else:
         search.measure_noise(first, start)
-    return METHODS[method](search, first)
+    found = METHODS[method](search, first)
+    if not _far_off(search, found.look):
+        return found
+    better = look_around(search, search.objective.parameters.start, found.look)
+    if better is None:
+        return found
+    return METHODS[method](search, search.look(better.values, "scan", better.iteration))
+
+
+def _far_off(search: Search, look: Look) -> bool:
+    """The fit is worse than the survey's errors explain: chance does so once in 30,000 times."""
+    objective = search.objective
+    if not np.isfinite(look.loss):
+        return True
+    if objective.loss == "runout":
+        return look.loss > max(
+            objective.tolerance, FAR_OFF**2 * float(np.trace(objective.covariance))
+        )
+    numbers = len(objective.covariance)
+    return look.loss > numbers + FAR_OFF * np.sqrt(2.0 * numbers)
 
 
 def _says_nothing(search: Search, look: Look, least_m: float) -> bool:

@@ -2,7 +2,9 @@
 
 A simulation is not a smooth function: where exactly its points lie moves a toe by decimetres. A
 step is wide enough when its effect on some fitted number is at least five times that noise, and no
-wider than needed, so that curvature does not show.
+wider than needed, so that curvature does not show. Where many numbers are fitted together (loss
+`misfit`) the gradient of their sum must stand out of the noise, not the most sensitive of them: the
+effect and the noise of all are then compared, each in units of its error.
 """
 
 from __future__ import annotations
@@ -28,11 +30,14 @@ class FiniteSteps:
         parameters: what is sought.
         noise: standard deviation of the fitted numbers over seeds, (k,); zeros: no noise known.
         factor: least effect of a step, in units of the noise.
+        whitener: (k, k), makes the errors of the fitted numbers independent, of variance 1; None:
+            the most sensitive number decides.
     """
 
     parameters: Parameters
     noise: np.ndarray
     factor: float = 5.0
+    whitener: np.ndarray | None = None
     _size: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -54,12 +59,11 @@ class FiniteSteps:
 
     def learn(self, derivative: np.ndarray, values: np.ndarray) -> None:
         """Choose the next steps by a derivative of the fitted numbers, (k, p) per outside unit."""
-        slope = np.abs(np.nan_to_num(derivative)) * self.parameters.value_per_fitted(values)
+        slope = np.nan_to_num(derivative) * self.parameters.value_per_fitted(values)
         shortest, _, widest = self._limits()
         if not np.any(self.noise > 0):
             return
-        relative = slope / np.maximum(self.noise, 1e-12)[:, None]
-        strongest = np.max(relative, axis=0)
+        strongest = self._effect(slope)
         with np.errstate(divide="ignore"):
             wanted = self.factor / strongest
         self._size = np.clip(wanted, shortest, widest)
@@ -71,9 +75,19 @@ class FiniteSteps:
             derivative: of the fitted numbers, (k, p) per outside unit.
             steps: taken, (p,); 0 for an exact derivative, which is always resolved.
         """
-        effect = np.abs(np.nan_to_num(derivative) * steps[None, :])
-        enough = np.any(effect >= self.factor * self.noise[:, None] * (1.0 - 1e-9), axis=0)
+        effect = np.nan_to_num(derivative) * steps[None, :]
+        if not np.any(self.noise > 0):
+            enough = np.any(effect > 0, axis=0)
+        else:
+            enough = self._effect(effect) >= self.factor * (1.0 - 1e-9)
         return (enough & (steps != 0)) | ((steps == 0) & np.any(derivative != 0, axis=0))
+
+    def _effect(self, change: np.ndarray) -> np.ndarray:
+        """Change of the fitted numbers (k, p) in units of their noise, (p,)."""
+        if self.whitener is None:
+            return np.max(np.abs(change) / np.maximum(self.noise, 1e-12)[:, None], axis=0)
+        noise = np.linalg.norm(self.whitener * self.noise[None, :])
+        return np.linalg.norm(self.whitener @ change, axis=0) / max(noise, 1e-12)
 
     def _limits(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Shortest, first and widest step in fitted units, (p,) each."""

@@ -4,6 +4,10 @@ On a slope that stands, the runout does not depend on the strength and its deriv
 So, before the first iteration, the strengths are multiplied by one factor after the other of a
 geometric series until the toes have moved by two spacings (iteration 0), and the search begins from
 the best of these runs.
+
+A search can also end in the wrong valley: below some strength the whole slope has gone, and weaker
+soil hardly changes where it lies. A search that ends far from the data therefore looks around once,
+over all strengths between the bounds, and goes on from the best place if there is a better one.
 """
 
 from __future__ import annotations
@@ -15,6 +19,8 @@ from pipeline.cli import WorkFailed
 
 #: Ratio of the series, and runs of one batch: as many as there are usually processor cores.
 RATIO, BATCH = 0.8, 2
+#: Ratio of the strengths that are tried when a search looks around, and how many at most.
+AROUND_RATIO, AROUND_MOST = 1.25, 24
 
 
 def moved(
@@ -82,3 +88,36 @@ def scan(search: Search, first: Look, least_m: float) -> Look:
                 f"nothing moves by {least_m:g} m, not even at {weakest}; lower the bounds, or "
                 "check section and water"
             )
+
+
+def look_around(search: Search, start: np.ndarray, best: Look) -> Look | None:
+    """Try strengths between the bounds, in the ratios of `start`; the best look if it is better.
+
+    The places do not depend on where the search ended, so that several searches of one question
+    share the runs.
+
+    Args:
+        search: told of every run, as belonging to the iteration it has reached.
+        start: first guess of the question (p,).
+        best: where the search ended.
+    """
+    parameters = search.objective.parameters
+    strengths = parameters.strengths
+    if not strengths.any():
+        return None
+    half = AROUND_MOST // 2
+    factors = AROUND_RATIO ** np.arange(-half, half + 1.0)
+    inside = [
+        factor
+        for factor in factors
+        if np.all((factor * start >= parameters.low)[strengths])
+        and np.all((factor * start <= parameters.high)[strengths])
+    ]
+    trials = [np.where(strengths, factor * start, start) for factor in inside]
+    iteration = max(look.iteration for look in search.looks)
+    looks = [
+        search.record(values, "scan", iteration, prediction)
+        for values, prediction in zip(trials, search.engine.predict(trials), strict=True)
+    ]
+    nearest = min(looks, key=lambda look: look.loss, default=best)
+    return nearest if nearest.loss < best.loss else None
