@@ -216,7 +216,7 @@ figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
   .wide { overflow: visible; }
   details::details-content { content-visibility: visible; block-size: auto; }
   video { display: none; }
-  img[src^="data:image/svg"] { width: min(100%, 30rem); }
+  img[src^="data:image/svg"] { width: min(100%, 30rem); max-height: 23cm; object-fit: contain; }
   img[src^="data:image/svg"] { width: min(100%, 44rem); }
 .picture img, .picture video { min-width: 0; }
 }
