@@ -13,6 +13,12 @@ from inversion.result import MeasurementAnswer, ParameterAnswer
 FAR = 2.0
 """Standard deviations beyond which a difference is called a misfit."""
 
+WIDE = 0.2
+"""Width of the range of equally good answers that the first line tells, as a share of the value."""
+
+ALONE = 0.98
+"""Component of a direction, of length 1, from which on it is one parameter's."""
+
 MINUS = "\N{MINUS SIGN}"
 
 ENGINE_WORDS = {"mpm": "the material point method"}
@@ -54,13 +60,23 @@ def answer_sentence(data: ReportData) -> str:
         ratio = ""
         if p.ratio is not None:
             ratio = f" (S_r/σ'_v0 = {p.ratio:.3f} ± {p.ratio_std:.3f})"
-        parts.append(f"{p.label}: {value(p)}{ratio}")
+        parts.append(f"{p.label}: {value(p)}{ratio}{_as_good(p)}")
     engine = ENGINE_WORDS.get(result.engine, result.engine)
     how = f"by {engine} at {result.spacing_m:g} m spacing{water_words(data)}"
     end = (
         "" if result.answer.reached else " NOT FITTED: the search ended before the loss was small."
     )
     return f"{'; '.join(parts)}; {how}.{end}"
+
+
+def _as_good(parameter: ParameterAnswer) -> str:
+    """The range of the equally good answers, where it is a wide one."""
+    if parameter.equally_good_range is None:
+        return ""
+    low, high = parameter.equally_good_range
+    if high - low < WIDE * abs(parameter.value):
+        return ""
+    return f", as good anywhere from {low:.1f} to {high:.1f}"
 
 
 def water_words(data: ReportData) -> str:
@@ -135,22 +151,25 @@ def _misfit(m: MeasurementAnswer) -> str:
     )
 
 
-def variant_misfits(data: ReportData) -> list[str]:
-    """The same of each variant: measurements outside its fit that it misses by more than `FAR`."""
+def variant_sentences(data: ReportData) -> list[str]:
+    """What other readings of the question miss, and which of them meet what the answer misses."""
     known = {m.name: m for m in data.result.measurements if m.role != "constructed"}
-    told = []
+    missed_here = {m.name for m in misfits(data)}
+    missed, met = [], []
     for variant in data.result.variants:
-        far = []
         for name, predicted in variant.predicted.items():
             m = known.get(name)
-            if m is None or name in variant.measured or not m.std:
+            if m is None or not m.std or name in variant.measured:
                 continue
-            off = (predicted - m.measured) / m.std
-            if abs(off) > FAR:
-                far.append(f"{name} measured {m.measured:g}, predicted {plain(predicted)} {m.unit}")
-        if far:
-            told.append(f"{variant.name}: {'; '.join(far)}")
-    return told
+            told = f"{name} {plain(predicted)} {m.unit} (measured {m.measured:g}) {variant.name}"
+            if abs(predicted - m.measured) > FAR * m.std:
+                missed.append(told)
+            elif name in missed_here:
+                met.append(told)
+    sentences = [f"Not reproduced under other readings: {'; '.join(missed)}."] if missed else []
+    if met:
+        sentences.append(f"Met under other readings: {'; '.join(met)}.")
+    return sentences
 
 
 def toe_words(data: ReportData) -> list[str]:
@@ -176,10 +195,15 @@ def constructed_sentence(data: ReportData) -> str:
 
 def undetermined_sentences(data: ReportData) -> list[str]:
     """What the data say nothing of: directions, and each number before and after."""
-    told = [
-        f"Not determined: {d.words} (standard deviation {d.remaining:.2f} of the one before)."
-        for d in data.result.answer.undetermined
-    ]
+    alone = {p.name for p in data.result.answer.parameters if not p.determined}
+    told = []
+    for direction in data.result.answer.undetermined:
+        name, largest = max(direction.direction.items(), key=lambda item: abs(item[1]))
+        if name not in alone or abs(largest) < ALONE:  # else told by its own name, below
+            told.append(
+                f"Not determined: {direction.words} (standard deviation {direction.remaining:.2f} "
+                "of the one before)."
+            )
     for p in data.result.answer.parameters:
         if not p.determined:
             basis = "its prior" if p.has_prior else f"its bounds, {p.low:g} to {p.high:g}"
@@ -187,9 +211,9 @@ def undetermined_sentences(data: ReportData) -> list[str]:
                 number_with_unit(p, f"± {std:.2g}") for std in (p.std_data, p.prior_std)
             )
             told.append(
-                f"{p.label} is not identifiable from these measurements: {after} after them, "
-                f"{before} before ({basis}). The value {p.value:.1f} is only where the search "
-                "left it."
+                f"{p.label[:1].upper()}{p.label[1:]} is not identifiable from these measurements: "
+                f"{after} after them, {before} before ({basis}). "
+                f"The value {p.value:.1f} is only where the search left it."
             )
     if not told:
         told.append("The data determine every number that was sought.")

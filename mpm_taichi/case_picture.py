@@ -60,7 +60,8 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
     stamps = ["Before the slide", f"Simulated deposit, {run.time[-1]:.0f} s later"]
     for ax, (frame, overlay), stamp in zip(axes, parts, stamps, strict=True):
         draw_frame(ax, run, frame, colouring=colouring, overlay=overlay, limits=limits)
-        ax.set_yticks([tick for tick in ax.get_yticks() if bottom - 5 < tick < limits[1][1]])
+        lowest = max(bottom - 5, limits[1][0])  # a tick below the limits would move them
+        ax.set_yticks([tick for tick in ax.get_yticks() if lowest < tick < limits[1][1]])
         ax.text(
             0.0,
             1.0,

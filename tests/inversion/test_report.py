@@ -15,7 +15,13 @@ from inversion.draw_methods import reference, slides
 from inversion.draw_uncertainty import bars
 from inversion.report import PAGE, write_report
 from inversion.report_data import ReportData, load_report
-from inversion.report_words import answer_sentence, misfit_sentence, signed, undetermined_sentences
+from inversion.report_words import (
+    answer_sentence,
+    misfit_sentence,
+    signed,
+    undetermined_sentences,
+    variant_sentences,
+)
 from inversion.result import Result, save_result
 from inversion.show_command import folders
 from pipeline.cli import InputError
@@ -112,7 +118,11 @@ def test_the_answer_is_one_sentence():
         "S_r of the fill: 27.5 ± 1.6 kPa (S_r/σ'_v0 = 0.183 ± 0.011); by the material point method "
         "at 2 m spacing."
     )
-    made = document([parameter("s")])
+    made = document([parameter("s", equally_good_range=[20.0, 33.0])])
+    told = answer_sentence(ReportData(Path(), Result.model_validate(made)))
+    assert "as good anywhere from 20.0 to 33.0; by" in told
+    made = document([parameter("s", equally_good_range=[27.0, 28.0])])
+    assert "as good" not in answer_sentence(ReportData(Path(), Result.model_validate(made)))
     made["answer"]["reached"] = False
     assert "NOT FITTED" in answer_sentence(ReportData(Path(), Result.model_validate(made)))
 
@@ -123,7 +133,18 @@ def test_misfits_are_not_hidden(full_page):
     assert "held out" in sentence and "crest" not in sentence
     lead = re.search(r'<p class="lead">(.*?)</p>', full_page[0])[1]
     assert "Not reproduced: freeboard" in lead
-    assert "freeboard measured 1.5, predicted −2.2 m" in full_page[0]  # of the variant as well
+    told = "Not reproduced under other readings: freeboard −2.2 m (measured 1.5) without the fill."
+    assert told in full_page[0]
+
+
+def test_a_reading_that_meets_what_the_answer_misses_is_named():
+    result = full()
+    met = result.variants[0].model_copy(update={"predicted": {"freeboard": 1.9}})
+    result = result.model_copy(update={"variants": [met]})
+    (sentence,) = variant_sentences(ReportData(Path(), result))
+    assert sentence == (
+        "Met under other readings: freeboard 1.9 m (measured 1.5) without the fill."
+    )
 
 
 def test_constructed_data_are_called_so_and_no_misfit():
@@ -136,7 +157,7 @@ def test_constructed_data_are_called_so_and_no_misfit():
 
 def test_what_is_not_identifiable_is_told():
     told = " ".join(undetermined_sentences(ReportData(Path(), full())))
-    assert "friction angle of the rolled fill is not identifiable" in told
+    assert "Friction angle of the rolled fill is not identifiable" in told
     assert "± 2.9° after them, ± 2.9° before (its bounds, 27 to 37)" in told
 
 
