@@ -125,9 +125,7 @@ def _measured(data: ReportData) -> Section:
     from inversion.draw_measured import draw_measured
 
     parts: list[Part] = [Paragraph(words.misfit_sentence(data))]
-    if others := words.variant_misfits(data):
-        told = "; ".join(others)
-        parts.append(Paragraph(f"Nor under other readings of the question: {told}."))
+    parts += map(Paragraph, words.variant_sentences(data))
     path = draw_measured(data, data.folder / "measured.svg")
     if path is None:
         return Section("Measured against predicted")
@@ -247,7 +245,11 @@ def _catalogue(data: ReportData) -> Section:
                 "The strength ratio of this analysis (letters) among published case histories and "
                 "correlations. Hollow marks and dashed lines are recalled, unverified."
             ),
-            Picture(path, "Strength ratio against blow count, with correlations and our answers."),
+            Picture(
+                path,
+                "Strength ratio against blow count, with correlations and our answers.",
+                least_width_px=640,
+            ),
         ],
     )
 

@@ -161,7 +161,7 @@ def variant_sentences(data: ReportData) -> list[str]:
             m = known.get(name)
             if m is None or not m.std or name in variant.measured:
                 continue
-            told = f"{name} {plain(predicted)} {m.unit} (measured {m.measured:g}) {variant.name}"
+            told = f"{variant.name}, {name} {plain(predicted)} {m.unit} (measured {m.measured:g})"
             if abs(predicted - m.measured) > FAR * m.std:
                 missed.append(told)
             elif name in missed_here:

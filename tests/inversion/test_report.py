@@ -133,7 +133,7 @@ def test_misfits_are_not_hidden(full_page):
     assert "held out" in sentence and "crest" not in sentence
     lead = re.search(r'<p class="lead">(.*?)</p>', full_page[0])[1]
     assert "Not reproduced: freeboard" in lead
-    told = "Not reproduced under other readings: freeboard −2.2 m (measured 1.5) without the fill."
+    told = "Not reproduced under other readings: without the fill, freeboard −2.2 m (measured 1.5)."
     assert told in full_page[0]
 
 
@@ -143,7 +143,7 @@ def test_a_reading_that_meets_what_the_answer_misses_is_named():
     result = result.model_copy(update={"variants": [met]})
     (sentence,) = variant_sentences(ReportData(Path(), result))
     assert sentence == (
-        "Met under other readings: freeboard 1.9 m (measured 1.5) without the fill."
+        "Met under other readings: without the fill, freeboard 1.9 m (measured 1.5)."
     )
 
 
