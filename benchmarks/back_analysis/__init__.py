@@ -1,0 +1,1 @@
+"""What the back-analysis must show: measured figures beside those asked."""

@@ -1,0 +1,79 @@
+"""What the parts share: where runs are kept, and back-analyses solved once for all parts.
+
+Everything goes through the tool's own classes, with runs kept by content: a part that was killed
+goes on where it stopped, and a second part that needs the same answer costs nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from inversion.back_analysis import BackAnalysis
+from inversion.load import LoadedCase, load_case
+from inversion.result import Result
+from inversion.run_store import RunStore
+from pipeline.config import Config, load_config
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "results" / "benchmarks" / "back_analysis"
+CASES = ROOT / "case_histories"
+LSFD, LA_MARQUESA = "lower_san_fernando", "la_marquesa"
+
+#: Spacing of material points, m: in full and with --quick.
+SPACING = {LSFD: (2.0, 4.0), LA_MARQUESA: (0.5, 0.75)}
+THREADS = 2
+
+_solved: dict[tuple, BackAnalysis] = {}
+_results: dict[tuple, Result] = {}
+
+
+def say(line: str) -> None:
+    """Progress, on the standard error."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def store(folder: str = "runs") -> RunStore:
+    """Runs kept by content below `FOLDER`."""
+    return RunStore(FOLDER / folder, threads=THREADS)
+
+
+def config(*overrides: str) -> Config:
+    """The configuration with changes such as `inversion.starts=1`."""
+    return load_config(None, list(overrides))
+
+
+def loaded(name: str, *, quick: bool, measurement_set: str | None = None,
+           overrides: Sequence[str] = ()) -> LoadedCase:  # fmt: skip
+    """A case history at the spacing of this study."""
+    return load_case(
+        CASES / name,
+        config(*overrides),
+        measurement_set=measurement_set,
+        spacing_m=SPACING[name][quick],
+    )
+
+
+def solved(
+    name: str,
+    *,
+    quick: bool,
+    measurement_set: str | None = None,
+    overrides: Sequence[str] = (),
+) -> tuple[BackAnalysis, Result]:
+    """A case history back-analysed by the tool, once for all parts of a run.
+
+    Args:
+        name: of the case.
+        quick: at the coarser spacing.
+        measurement_set: None: the file's default.
+        overrides: of the configuration.
+    """
+    key = (name, quick, measurement_set, tuple(overrides))
+    if key not in _solved:
+        case = loaded(name, quick=quick, measurement_set=measurement_set, overrides=overrides)
+        analysis = BackAnalysis(case, store(), say)
+        _results[key] = analysis.run()
+        _solved[key] = analysis
+    return _solved[key], _results[key]

@@ -1,0 +1,51 @@
+"""Lower San Fernando: with and without the reservoir.
+
+The paper does not say whether its model of Lower San Fernando had a reservoir. The pool at 35.9 m
+is taken as reduced weight (the default), as pressure in and on the soil, and left out. Beside
+them: Olson and Stark (2002) 18.7 kPa (15.8-21.8), the paper 18.9 kPa, Weber (2015) 25.8 kPa
+(recalled). Our section, cells and toe are not the paper's; what moves S_r most is in the note of
+its standard deviation above. The ends of the measured runout are solved too.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchmarks.back_analysis import lab
+from benchmarks.back_analysis.figures import Figure
+from inversion.result import ParameterAnswer, VariantAnswer
+
+TITLE = "Lower San Fernando: with and without the reservoir"
+
+STRENGTH = "residual_strength_1"
+PUBLISHED = (15.8, 21.8)
+
+
+def run(folder: Path | None, *, quick: bool) -> list[Figure]:
+    """The answer and its variants."""
+    _, result = lab.solved(lab.LSFD, quick=quick)
+    answer = result.answer.parameters[0]
+    return [
+        Figure("S_r, water as reduced weight", f"{answer.value:.1f} ± {answer.std_total:.1f} kPa",
+               "18.7 (15.8-21.8); paper 18.9", note=_beside(answer)),
+        *(_variant(variant) for variant in result.variants),
+    ]  # fmt: skip
+
+
+def _beside(answer: ParameterAnswer) -> str:
+    low, high = answer.interval_95
+    touches = low <= PUBLISHED[1] and high >= PUBLISHED[0]
+    return (
+        f"95 %: {low:.1f} to {high:.1f} kPa, which "
+        f"{'overlaps' if touches else 'does not meet'} the published range"
+    )
+
+
+def _variant(variant: VariantAnswer) -> Figure:
+    toe = variant.predicted["upstream toe"]
+    return Figure(
+        f"S_r, {variant.name}",
+        f"{variant.values[STRENGTH]:.1f} kPa",
+        note=f"{variant.words}; toe {toe:.1f} m"
+        + ("" if variant.reached else f"; NOT FITTED: {variant.words_end}"),
+    )
