@@ -7,7 +7,7 @@ the classical methods, and what others have published.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -66,11 +66,16 @@ class Slide:
 def slides(data: ReportData) -> list[Slide]:
     """The panels: one for each side that has a strength sought."""
     found = []
-    for side in ("left", "right"):
-        names = [p.name for p in data.strengths if data.side(p) == side]
-        if names:
-            rows = [*_ours(data, names), *_classical(data, side), *_published(data, names)]
-            found.append(Slide(_title(data, side), rows))
+    sides = {p.name: data.side(p) for p in data.strengths}
+    for side in sorted(set(sides.values())):
+        names = [name for name, its in sides.items() if its == side]
+        classical = [
+            analysis
+            for analysis in data.result.classical
+            if analysis.get("side") == side or len(set(sides.values())) == 1
+        ]
+        rows = [*_ours(data, names), *_classical(classical), *_published(data, names)]
+        found.append(Slide(_title(data, side), rows))
     return found
 
 
@@ -116,13 +121,13 @@ def _ours(data: ReportData, names: list[str]) -> Iterator[Strength]:
                 yield Strength(label, variant.values[p.name], None, None, "variant")
 
 
-def _classical(data: ReportData, side: str) -> Iterator[Strength]:
-    for analysis in data.result.classical:
-        if analysis.get("side") != side:
-            continue
+def _classical(analyses: Sequence[dict[str, Any]]) -> Iterator[Strength]:
+    for analysis in analyses:
+        several = f", {analysis['name']}" if len(analyses) > 1 else ""
         for method in analysis["methods"]:
             low, high = method["low_kpa"], method["high_kpa"]
-            yield Strength(method["title"], method["value_kpa"], low, high, "classical")
+            label = f"{method['title']}{several}"
+            yield Strength(label, method["value_kpa"], low, high, "classical")
 
 
 def _published(data: ReportData, names: list[str]) -> Iterator[Strength]:

@@ -88,16 +88,26 @@ class ReportData:
         return None if spec.prior is None else spec.prior.mean
 
     def side(self, parameter: ParameterAnswer) -> str:
-        """The side of the crest most of a parameter's zones lie on: left or right."""
+        """The side a parameter's zones slid to, left or right: that of the measured toes.
+
+        Where toes were measured on both sides, or on none, the side of the crest the zones lie on.
+        """
         if self.case is None:
             return "left"
-        scene, crest = self.case.scene, self.case.measurements.initial.crest_x_m
+        sides = {toe.side for toe in self.toes}
+        if len(sides) == 1:
+            return sides.pop()
+        corners = [np.asarray(zone.polygon) for zone in self.case.scene.zones]
+        everything = np.concatenate(corners)
+        crest = self.case.measurements.initial.crest_x_m
+        if crest is None:
+            crest = everything[np.argmax(everything[:, 1]), 0]
         middle = [
-            np.mean(np.asarray(zone.polygon)[:, 0])
-            for zone in scene.zones
+            corner[:, 0].mean()
+            for corner, zone in zip(corners, self.case.scene.zones, strict=True)
             if zone.name in parameter.zones
         ]
-        return "left" if not middle or np.mean(middle) <= crest else "right"
+        return "left" if np.mean(middle) <= crest else "right"
 
     def toe_place(self, side: str, runout: float) -> float:
         """The x of a toe [m], from how far it is beyond the foot of the section [m]."""

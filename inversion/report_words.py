@@ -5,13 +5,18 @@ In: a `ReportData`. Out: sentences. Nothing is said that is not in the result.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
 from inversion.draw_measured import groups
 from inversion.draw_methods import ENGINES
 from inversion.report_data import ReportData
 from inversion.result import MeasurementAnswer, ParameterAnswer
 
-FAR = 2.0
-"""Standard deviations beyond which a difference is called a misfit."""
+FAR, FAR_SHARE = 2.0, 0.1
+"""Standard deviations beyond which a difference is called a misfit; share of a series that may."""
 
 WIDE = 0.2
 """Width of the range of equally good answers that the first line tells, as a share of the value."""
@@ -83,7 +88,9 @@ def water_words(data: ReportData) -> str:
     """With or without the reservoir, where that is known."""
     if data.with_water is None:
         return ""
-    return ", with the reservoir" if data.with_water else ", without water"
+    if not data.with_water:
+        return ", without water"
+    return f", with the reservoir ({data.run.settings.water.replace('_', ' ')})"
 
 
 def meaning_sentences(data: ReportData) -> list[str]:
@@ -114,58 +121,98 @@ def meaning_sentences(data: ReportData) -> list[str]:
     return told
 
 
-def misfits(data: ReportData) -> list[MeasurementAnswer]:
-    """Measurements, not constructed, that the answer misses by more than `FAR`, worst first."""
-    far = [
-        m
-        for m in data.result.measurements
-        if m.role != "constructed"
-        and m.difference_in_std is not None
-        and abs(m.difference_in_std) > FAR
-    ]
-    return sorted(far, key=lambda m: -abs(m.difference_in_std))
+@dataclass(frozen=True)
+class Judged:
+    """A measurement outside what was constructed, against a prediction of it.
+
+    Attributes:
+        name: of the measurement.
+        role: what the search did with it.
+        far: it is missed: by more than `FAR`, or a series at more than `FAR_SHARE` of its places.
+        off: the largest difference, in standard deviations.
+        words: measured and predicted.
+    """
+
+    name: str
+    role: str
+    far: bool
+    off: float
+    words: str
+
+
+def judged(data: ReportData, predicted: Mapping[str, float]) -> list[Judged]:
+    """Every measurement against predictions by name of their numbers, the worst first.
+
+    Numbers without a prediction, and what was constructed, are left out.
+    """
+    found = []
+    for group in groups(data):
+        lines = [
+            (m, predicted[m.name])
+            for m in group.lines
+            if m.name in predicted and m.std and m.role != "constructed"
+        ]
+        if lines:
+            found.append(_judge(group.name, lines))
+    return sorted(found, key=lambda one: -abs(one.off))
+
+
+def _judge(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Judged:
+    off = np.array([(value - m.measured) / m.std for m, value in lines])
+    worst = int(np.argmax(np.abs(off)))
+    m, value = lines[worst]
+    beyond = int((np.abs(off) > FAR).sum())
+    words = (
+        f"{name} measured {m.measured:g} ± {m.std:g} {m.unit}, predicted {plain(value)} {m.unit}"
+    )
+    if len(lines) > 1:
+        square = np.sqrt(np.mean([(value - m.measured) ** 2 for m, value in lines]))
+        place = m.name.removeprefix(name).strip()
+        words = (
+            f"{name}, {beyond} of {len(lines)} values off by more than {FAR:g} standard "
+            f"deviations, root mean square {square:.1f} {m.unit}, worst {place}"
+        )
+    return Judged(name, m.role, beyond > FAR_SHARE * len(lines), float(off[worst]), words)
+
+
+def misfits(data: ReportData) -> list[Judged]:
+    """Measurements, not constructed, that the answer misses, the worst first."""
+    return [one for one in judged(data, _predicted(data)) if one.far]
+
+
+def _predicted(data: ReportData) -> dict[str, float]:
+    return {m.name: m.predicted for m in data.result.measurements}
 
 
 def misfit_sentence(data: ReportData) -> str:
     """What the answer does not reproduce, or that nothing was found."""
-    far = misfits(data)
-    if far:
-        told = "; ".join(_misfit(m) for m in far[:4])
-        more = f"; and {len(far) - 4} more" if len(far) > 4 else ""
-        return f"Not reproduced: {told}{more}."
-    judges = [m for m in data.result.measurements if m.role in ("held out", "compared")]
+    if far := misfits(data):
+        told = "; ".join(
+            f"{one.words} ({signed(one.off)} standard deviations"
+            f"{'' if one.role == 'fitted' else f', {one.role}'})"
+            for one in far
+        )
+        return f"Not reproduced: {told}."
+    judges = [one for one in judged(data, _predicted(data)) if one.role != "fitted"]
     if not judges:
         return "No measurement outside the fit is there to judge the answer by."
-    told = "; ".join(
-        f"{m.name}, measured {m.measured:g} {m.unit}, predicted {plain(m.predicted)}"
-        for m in judges[:4]
-    )
+    told = "; ".join(one.words for one in judges)
     return f"Measurements outside the fit are met within {FAR:g} standard deviations: {told}."
-
-
-def _misfit(m: MeasurementAnswer) -> str:
-    role = "" if m.role == "fitted" else f", {m.role}"
-    return (
-        f"{m.name} measured {m.measured:g} ± {m.std:g} {m.unit}, predicted "
-        f"{plain(m.predicted)} {m.unit} ({signed(m.difference_in_std)} standard deviations{role})"
-    )
 
 
 def variant_sentences(data: ReportData) -> list[str]:
     """What other readings of the question miss, and which of them meet what the answer misses."""
-    known = {m.name: m for m in data.result.measurements if m.role != "constructed"}
-    missed_here = {m.name for m in misfits(data)}
+    missed_here = {one.name for one in misfits(data)}
     missed, met = [], []
     for variant in data.result.variants:
-        for name, predicted in variant.predicted.items():
-            m = known.get(name)
-            if m is None or not m.std or name in variant.measured:
-                continue
-            told = f"{variant.name}, {name} {plain(predicted)} {m.unit} (measured {m.measured:g})"
-            if abs(predicted - m.measured) > FAR * m.std:
-                missed.append(told)
-            elif name in missed_here:
-                met.append(told)
+        outside = {
+            name: value for name, value in variant.predicted.items() if name not in variant.measured
+        }
+        for one in judged(data, outside):
+            if one.far:
+                missed.append(f"{variant.name}: {one.words}")
+            elif one.name in missed_here:
+                met.append(f"{variant.name}: {one.words}")
     sentences = [f"Not reproduced under other readings: {'; '.join(missed)}."] if missed else []
     if met:
         sentences.append(f"Met under other readings: {'; '.join(met)}.")

@@ -25,7 +25,7 @@ from inversion.report_words import (
 from inversion.result import Result, save_result
 from inversion.show_command import folders
 from pipeline.cli import InputError
-from tests.inversion.report_case import NASTY, document, full, least, parameter
+from tests.inversion.report_case import NASTY, document, full, least, measurement, parameter
 from tests.pipeline.test_page import Outline
 
 PICTURES = {"methods.svg", "measured.svg", "before_after.svg", "history.svg", "catalogue.svg"}
@@ -133,7 +133,10 @@ def test_misfits_are_not_hidden(full_page):
     assert "held out" in sentence and "crest" not in sentence
     lead = re.search(r'<p class="lead">(.*?)</p>', full_page[0])[1]
     assert "Not reproduced: freeboard" in lead
-    told = "Not reproduced under other readings: without the fill, freeboard −2.2 m (measured 1.5)."
+    told = (
+        "Not reproduced under other readings: without the fill: freeboard measured 1.5 ± 0.5 m, "
+        "predicted −2.2 m."
+    )
     assert told in full_page[0]
 
 
@@ -143,7 +146,8 @@ def test_a_reading_that_meets_what_the_answer_misses_is_named():
     result = result.model_copy(update={"variants": [met]})
     (sentence,) = variant_sentences(ReportData(Path(), result))
     assert sentence == (
-        "Met under other readings: without the fill, freeboard 1.9 m (measured 1.5)."
+        "Met under other readings: without the fill: freeboard measured 1.5 ± 0.5 m, "
+        "predicted 1.9 m."
     )
 
 
@@ -153,6 +157,25 @@ def test_constructed_data_are_called_so_and_no_misfit():
            for m in result.measurements]  # fmt: skip
     result = result.model_copy(update={"measurements": far})
     assert "profile" not in misfit_sentence(ReportData(Path(), result))
+
+
+def test_a_profile_is_judged_as_a_whole():
+    made = document([parameter("s")])
+    heights = [2.0] * 18 + [9.0] * 2
+    made["measurements"] += [
+        measurement(f"profile at x {x} m", group="profile", type="surface_profile", measured=2.0,
+                    std=0.5, predicted=y, difference_in_std=(y - 2.0) / 0.5, role="compared")
+        for x, y in enumerate(heights)
+    ]  # fmt: skip
+    sentence = misfit_sentence(ReportData(Path(), Result.model_validate(made)))
+    assert sentence.startswith("Measurements outside the fit are met")  # 2 of 20: a tenth
+    for line in made["measurements"][1:4]:
+        line.update(predicted=0.0, difference_in_std=-4.0)
+    sentence = misfit_sentence(ReportData(Path(), Result.model_validate(made)))
+    assert sentence == (
+        "Not reproduced: profile, 5 of 20 values off by more than 2 standard deviations, root mean "
+        "square 2.3 m, worst at x 18 m (+14.0 standard deviations, compared)."
+    )
 
 
 def test_what_is_not_identifiable_is_told():
@@ -235,7 +258,7 @@ def test_a_real_case(lsfd, tmp_path):
     quiet = ["--quick", "--quiet", "--set", "inversion.step_seeds=2", "--report", "page"]
     assert main(["invert", str(lsfd), "--out", str(out), *quiet]) == 0
     text = (out / PAGE).read_text("utf-8")
-    assert "with the reservoir" in text and "Not reproduced: freeboard" in text
+    assert "with the reservoir (buoyant)" in text and "Not reproduced: freeboard" in text
     assert "Constructed, not surveyed: profile" in text
     for name in ("section.png", "iterations.png"):
         assert (out / name).stat().st_size > 20_000
