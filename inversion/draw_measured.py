@@ -47,7 +47,8 @@ class Group:
             unit = self.lines[0].unit
             return f"{len(self.lines)} points, off by {square**0.5:.1f} {unit} (root mean square)"
         m = self.lines[0]
-        return f"measured {m.measured:g} ± {m.std:g} {m.unit}, predicted {m.predicted:.1f} {m.unit}"
+        predicted = f"{m.predicted:.1f}".replace("-", "\N{MINUS SIGN}")
+        return f"measured {m.measured:g} ± {m.std:g} {m.unit}, predicted {predicted} {m.unit}"
 
 
 def groups(data: ReportData) -> list[Group]:
