@@ -2,12 +2,13 @@
 
 In: a `Search` and first guesses. Out: `Found`. A start at which nothing moves, or whose derivative
 says nothing, goes through the geometric scan first; a search that ends far from the data looks
-around once and goes on from the best place it sees.
+around once and goes on from the best place it sees; a misfit of many numbers is smoothed at last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from inversion.gauss_newton import LARGEST_BOX, best_step, gauss_newton
 from inversion.geometric_scan import look_around, moved, scan
 from inversion.lbfgsb import lbfgsb
 from inversion.parameters import Parameters
+from inversion.polish import polish
 from inversion.search import Found, Look, Search
 
 Method = Literal["gauss_newton", "lbfgsb"]
@@ -25,6 +27,8 @@ METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
 LEAST_PROMISE = 0.1
 #: A fit is far off where it is worse than expected by this many standard deviations.
 FAR_OFF = 4.0
+#: The smoothed answer lies in no ripple and may be worse by this multiple of what noise adds.
+MOST_WORSE = 3.0
 #: Further starts: strengths times this, and friction angles at this share of their bounds.
 OTHER_STARTS = ((0.65, 0.25), (1.6, 0.75), (0.45, 0.6), (2.2, 0.4))
 
@@ -49,12 +53,28 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
     else:
         search.measure_noise(first, start)
     found = METHODS[method](search, first)
-    if not _far_off(search, found.look):
+    if _far_off(search, found.look):
+        better = look_around(search, search.objective.parameters.start, found.look)
+        if better is not None:
+            first = search.look(better.values, "scan", better.iteration)
+            found = METHODS[method](search, first)
+    return _polished(search, found)
+
+
+def _polished(search: Search, found: Found) -> Found:
+    """The bottom of the valley, where many numbers are fitted and the simulation has noise."""
+    if search.objective.loss != "misfit" or not np.any(search.steps.noise > 0):
         return found
-    better = look_around(search, search.objective.parameters.start, found.look)
-    if better is None:
+    if not np.isfinite(found.look.loss) or search.exhausted:
         return found
-    return METHODS[method](search, search.look(better.values, "scan", better.iteration))
+    look = polish(search, found.look)
+    if look is None:
+        return found
+    ripple = np.sum((search.objective.survey_whitener * search.steps.noise[None, :]) ** 2)
+    if not look.loss <= found.look.loss + MOST_WORSE * ripple:
+        search.reject(look)
+        return found
+    return replace(found, look=look, runs=search.runs, words=f"{found.words}, smoothed")
 
 
 def _far_off(search: Search, look: Look) -> bool:
