@@ -16,6 +16,8 @@ from inversion.search import Look, Search
 
 #: Places on either side, in half-widths; half-width of a strength's logarithm, of an angle [deg].
 PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
+#: The places move with the bottom, so often at most.
+MOST_MOVES = 3
 #: Runs without which the functions are not known.
 LEAST_RUNS = 5
 
@@ -29,8 +31,24 @@ def polish(search: Search, best: Look) -> Look | None:
     """
     parameters = search.objective.parameters
     half = np.where(parameters.logarithmic, HALF_LOG, HALF_DEGREES) / parameters.prior_std
-    centre = half * np.round(parameters.to_fitted(best.values) / half)
-    centre = np.clip(centre, parameters.fitted_low, parameters.fitted_high)
+    bottom, centre = parameters.to_fitted(best.values), None
+    for _ in range(MOST_MOVES):
+        rounded = half * np.round(bottom / half)
+        rounded = np.clip(rounded, parameters.fitted_low, parameters.fitted_high)
+        if centre is not None and np.array_equal(rounded, centre):
+            break
+        centre = rounded
+        found = _bottom(search, centre, half)
+        if found is None:
+            return None
+        bottom = found
+    iteration = max(look.iteration for look in search.looks) + 1
+    return search.look(parameters.to_values(bottom), best.kind, iteration)
+
+
+def _bottom(search: Search, centre: np.ndarray, half: np.ndarray) -> np.ndarray | None:
+    """The bottom seen from around `centre`, fitted (p,); None: too few runs, or at the rim."""
+    parameters = search.objective.parameters
     offsets = [np.zeros(len(half))]
     for axis in np.eye(len(half)):
         offsets += [sign * place * axis for place in PLACES for sign in (1.0, -1.0)]
@@ -43,14 +61,10 @@ def polish(search: Search, best: Look) -> Look | None:
         return None
     mask = search.objective.targets.fitted
     numbers = np.array([p.values[mask] for p in predictions if not p.failed])
-    bottom = _bottom(search, (fitted[kept] - centre) / half, numbers, centre, half)
-    if bottom is None:
-        return None
-    iteration = max(look.iteration for look in search.looks) + 1
-    return search.look(parameters.to_values(bottom), best.kind, iteration)
+    return _least_squares(search, (fitted[kept] - centre) / half, numbers, centre, half)
 
 
-def _bottom(
+def _least_squares(
     search: Search, places: np.ndarray, numbers: np.ndarray, centre: np.ndarray, half: np.ndarray
 ) -> np.ndarray | None:
     """Least squares of the smooth functions, fitted (p,); None where it lies at the rim."""
