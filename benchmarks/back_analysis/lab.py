@@ -44,14 +44,20 @@ def config(*overrides: str) -> Config:
     return load_config(None, list(overrides))
 
 
-def loaded(name: str, *, quick: bool, measurement_set: str | None = None,
-           overrides: Sequence[str] = ()) -> LoadedCase:  # fmt: skip
-    """A case history at the spacing of this study."""
+def loaded(
+    name: str,
+    *,
+    quick: bool,
+    measurement_set: str | None = None,
+    overrides: Sequence[str] = (),
+    spacing_m: float | None = None,
+) -> LoadedCase:
+    """A case history at the spacing of this study, or at another."""
     return load_case(
         CASES / name,
         config(*overrides),
         measurement_set=measurement_set,
-        spacing_m=SPACING[name][quick],
+        spacing_m=SPACING[name][quick] if spacing_m is None else spacing_m,
     )
 
 
@@ -61,6 +67,7 @@ def solved(
     quick: bool,
     measurement_set: str | None = None,
     overrides: Sequence[str] = (),
+    spacing_m: float | None = None,
 ) -> tuple[BackAnalysis, Result]:
     """A case history back-analysed by the tool, once for all parts of a run.
 
@@ -69,10 +76,12 @@ def solved(
         quick: at the coarser spacing.
         measurement_set: None: the file's default.
         overrides: of the configuration.
+        spacing_m: of material points; None: that of this study.
     """
-    key = (name, quick, measurement_set, tuple(overrides))
+    key = (name, quick, measurement_set, tuple(overrides), spacing_m)
     if key not in _solved:
-        case = loaded(name, quick=quick, measurement_set=measurement_set, overrides=overrides)
+        case = loaded(name, quick=quick, measurement_set=measurement_set, overrides=overrides,
+                      spacing_m=spacing_m)  # fmt: skip
         analysis = BackAnalysis(case, store(), say)
         _results[key] = analysis.run()
         _solved[key] = analysis

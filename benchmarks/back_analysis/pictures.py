@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FormatStrFormatter, NullLocator
 
 from inversion.result import Result
 from pipeline.files import atomic_path
@@ -17,6 +18,7 @@ from pipeline.files import atomic_path
 if TYPE_CHECKING:
     from benchmarks.back_analysis.twins import Twin
 
+STRENGTH_TICKS = (1, 2, 3, 5, 10, 20, 30, 50, 100)
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 
 
@@ -81,6 +83,10 @@ def twins_picture(twins: Sequence[Twin], path: Path) -> None:
     ends = np.array([min(t.truth_kpa for t in twins) * 0.8, max(t.truth_kpa for t in twins) * 1.2])
     left.loglog(ends, ends, color="#555555", linewidth=0.8)
     left.set(xlim=ends, ylim=ends)
+    for axis in (left.xaxis, left.yaxis):
+        axis.set_major_locator(FixedLocator(STRENGTH_TICKS))
+        axis.set_major_formatter(FormatStrFormatter("%g"))
+        axis.set_minor_locator(NullLocator())
     left.legend(fontsize=8, frameon=False)
     right.axvspan(-2, 2, color="#dddddd", zorder=0)
     right.axhspan(-3, 3, color="#cfe8dd", zorder=0, alpha=0.6)

@@ -27,6 +27,8 @@ from inversion.run_store import KeptRun, RunStore
 from pipeline.config import Config
 from pipeline.files import write_text
 
+#: Of strengths, jitter and survey. The search was improved on seed 7; what is recorded is another.
+SEED = 8
 #: Spacing of the points of the slide / that of the fit; jitter of its points.
 FINER, JITTER = 0.8, 0.5
 #: Standard deviations of the surveyed toe and surface, as shares of the height of the section.
@@ -112,9 +114,9 @@ def plans(config: Config, *, spacing_m: float) -> Iterator[tuple[str, Plan]]:
 
 def truth_of(plan: Plan, config: Config, store: RunStore) -> Truth | None:
     """Draw a strength for which the question makes sense; None after `DRAWS` vain ones."""
-    stream = Stream(7, plan.key)
+    stream = Stream(SEED, plan.key)
     finer = plan.scene.changed(
-        spacing=FINER * plan.scene.spacing, jitter=JITTER, seed=1000 + plan.key
+        spacing=FINER * plan.scene.spacing, jitter=JITTER, seed=100_000 * SEED + plan.key
     )
     for _ in range(DRAWS):
         strength = float(np.exp(stream.uniform(*np.log(plan.strengths))))
@@ -165,7 +167,7 @@ def write_case(truth: Truth, folder: Path, *, cell_factor: float) -> None:
     blank = with_properties(plan.scene, [(z, "cohesion_kpa", plan.start) for z in plan.zones])
     folder.mkdir(parents=True, exist_ok=True)
     save_scene(blank, folder / "scene.yaml")
-    noise = np.random.default_rng(plan.key)
+    noise = np.random.default_rng([SEED, plan.key])
     x, y = _surveyed_surface(truth, noise)
     rows = [f"{a:.4f},{b:.4f},surveyed" for a, b in zip(x, y, strict=True)]
     write_text(folder / "profile.csv", "\n".join(["x_m,y_m,part", *rows]) + "\n")

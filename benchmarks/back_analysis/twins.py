@@ -3,11 +3,15 @@
 Twenty slides with a known S_r: sections from the random templates (a) to (d) with a liquefied
 zone, and both dams. Each slide is simulated with jittered points at 0.8 times the spacing of the
 fit, and surveyed with random errors: the toe (standard deviation 3 % of the section's height) and
-14 points of the surface (1.5 %). The survey, the section and a question go into a case folder; its
-measurements grant the model half a spacing (`model_std_m`). The tool answers from three first
-guesses that know nothing of the truth (20 kPa for every template). A section is left out where S_r
-does not decide the runout: where the slide is shorter than 0.3 heights, reaches the wall, or would
-stop less than 0.1 heights earlier with 30 % more strength.
+14 points of the surface (1.5 %). The survey, the section and a question go into a case folder;
+its measurements grant the model half a spacing (`model_std_m`). The tool answers from three first
+guesses that know nothing of the truth (20 kPa for every template). A section is left out where
+S_r does not decide the runout: where the slide is shorter than 0.3 heights, reaches the wall, or
+would stop less than 0.1 heights earlier with 30 % more strength. The search was improved on
+another set of twins (looking around, wider steps, smoothing); these were drawn afterwards.
+
+That three starts agree to the last digit is by design: the smoothing at the end of a search
+rounds its places, so searches that come near each other use the same runs.
 
 The standard deviation that is judged is `std_total`, which the tool quotes for every case: the
 survey's errors, the scatter over jitter seeds, and the change of the answer when the cells are
@@ -43,7 +47,7 @@ SETTINGS = (
     "inversion.variants=false",
 )  # fmt: skip
 #: Raised when the way a twin is made or judged changes; kept records are then made anew.
-VERSION = 2
+VERSION = 5
 
 
 @dataclasses.dataclass(frozen=True)
