@@ -241,7 +241,7 @@ def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
         ground=np.asarray(case.scene.ground.points, dtype=float),
         positions=positions,
         time=run.time if moved else run.time[[0, -1]],
-        at_rest=not moved or bool(run.time[-1] < run.settings.duration_s - 1e-6),
+        at_rest=not moved or run.came_to_rest,
     )
 
 
@@ -265,7 +265,7 @@ def heading(case: Case, run: Run) -> str:
     if scene.has_water:
         water = f"water at {scene.water_level:g} m ({run.settings.water.replace('_', ' ')})"
     details = [*strengths, water]
-    rest = "at rest" if run.time[-1] < run.settings.duration_s - 1e-6 else "stopped"
+    rest = "at rest" if run.came_to_rest else "stopped"
     return (
         f"{case.title}: {'; '.join(details)}\n"
         f"{run.points:,} points every {scene.spacing:g} m; {rest} after {run.time[-1]:.1f} s of "

@@ -116,6 +116,17 @@ class Run:
         return self.status == "failed"
 
     @property
+    def came_to_rest(self) -> bool:
+        """True where the run ended of itself: neither failed nor cut off by `duration_s` in motion.
+
+        A run is cut off at the frame nearest to its duration, which may lie half a frame before it.
+        """
+        if self.failed or len(self.time) < 2:
+            return False
+        frame_time = float(self.time[1] - self.time[0])
+        return bool(self.time[-1] < self.settings.duration_s - 0.501 * frame_time)
+
+    @property
     def end_time_s(self) -> float:
         """Time of the failure if there was one and it was noted, else of the last frame [s]."""
         if "failed_at_s" in self.audit:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -62,6 +63,16 @@ def test_a_run_comes_back_as_it_was(path, run):
     assert np.array_equal(back.energy["kinetic"], run.energy["kinetic"])
     assert (back.audit, back.wall_contact, back.steps) == (run.audit, run.wall_contact, run.steps)
     assert (back.status, back.wall_time_s) == ("finished", run.wall_time_s)
+
+
+def test_a_run_cut_off_at_the_frame_nearest_to_its_duration_is_not_at_rest(run):
+    frame_time = run.time[1] - run.time[0]
+    for share, at_rest in ((-0.49, False), (0.0, False), (0.49, False), (1.0, True), (7.0, True)):
+        settings = run.settings.model_copy(
+            update={"duration_s": float(run.time[-1] + share * frame_time)}
+        )
+        assert replace(run, settings=settings).came_to_rest == at_rest
+    assert not replace(run, settings=settings, status="failed").came_to_rest
 
 
 def test_the_layout_is_the_documented_one(path, run):
