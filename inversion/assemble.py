@@ -24,6 +24,7 @@ from inversion.result import (
 )
 from inversion.search import Found, Look
 from inversion.uncertainty import Posterior, direction_in_words, interval
+from pipeline.config import SimulationSettings
 
 #: Source of the scatter over jitter seeds among the sources of uncertainty.
 NOISE_SOURCE = "place of the material points"
@@ -103,6 +104,19 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
                 ),
             )
         )
+    return lines
+
+
+def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:
+    """What a reader of the answer's run must know: that it was cut off, what could not be read."""
+    lines = []
+    if not prediction.at_rest:
+        lines.append(
+            f"the slide still moved after {settings.duration_s:g} s, where the simulation ends; "
+            "give the question a longer duration_s"
+        )
+    if prediction.status != "failed" and prediction.reason:
+        lines.append(f"not read on the answer, and left out of the comparison: {prediction.reason}")
     return lines
 
 

@@ -110,6 +110,8 @@ class BackAnalysis:
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
         self.spread = posterior(self.objective, self.found.look.derivative, self.found.values)
+        for line in assemble.doubts(self.found.look.prediction, self.case.setup.settings):
+            self.remark(line)
 
     def search_from_elsewhere(self) -> None:
         """Ask again from other first guesses; the answer should not depend on them."""

@@ -6,14 +6,15 @@ words. A scene that a change would break is an `InputError` that names the entry
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from geometry.measured_numbers import SingleLength
-from geometry.scene import Point, Scene, scene_from_mapping
+from geometry.scene import Point, Scene, document_error, scene_from_mapping
 from inversion.mpm_engine import Setup
 from inversion.parameters import with_properties
 from inversion.predictions import Targets
@@ -72,6 +73,7 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
     if variant.fit is not None:
         words.append(f"fitted to {', '.join(variant.fit)}")
     if variant.targets:
+        _check_fitted(variant.targets, targets, where)
         try:
             targets = targets.with_values(variant.targets)
         except InputError as error:
@@ -79,6 +81,14 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
         words += [f"{name} {value:g}" for name, value in variant.targets.items()]
     changed = replace(setup, scene=scene, settings=settings, targets=targets)
     return Changed(changed, ", ".join(words))
+
+
+def _check_fitted(names: Iterable[str], targets: Targets, where: str) -> None:
+    """Another value of a number that is not fitted would change nothing."""
+    for name in names:
+        if name in targets.names and not targets.fitted[targets.names.index(name)]:
+            fitted = ", ".join(targets.named(targets.measured, targets.fitted))
+            raise InputError(f"{where}: targets: {name!r} is not fitted; fitted are {fitted}")
 
 
 _WATER_WORDS = {"buoyant": "buoyancy", "pore_pressure": "pressure in and on the soil"}
@@ -203,13 +213,16 @@ def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Chan
             name: getattr(materials[name], sensitivity.property) + change
             for name in sensitivity.zones
         }
+        if sensitivity.property != "density":  # no soil has less than no strength
+            values = {name: max(value, 0.0) for name, value in values.items()}
         try:
             scene = with_properties(
                 setup.scene,
-                [(name, sensitivity.property, max(v, 0.0)) for name, v in values.items()],
+                [(name, sensitivity.property, v) for name, v in values.items()],
             )
-        except ValueError as error:
-            raise InputError(f"{where}: {sensitivity.property} {change:+g}: {error}") from None
+        except ValidationError as error:
+            words = f"{where}: {sensitivity.property} {change:+g}"
+            raise InputError(document_error(error, words)) from None
         words = f"{sensitivity.property} {change:+g} in zones {', '.join(sensitivity.zones)}"
         found.append(Changed(replace(setup, scene=scene), words))
     return found

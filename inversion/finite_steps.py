@@ -51,8 +51,9 @@ class FiniteSteps:
         fitted = self.parameters.to_fitted(values)
         down, up = fitted - self.parameters.fitted_low, self.parameters.fitted_high - fitted
         prefer_down = self.parameters.logarithmic | (down > up)
-        sign = np.where(prefer_down, np.where(down >= self._size, -1.0, 1.0),
-                        np.where(up >= self._size, 1.0, -1.0))  # fmt: skip
+        room = np.where(prefer_down, down, up)
+        turned = (room < self._size) & (room < np.maximum(down, up))
+        sign = np.where(prefer_down ^ turned, -1.0, 1.0)
         room = np.where(sign < 0, down, up)
         size = np.minimum(self._size, room)
         return self.parameters.to_values(fitted + sign * size) - values
@@ -77,7 +78,7 @@ class FiniteSteps:
         """
         effect = np.nan_to_num(derivative) * steps[None, :]
         if not np.any(self.noise > 0):
-            enough = np.any(effect > 0, axis=0)
+            enough = np.any(effect != 0, axis=0)
         else:
             enough = self._effect(effect) >= self.factor * (1.0 - 1e-9)
         return (enough & (steps != 0)) | ((steps == 0) & np.any(derivative != 0, axis=0))
@@ -104,7 +105,7 @@ def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:
 
     Runs that failed are left out; with fewer than two left the noise is unknown and 0.
     """
-    kept = [p.values[mask] for p in predictions if not p.failed]
+    kept = [p.values[mask] for p in predictions if np.all(np.isfinite(p.values[mask]))]
     if len(kept) < 2:
         return np.zeros(int(np.sum(mask)))
     return np.std(kept, axis=0, ddof=1)

@@ -23,12 +23,13 @@ class Prediction:
         at_start: the same readings on the section before anything moved, (m,).
         by_eye: toe seen by the naked eye, by name of the toe's measurement [m]; for reports.
         positions: final positions (N, 2) float32 [m].
-        status: "finished" or "failed".
-        reason: why it failed; empty otherwise.
+        status: "finished"; "failed" where a guard stopped the run or a fitted number is NaN.
+        reason: why it failed, or why a number that is not fitted could not be read; else empty.
         sigma_v0_kpa: mean vertical effective stress before failure of each parameter's zones (p,)
             [kPa]; NaN where the engine does not know it.
         sigma_v0_std_kpa: its spread within the zones, (p,) [kPa].
         run_time_s: time the run took, whenever it was [s].
+        at_rest: the slide came to rest; False: it was cut off in motion.
     """
 
     values: np.ndarray
@@ -40,10 +41,11 @@ class Prediction:
     sigma_v0_kpa: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sigma_v0_std_kpa: np.ndarray = field(default_factory=lambda: np.zeros(0))
     run_time_s: float = 0.0
+    at_rest: bool = True
 
     @property
     def failed(self) -> bool:
-        """True where a guard stopped the run, or a value could not be read."""
+        """True where a guard stopped the run, or any value, fitted or not, could not be read."""
         return self.status == "failed" or not bool(np.all(np.isfinite(self.values)))
 
 
@@ -95,6 +97,6 @@ def by_differences(
     base, *moved = engine.predict(points)
     change = np.stack([other.values - base.values for other in moved], axis=1)
     for column, other in enumerate(moved):
-        if other.failed:
+        if other.status == "failed":
             change[:, column] = np.nan
     return base, change / steps[None, :], np.asarray(steps, dtype=float)

@@ -87,8 +87,8 @@ class LoadedCase:
         if variant.measurements is not None or variant.fit is not None:
             name = variant.measurements or self.measurement_set
             fit = variant.fit
-            if fit is None and variant.measurements is None:
-                fit = self.question.fit
+            if fit is None:
+                fit = _fit_of(self.question, self.measurements, name)
             targets = self._targets(name, fit)
         return vary(self.setup, variant, targets, self.source)
 
@@ -176,7 +176,7 @@ def load_case(
     chosen = measurement_set or measurements.default_set
     feet = {side: measurements.foot(side) for side in ("left", "right")}
     foot = {side: scene.foot(side) if x is None else x for side, x in feet.items()}
-    fit = _fit_of(question, measurements, chosen, folder)
+    fit = _fit_of(question, measurements, chosen)
     source = str(folder / FILE_NAME)
     targets = make_targets(
         measurements.chosen(chosen),
@@ -193,9 +193,7 @@ def load_case(
     return case
 
 
-def _fit_of(
-    question: Question, measurements: Measurements, chosen: str, folder: Path
-) -> list[str] | None:
+def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list[str] | None:
     """`fit` speaks of the default set; another set is fitted by the same names if it has any."""
     if question.fit is None or chosen == measurements.default_set:
         return question.fit

@@ -99,6 +99,7 @@ def prediction_of(setup: Setup, run: KeptRun) -> Prediction:
         sigma_v0_kpa=mean,
         sigma_v0_std_kpa=spread,
         run_time_s=run.wall_time_s,
+        at_rest=run.at_rest or failed,
     )
 
 

@@ -76,9 +76,9 @@ class Objective:
 
     def value(self, prediction: Prediction) -> float:
         """The loss: m2, or the sum of squared standardised differences; infinite if it failed."""
-        if prediction.failed and not np.all(np.isfinite(self.difference(prediction))):
-            return float("inf")
         difference = self.difference(prediction)
+        if not np.all(np.isfinite(difference)):
+            return float("inf")
         if self.loss == "runout":
             return float(difference @ difference)
         standardised = self.survey_whitener @ difference

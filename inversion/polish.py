@@ -56,11 +56,13 @@ def _bottom(search: Search, centre: np.ndarray, half: np.ndarray) -> np.ndarray 
         centre + half * np.array(offsets), parameters.fitted_low, parameters.fitted_high
     )
     predictions = search.engine.predict([parameters.to_values(place) for place in fitted])
-    kept = np.array([not prediction.failed for prediction in predictions])
+    mask = search.objective.targets.fitted
+    kept = np.array([np.all(np.isfinite(p.values[mask])) for p in predictions])
     if kept.sum() < max(LEAST_RUNS, 2 * len(half) + 1):
         return None
-    mask = search.objective.targets.fitted
-    numbers = np.array([p.values[mask] for p in predictions if not p.failed])
+    numbers = np.array(
+        [p.values[mask] for p, whole in zip(predictions, kept, strict=True) if whole]
+    )
     return _least_squares(search, (fitted[kept] - centre) / half, numbers, centre, half)
 
 

@@ -115,12 +115,25 @@ def make_targets(
         covariance=block_diag(*[entry.covariance() for entry in entries]),
         roles=roles,
     )
+    for entry in entries:
+        _check_covariance(entry, source)
     if not targets.fitted.any():
         what = "toe_runout" if loss == "runout" else "measurement"
         raise InputError(
             f"{source}: nothing to fit: no {what} in this set is neither held out nor constructed"
         )
     return targets
+
+
+def _check_covariance(entry: Measured, source: str) -> None:
+    """Refuse errors that hang together so far that one value follows from the others."""
+    try:
+        np.linalg.cholesky(entry.covariance())
+    except np.linalg.LinAlgError:
+        raise InputError(
+            f"{source}: {entry.name!r}: its correlation length is so great that its values are "
+            "one and the same measurement; give a shorter one, of the order of the profile"
+        ) from None
 
 
 def _role(entry: Measured, held_out: bool, allowed: bool, use_constructed: bool) -> Role:
@@ -161,7 +174,9 @@ def read(targets: Targets, deposit: Deposit) -> tuple[np.ndarray, str]:
             values.append(entry.observe(deposit))
         except ValueError as error:
             values.append(np.full(len(entry.values), np.nan))
-            trouble = trouble or f"{entry.name}: {error}"
+            words = str(error)
+            named = words.startswith(f"{entry.name}: ")
+            trouble = trouble or (words if named else f"{entry.name}: {words}")
     return np.concatenate(values), trouble
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -25,6 +26,11 @@ if TYPE_CHECKING:
     from geometry.scene import Scene
     from mpm_taichi.trajectory import Run
     from pipeline.config import SimulationSettings
+
+# What zipfile and numpy raise on a file that is cut short or damaged, depending on where.
+_DAMAGE = (
+    OSError, KeyError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
+)  # fmt: skip
 
 OnRun = Callable[[int, int], None]
 """Called with (runs done, runs of the batch)."""
@@ -157,7 +163,7 @@ def kept_run(run: Run, *, frames: bool) -> KeptRun:
         status=run.status,
         reason=run.reason,
         end_s=end,
-        at_rest=end < run.settings.duration_s - 1e-6 and not run.failed,
+        at_rest=run.came_to_rest,
         wall_time_s=run.wall_time_s,
         frames=run.positions if frames else None,
         time=run.time if frames else None,
@@ -197,7 +203,7 @@ def load_kept(path: Path) -> KeptRun | None:
             frames=arrays.get("frames"),
             time=arrays.get("time"),
         )
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+    except _DAMAGE:
         return None
 
 

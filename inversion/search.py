@@ -94,7 +94,7 @@ class Search:
         """Run at `values` with the derivative; learn the next steps from it."""
         steps = self.steps.steps(values)
         prediction, derivative, taken = self.engine.derivative(values, steps)
-        if not prediction.failed:
+        if prediction.status != "failed":
             self.steps.learn(derivative[self.objective.targets.fitted], values)
         return self.record(values, kind, iteration, prediction, derivative, taken)
 
@@ -105,7 +105,9 @@ class Search:
         mask = self.objective.targets.fitted
         self.steps.noise, _ = measured_noise(self.seeds, values, mask)
         self._for_noise += len(self.seeds)
-        if look is not None and look.derivative is not None and not look.prediction.failed:
+        if look is None or look.derivative is None:
+            return
+        if look.prediction.status != "failed":
             self.steps.learn(look.derivative[mask], look.values)
 
     def record(

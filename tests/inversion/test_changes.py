@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from geometry.checks import gaps
@@ -118,6 +120,9 @@ def test_another_set_of_measurements(root):
     assert other.targets.measured[other.targets.fitted] == pytest.approx([2.5, 10.0])
     same = load_case(case.folder, load_config(None), measurement_set="paper")
     assert same.setup.targets.names == other.targets.names
+    one = replace(case, question=case.question.model_copy(update={"fit": ["upstream toe"]}))
+    other = one.variant(Variant(name="paper", measurements="paper")).setup
+    assert other.targets.measured[other.targets.fitted] == pytest.approx([2.5])
     with pytest.raises(InputError, match="no set of measurements 'guess'"):
         case.variant(Variant(name="guess", measurements="guess"))
 

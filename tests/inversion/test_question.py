@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from geometry.scene import load_scene
@@ -35,6 +37,7 @@ def test_the_shipped_questions_hold_together(root, name):
         ("move: [15.24, 6.0]", "move: [400, 6.0]", "top of the liquefied zone"),
         ("factor: 0.5", "factor: 3.5", "simulation.courant 1.05; at most 0.9"),
         ("water: none", "targets: {toe: 4}", "no measurement 'toe'"),
+        ("water: none", "targets: {crest: 4}", "'crest' is not fitted; fitted are upstream toe"),
         ("{name: dry, water: none}", "{name: dry}", "changes nothing"),
         ("kind: water_level", "kind: pool", "zone_boundary"),
         ("std_m: 0.5", "std_m: 0", "greater than 0"),
@@ -50,6 +53,17 @@ def test_what_is_wrong_is_said_in_a_line(lsfd, old, new, message):
     assert "inversion.yaml" in str(caught.value)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_errors_that_hang_together_altogether_are_refused(lsfd):
+    path = lsfd / "measurements.yaml"
+    text = path.read_text()
+    assert "correlation_length_m:" in text
+    path.write_text(
+        re.sub(r"correlation_length_m: *[0-9.]+", "correlation_length_m: 1.0e+17", text)
+    )
+    with pytest.raises(InputError, match=r"inversion\.yaml: .*correlation length is so great"):
+        load_case(lsfd, load_config(None))
 
 
 def test_a_folder_without_a_question(lsfd):

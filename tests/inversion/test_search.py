@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
@@ -12,10 +14,11 @@ from inversion.gauss_newton import gauss_newton
 from inversion.lbfgsb import lbfgsb, value_and_gradient
 from inversion.objective import Objective
 from inversion.parameters import Parameters
+from inversion.predictions import make_targets
 from inversion.question import Prior
 from inversion.search import Search
 from pipeline.cli import WorkFailed
-from tests.inversion.analytic import Formula, angle, problem, strength, targets
+from tests.inversion.analytic import Formula, angle, problem, strength, targets, toes
 
 METHODS = ["gauss_newton", "lbfgsb"]
 
@@ -216,6 +219,43 @@ def test_steps_stay_within_the_bounds():
         there = values + steps.steps(values)
         assert np.all(there >= parameters.low - 1e-9) and np.all(there <= parameters.high + 1e-9)
         assert np.all(steps.steps(values) != 0)
+
+
+@pytest.mark.parametrize("place", [29.5, 29.8, 30.0])
+def test_steps_go_where_narrow_bounds_leave_room(place):
+    steps = FiniteSteps(Parameters([strength("a", start=30.0, low=29.5, high=30.0)]), np.zeros(1))
+    (taken,) = steps.steps(np.array([place]))
+    assert 29.5 - 1e-9 <= place + taken <= 30.0 + 1e-9
+    assert abs(taken) == pytest.approx(max(place - 29.5, 30.0 - place))
+
+
+def test_without_noise_any_effect_is_resolved():
+    steps = FiniteSteps(Parameters([strength("a"), strength("b")]), np.zeros(1))
+    derivative, taken = np.array([[-3.0, 0.0]]), np.array([1.0, 1.0])
+    assert list(steps.resolved(derivative, taken)) == [True, False]
+    assert list(steps.resolved(derivative, -taken)) == [True, False]
+
+
+def test_a_number_that_is_not_fitted_and_not_read_stops_nothing():
+    goal = make_targets(toes(53.0, 10.0), fit=["toe 0"], loss="runout", source="test")
+    parameters = Parameters([strength("a")])
+
+    @dataclass
+    class Half(Formula):
+        def _one(self, values):
+            return replace(super()._one(values), status="finished")
+
+    def numbers(values):
+        return np.array([dam([values[0], 30.0])[0], np.nan])
+
+    engines = [Half(numbers, goal.names, noise=0.1, seed=seed) for seed in (1, 2, 3)]
+    search = Search(
+        Half(numbers, goal.names), Objective(parameters, goal, "runout", 0.1),
+        FiniteSteps(parameters, np.zeros(1)), seeds=engines,
+    )  # fmt: skip
+    found = calibrate(search, np.array([30.0]), method="gauss_newton", least_m=2.0)
+    assert found.reached and found.values[0] == pytest.approx(27.5, rel=0.01)
+    assert search.steps.noise[0] > 0.0
 
 
 def test_noise_is_measured_over_seeds_before_the_second_derivative():
