@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -57,20 +58,21 @@ def load_profile(path: str | Path) -> Profile:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        numbered = [
-            (number, line)
-            for number, line in enumerate(file, start=1)
-            if line.strip() and not line.lstrip().startswith("#")
-        ]
-    reader = csv.DictReader(line for _, line in numbered)
-    columns = [name.strip() for name in reader.fieldnames or []]
+    numbered = _lines(path)
+    # Line by line: a cell of this table never runs over several lines.
+    cells = [next(csv.reader([line])) for _, line in numbered]
+    columns = [name.strip() for name in cells[0]] if cells else []
     _check_columns(columns, path)
-    reader.fieldnames = columns
-    rows = list(reader)
+    rows = [dict(zip_longest(columns, row)) for row in cells[1:]]
     if len(rows) < 2:
         raise InputError(f"{path}: holds {len(rows)} points; a profile needs at least 2")
     lines = [number for number, _ in numbered[1:]]
+    for line, row in zip(lines, cells[1:], strict=True):
+        if any(cell.strip() for cell in row[len(columns) :]):
+            raise InputError(
+                f"{path}: line {line}: {len(row)} cells for {len(columns)} columns; decimals take "
+                "a point, and nothing stands behind the last column"
+            )
     points = np.array(
         [
             [_number(row, column, f"{path}: line {line}") for column in COLUMNS[:2]]
@@ -85,6 +87,19 @@ def load_profile(path: str | Path) -> Profile:
             )
     parts = [(row.get("part") or WHOLE).strip() for row in rows]
     return Profile(points[:, 0], points[:, 1], parts)
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """Numbers and texts of the lines that hold something and are no comments."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a UTF-8 text file") from None
+    return [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
 
 
 def _check_columns(columns: list[str], path: Path) -> None:

@@ -114,5 +114,16 @@ def test_files_that_are_no_measurements(tmp_path):
     (tmp_path / "measurements.yaml").write_text("[1, 2]")
     with pytest.raises(InputError, match="must be a mapping of keys, not list"):
         load_measurements(tmp_path)
+    for rows, complaint in (
+        ("1,2\n3,4,x,y\n", "line 3: 4 cells for 2 columns"),
+        ('"1\n",2\n3,4\n', "line 2: y_m"),
+        ("1,2\n3\n", "line 3: y_m: None is not a finite number"),
+    ):
+        (tmp_path / "rows.csv").write_text("x_m,y_m\n" + rows)
+        with pytest.raises(InputError, match=complaint):
+            load_profile(tmp_path / "rows.csv")
+    (tmp_path / "b.csv").write_bytes(bytes(range(128, 256)))
+    with pytest.raises(InputError, match="b.csv: not a UTF-8 text file"):
+        load_profile(tmp_path / "b.csv")
     with pytest.raises(InputError, match="p.csv: no such file"):
         load_profile(tmp_path / "p.csv")
