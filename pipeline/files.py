@@ -7,6 +7,7 @@ up by the next write to the same place.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import itertools
 import json
@@ -33,9 +34,17 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     The temporary file lies in the same folder (made if missing) and keeps the suffix, since many
     writers choose the format by it.
+
+    Raises:
+        InputError: the folder cannot be made, or nothing may be written there.
     """
     final = Path(path)
-    final.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        final.parent.mkdir(parents=True, exist_ok=True)
+        if not os.access(final.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise InputError(f"{final.parent}: cannot be written: {error.strerror}") from None
     _sweep_leftovers(final)
     owner = f"{socket.gethostname()}-{os.getpid()}-{next(_counter)}"
     temporary = final.with_name(f".{final.stem}.{owner}.tmp{final.suffix}")

@@ -29,6 +29,15 @@ def names(folder: Path) -> list[str]:
     return sorted(entry.name for entry in folder.iterdir())
 
 
+def test_a_folder_that_cannot_be_made_is_told_in_a_line(tmp_path):
+    (tmp_path / "file").touch()
+    with (
+        pytest.raises(InputError, match="file/folder: cannot be written: Not a directory"),
+        atomic_path(tmp_path / "file" / "folder" / "a.txt"),
+    ):
+        raise AssertionError("never gets here")
+
+
 def test_atomic_path_makes_the_folder_and_keeps_the_suffix(tmp_path):
     target = tmp_path / "deep" / "er" / "picture.png"
     with atomic_path(target) as temporary:
