@@ -17,6 +17,7 @@ from inversion.classical.analysis import Analysis, analyse
 from inversion.classical.document import document, table
 from inversion.classical.judgement import FILE_NAME, Judgement, load_judgements
 from inversion.classical.sections_of_case import CaseSections, load_sections
+from inversion.load import case_folder
 from pipeline.cli import InputError
 from pipeline.files import write_json
 
@@ -112,13 +113,6 @@ def analyse_all(
                 raise
             refused.append(str(problem))
     return analyses, refused
-
-
-def case_folder(text: str) -> Path:
-    """The folder of a case given by its path or by its name in `case_histories`."""
-    path = Path(text)
-    named = Path("case_histories") / text
-    return named if not path.is_dir() and named.is_dir() else path
 
 
 def _judgements(case: CaseSections, arguments: argparse.Namespace) -> list[Judgement]:
