@@ -44,6 +44,8 @@ from pipeline.manifest import manifest
 
 #: The engine's name in the result.
 ENGINE = "mpm"
+#: An effect below this multiple of the noise is no derivative (the noise of a difference is 1.4).
+LEAST_TO_NOISE = 2.0
 
 
 @dataclass
@@ -109,7 +111,7 @@ class BackAnalysis:
         self.found = calibrate(search, start, method=settings.method, least_m=self.least_m)
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
-        self.spread = posterior(self.objective, self.found.look.derivative, self.found.values)
+        self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
         for line in assemble.doubts(self.found.look.prediction, self.case.setup.settings):
             self.remark(line)
 
@@ -259,6 +261,12 @@ class BackAnalysis:
             loss=problem.loss,
             reached=problem.reached,
         )
+
+    def _told_derivative(self) -> np.ndarray:
+        """The derivative at the answer without what is lost in the noise: that tells nothing."""
+        look, mask = self.found.look, self.objective.targets.fitted
+        told = self.steps.resolved(look.derivative[mask], look.steps, LEAST_TO_NOISE)
+        return np.where(told[None, :], look.derivative, 0.0)
 
     # --- the result ---
 

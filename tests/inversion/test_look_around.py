@@ -75,3 +75,12 @@ def test_signs_do_not_cancel_where_errors_are_correlated():
     against, along = (np.linalg.norm(whitener @ column) for column in ([1, -1], [1, 1]))
     assert against > 3 * along, "what goes against the correlation is known better"
     assert np.all(np.isfinite(steps.steps(here)))
+
+
+def test_an_effect_that_is_lost_in_the_noise_is_told_by_a_lower_factor():
+    """Steps want 5 times the noise; twice it is still a derivative, 1.4 times is noise itself."""
+    steps = FiniteSteps(Parameters([strength("a")]), np.array([1.0]))
+    for effect, wide_enough, tells in ((6.0, True, True), (2.5, False, True), (1.4, False, False)):
+        slope, change = np.array([[effect]]), np.array([-1.0])
+        assert steps.resolved(slope, change).all() == wide_enough
+        assert steps.resolved(slope, change, 2.0).all() == tells
