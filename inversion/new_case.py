@@ -35,6 +35,7 @@ from inversion.new_case_files import (
 )
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from pipeline.files import make_folder
 
 CASES = Path("case_histories")
 FORMATS = ("csv", "geojson", "dxf")
@@ -303,8 +304,11 @@ def _write(
         "inversion.yaml": inversion_text(scene, runouts),
         "README.md": readme_text(scene, runouts, profile, words),
     }
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    parent = make_folder(folder.parent)
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=parent))
+    except OSError as error:
+        raise InputError(f"{parent}: cannot be written: {error.strerror}") from None
     try:
         for name, text in texts.items():
             (temporary / name).write_text(text, encoding="utf-8")

@@ -39,12 +39,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         InputError: the folder cannot be made, or nothing may be written there.
     """
     final = Path(path)
-    try:
-        final.parent.mkdir(parents=True, exist_ok=True)
-        if not os.access(final.parent, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    except OSError as error:
-        raise InputError(f"{final.parent}: cannot be written: {error.strerror}") from None
+    make_folder(final.parent)
     _sweep_leftovers(final)
     owner = f"{socket.gethostname()}-{os.getpid()}-{next(_counter)}"
     temporary = final.with_name(f".{final.stem}.{owner}.tmp{final.suffix}")
@@ -55,6 +50,22 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         _flush_to_disk(final.parent)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def make_folder(path: str | os.PathLike[str]) -> Path:
+    """Make a folder and those above it, if missing.
+
+    Raises:
+        InputError: it cannot be made, or nothing may be written there.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+    return folder
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

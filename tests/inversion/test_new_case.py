@@ -172,6 +172,12 @@ def test_a_profile_that_cannot_be_is_refused_and_leaves_nothing(dry, tmp_path):
     assert not list((tmp_path / "cases").iterdir())
 
 
+def test_a_place_where_nothing_can_be_written(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="file: cannot be written"):
+        new(tmp_path / "file" / "dam", "--runout", "left=5")
+
+
 def test_nothing_is_overwritten(made, dry, tmp_path):
     before = {path.name: path.read_bytes() for path in made.iterdir()}
     with pytest.raises(InputError, match="exists already; nothing is overwritten"):
