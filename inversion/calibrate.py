@@ -53,7 +53,7 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
     else:
         search.measure_noise(first, start)
     found = METHODS[method](search, first)
-    if _far_off(search, found.look):
+    if _far_off(search, found.look) and search.runs < search.max_runs:
         better = look_around(search, search.objective.parameters.start, found.look)
         if better is not None:
             first = search.look(better.values, "scan", better.iteration)

@@ -199,6 +199,14 @@ def test_no_search_goes_on_for_ever(method):
     assert not found.reached and found.runs <= 63 and found.words
 
 
+def test_the_allowance_of_runs_ends_looking_around_too():
+    search = problem([strength("a"), angle("b")], dam, targets(200.0), max_runs=6)
+    found = calibrate(search, np.array([30.0, 30.0]), method="gauss_newton", least_m=2.0)
+    assert not found.reached and found.words.startswith("stopped after")
+    assert all(look.kind != "scan" for look in found.looks)
+    assert found.runs <= 6 + 3
+
+
 def test_steps_stand_out_of_the_noise():
     parameters = Parameters([strength("a"), angle("b")])
     steps = FiniteSteps(parameters, np.array([0.5]), factor=5.0)
