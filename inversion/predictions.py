@@ -108,6 +108,12 @@ def make_targets(
         for part, held in zip(entry.parts, entry.held_out_values, strict=True):
             names.append(f"{entry.name} {part}".strip())
             roles.append(_role(entry, bool(held), allowed, use_constructed))
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{source}: two measured numbers would be called {name!r}; give one of the "
+                "measurements another name"
+            )
     targets = Targets(
         entries=list(entries),
         names=names,

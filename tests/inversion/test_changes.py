@@ -7,7 +7,9 @@ from dataclasses import replace
 import pytest
 
 from geometry.checks import gaps
+from geometry.measured_numbers import MarkerDisplacement
 from inversion.load import load_case
+from inversion.predictions import make_targets
 from inversion.question import (
     CellSize,
     FixedProperty,
@@ -20,6 +22,7 @@ from inversion.question import (
 )
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from tests.inversion.analytic import toes
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +128,17 @@ def test_another_set_of_measurements(root):
     assert other.targets.measured[other.targets.fitted] == pytest.approx([2.5])
     with pytest.raises(InputError, match="no set of measurements 'guess'"):
         case.variant(Variant(name="guess", measurements="guess"))
+
+
+def test_numbers_of_two_measurements_have_names_of_their_own():
+    (toe,) = toes(53.0)
+    marker = MarkerDisplacement(
+        type="marker_displacement", name="m", x_m=1, y_m=1, dx_m=2, dy_m=3, std_m=1,
+        confidence="paper", source="test",
+    )  # fmt: skip
+    two = [toe.model_copy(update={"name": "m dx"}), marker]
+    with pytest.raises(InputError, match="test: two measured numbers would be called 'm dx'"):
+        make_targets(two, fit=None, loss="misfit", source="test")
 
 
 def test_roles(case):
