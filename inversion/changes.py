@@ -224,6 +224,8 @@ def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Chan
             words = f"{where}: {sensitivity.property} {change:+g}"
             raise InputError(document_error(error, words)) from None
         words = f"{sensitivity.property} {change:+g} in zones {', '.join(sensitivity.zones)}"
+        if change < 0 and min(values.values()) == 0.0:
+            words += ", but not below 0"
         found.append(Changed(replace(setup, scene=scene), words))
     return found
 

@@ -89,6 +89,16 @@ def test_a_property_that_is_not_sought(case):
         scene = changed.setup.scene
         zone = next(zone for zone in scene.zones if zone.name == "3")
         assert scene.materials[zone.material].cohesion_kpa == expected
+    _, weaker = case.sides(entry.model_copy(update={"std": 40.0}))
+    zone = next(zone for zone in weaker.setup.scene.zones if zone.name == "3")
+    assert weaker.setup.scene.materials[zone.material].cohesion_kpa == 0.0
+    assert weaker.words == "cohesion_kpa -40 in zones 3, but not below 0"
+    steep = entry.model_copy(update={"property": "density", "std": 4000.0})
+    with pytest.raises(
+        InputError, match=r"core: density -4000: .*density.* greater than 0"
+    ) as told:
+        case.sides(steep)
+    assert "pydantic" not in str(told.value)
     sought = entry.model_copy(update={"zones": ["1"]})
     with pytest.raises(InputError, match="is sought by 'residual_strength_1'"):
         case.sides(sought)
