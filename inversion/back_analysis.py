@@ -21,7 +21,7 @@ from inversion import PHYSICS_VERSION, assemble
 from inversion.calibrate import calibrate, further_starts
 from inversion.changes import Changed
 from inversion.equally_good import Stop, walk
-from inversion.finite_steps import FiniteSteps
+from inversion.finite_steps import FiniteSteps, measured_noise
 from inversion.load import LoadedCase
 from inversion.mpm_engine import MPMEngine, Setup
 from inversion.objective import Objective
@@ -44,8 +44,6 @@ from pipeline.manifest import manifest
 
 #: The engine's name in the result.
 ENGINE = "mpm"
-#: An effect below this multiple of the noise is no derivative (the noise of a difference is 1.4).
-LEAST_TO_NOISE = 2.0
 
 
 @dataclass
@@ -111,6 +109,9 @@ class BackAnalysis:
         self.found = calibrate(search, start, method=settings.method, least_m=self.least_m)
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
+        if seeds:  # runs that the stage `seeds` asks for again: they cost nothing
+            mask = self.objective.targets.fitted
+            self.steps.noise, _ = measured_noise(seeds, self.found.values, mask)
         self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
         for line in assemble.doubts(self.found.look.prediction, self.case.setup.settings):
             self.remark(line)
@@ -263,10 +264,10 @@ class BackAnalysis:
         )
 
     def _told_derivative(self) -> np.ndarray:
-        """The derivative at the answer without what is lost in the noise: that tells nothing."""
+        """The derivative at the answer without what is noise: that tells nothing."""
         look, mask = self.found.look, self.objective.targets.fitted
-        told = self.steps.resolved(look.derivative[mask], look.steps, LEAST_TO_NOISE)
-        return np.where(told[None, :], look.derivative, 0.0)
+        signal = self.steps.signal(look.derivative[mask], look.steps)
+        return look.derivative * signal[None, :]
 
     # --- the result ---
 

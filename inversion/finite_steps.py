@@ -69,22 +69,33 @@ class FiniteSteps:
             wanted = self.factor / strongest
         self._size = np.clip(wanted, shortest, widest)
 
-    def resolved(
-        self, derivative: np.ndarray, steps: np.ndarray, factor: float | None = None
-    ) -> np.ndarray:
+    def resolved(self, derivative: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """(p,) bool: the step taken had an effect of at least `factor` times the noise.
 
         Args:
             derivative: of the fitted numbers, (k, p) per outside unit.
             steps: taken, (p,); 0 for an exact derivative, which is always resolved.
-            factor: None: the one that steps are chosen by.
         """
         effect = np.nan_to_num(derivative) * steps[None, :]
         if not np.any(self.noise > 0):
             enough = np.any(effect != 0, axis=0)
         else:
-            enough = self._effect(effect) >= (factor or self.factor) * (1.0 - 1e-9)
+            enough = self._effect(effect) >= self.factor * (1.0 - 1e-9)
         return (enough & (steps != 0)) | ((steps == 0) & np.any(derivative != 0, axis=0))
+
+    def signal(self, derivative: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Share of each column of a derivative that is not noise, (p,), 0 to 1.
+
+        The difference of two runs holds noise of variance 2; so much is taken off the square of
+        the effect. A column that is nothing but noise would otherwise pass for knowledge.
+        Arguments as of `resolved`.
+        """
+        if not np.any(self.noise > 0):
+            return np.ones(len(steps))
+        effect = self._effect(np.nan_to_num(derivative) * steps[None, :])
+        with np.errstate(divide="ignore"):
+            share = np.sqrt(np.maximum(0.0, 1.0 - 2.0 / effect**2))
+        return np.where(steps == 0, 1.0, share)
 
     def _effect(self, change: np.ndarray) -> np.ndarray:
         """Change of the fitted numbers (k, p) in units of their noise, (p,)."""

@@ -78,8 +78,8 @@ def twins_picture(twins: Sequence[Twin], path: Path) -> None:
         lower = np.minimum(2 * std, 0.9 * found)
         left.errorbar(true, found, yerr=[lower, 2 * std], fmt="o", color=colour, markersize=4,
                       linewidth=1.0, label=group.replace("_", " "))  # fmt: skip
-        right.plot(np.clip((found - true) / std, -4, 4), 100 * (found / true - 1), "o",
-                   color=colour, markersize=5)  # fmt: skip
+        away = np.clip([twin.in_std for twin in own], -6, 6)
+        right.plot(away, 100 * (found / true - 1), "o", color=colour, markersize=5)
     ends = np.array([min(t.truth_kpa for t in twins) * 0.8, max(t.truth_kpa for t in twins) * 1.2])
     left.loglog(ends, ends, color="#555555", linewidth=0.8)
     left.set(xlim=ends, ylim=ends)

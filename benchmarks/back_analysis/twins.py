@@ -47,7 +47,7 @@ SETTINGS = (
     "inversion.variants=false",
 )  # fmt: skip
 #: Raised when the way a twin is made or judged changes; kept records are then made anew.
-VERSION = 5
+VERSION = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,8 +88,8 @@ class Twin:
 
     @property
     def in_std(self) -> float:
-        """Error in standard deviations."""
-        return (self.answer_kpa - self.truth_kpa) / self.std_total
+        """Error in standard deviations, of logarithms: as strengths are fitted and quoted."""
+        return float(np.log(self.answer_kpa / self.truth_kpa)) * self.answer_kpa / self.std_total
 
     @property
     def starts_apart(self) -> float:

@@ -77,10 +77,13 @@ def test_signs_do_not_cancel_where_errors_are_correlated():
     assert np.all(np.isfinite(steps.steps(here)))
 
 
-def test_an_effect_that_is_lost_in_the_noise_is_told_by_a_lower_factor():
-    """Steps want 5 times the noise; twice it is still a derivative, 1.4 times is noise itself."""
-    steps = FiniteSteps(Parameters([strength("a")]), np.array([1.0]))
-    for effect, wide_enough, tells in ((6.0, True, True), (2.5, False, True), (1.4, False, False)):
-        slope, change = np.array([[effect]]), np.array([-1.0])
-        assert steps.resolved(slope, change).all() == wide_enough
-        assert steps.resolved(slope, change, 2.0).all() == tells
+def test_noise_does_not_pass_for_knowledge():
+    """Differences of pure noise hold sqrt(2) of it; what stands far out of it stays as it is."""
+    steps = FiniteSteps(Parameters([strength("a")]), np.array([0.5]))
+    change = np.array([-1.0])
+    shares = [steps.signal(np.array([[0.5 * size]]), change)[0] for size in (1.0, 1.42, 2.0, 10.0)]
+    np.testing.assert_allclose(shares, [0.0, 0.09, np.sqrt(0.5), 0.99], atol=0.01)
+    assert steps.signal(np.array([[1e-9]]), np.zeros(1))[0] == 1.0, "an exact derivative"
+    assert FiniteSteps(Parameters([strength("a")]), np.zeros(1)).signal(
+        np.array([[1e-9]]), change
+    )[0] == 1.0  # fmt: skip
