@@ -8,6 +8,7 @@ report is left out.
 from __future__ import annotations
 
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -127,8 +128,9 @@ def load_report(folder: str | Path, case_folder: str | Path | None = None) -> Re
     """
     folder = Path(folder)
     result = load_result(folder)
-    if not result.classical:  # they may have been asked since
-        result = result.model_copy(update={"classical": classical_beside(folder)})
+    beside = classical_beside(folder)
+    if beside:  # they may have been asked since
+        result = result.model_copy(update={"classical": beside})
     run = _run(folder / RUN)
     if case_folder is None:
         named = CASES / result.case
@@ -161,5 +163,7 @@ def _sections(path: Path) -> Sections | None:
                 },
                 answer=int(file["answer"]),
             )
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except (
+        OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error
+    ) as error:  # fmt: skip
         raise InputError(f"{path}: cannot be read ({error}); delete it or ask again") from None

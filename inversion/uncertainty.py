@@ -1,9 +1,15 @@
 """How sure the answer is: covariance, flat directions in words, the rest of the assumptions.
 
-The covariance of the parameters follows from the survey's covariance C, the derivative J at the
-answer and what was known before, P: V = (J' C^-1 J + P^-1)^-1, all in scaled parameters, in which
-what was known before has variance 1. An eigenvector of V with an eigenvalue near 1 is a direction
-of which the data say nothing.
+The covariance of the answer follows from the survey's covariance C, the derivative J at the answer,
+the weights W of the search and what was known before, all in scaled parameters, in which what was
+known before has variance 1:
+
+    V = H^-1 (J' W' (W C W') W J + 1) H^-1,   H = J' W' W J + 1,
+
+the spread of what the search finds when survey and prior vary. With the loss `misfit` W is that of
+the survey, W C W' = 1, and V = (J' C^-1 J + 1)^-1. With `runout` the data come first whatever the
+prior says, so the prior must not narrow the answer either. An eigenvector of V with an eigenvalue
+near 1 is a direction of which the data say nothing.
 """
 
 from __future__ import annotations
@@ -48,13 +54,17 @@ def posterior(objective: Objective, derivative: np.ndarray, values: np.ndarray) 
     """Covariance and flat directions at an answer.
 
     Args:
-        objective: what was fitted; the survey's covariance counts, whatever the loss.
+        objective: what was fitted, with which weights, and how well it was surveyed.
         derivative: of all predictions (m, p), per outside unit.
         values: the answer (p,).
     """
     parameters = objective.parameters
-    scaled = objective.survey_whitener @ objective.fitted_derivative(derivative, values)
-    covariance = np.linalg.inv(scaled.T @ scaled + np.eye(scaled.shape[1]))
+    weights = objective.whitener
+    scaled = weights @ objective.fitted_derivative(derivative, values)
+    one = np.eye(scaled.shape[1])
+    varied = scaled.T @ (weights @ objective.covariance @ weights.T) @ scaled + one
+    known = np.linalg.inv(scaled.T @ scaled + one)
+    covariance = known @ varied @ known
     covariance = 0.5 * (covariance + covariance.T)
     spread = np.sqrt(np.diag(covariance))
     share, directions = np.linalg.eigh(covariance)

@@ -22,7 +22,7 @@ from tests.inversion.analytic import Formula, angle, strength, targets
 
 def test_covariance_in_closed_form():
     specs = [strength("a", prior=Prior(mean=20, std=4)), angle("b", prior=Prior(mean=32, std=2))]
-    objective = Objective(Parameters(specs), targets(12.0, 5.0, std=2.0), "runout", 0.1)
+    objective = Objective(Parameters(specs), targets(12.0, 5.0, std=2.0), "misfit", 0.1)
     slope = np.array([[-2.5, 1.0], [0.5, -2.0]])  # m per kPa, m per degree
     values = np.array([25.0, 31.0])
     prior = np.diag([1 / (0.2 * 25) ** 2, 1 / 2**2])  # 20 % of the value, 2 degrees
@@ -32,6 +32,22 @@ def test_covariance_in_closed_form():
     correlation = expected[0, 1] / np.sqrt(expected[0, 0] * expected[1, 1])
     assert spread.correlation[0, 1] == pytest.approx(correlation)
     assert not len(spread.flat)
+
+
+@pytest.mark.parametrize("loss", ["runout", "misfit"])
+def test_covariance_is_the_spread_of_answers_over_surveys_and_priors(loss):
+    specs = [strength("a", prior=Prior(mean=20, std=4)), angle("b", prior=Prior(mean=32, std=2))]
+    objective = Objective(Parameters(specs), targets(12.0, std=0.6), loss, 0.1)
+    values, slope = np.array([20.0, 32.0]), np.array([[-0.4, 0.2]])
+    spread = posterior(objective, slope, values)
+    # The linear search on 40,000 surveys and priors drawn around the truth, in scaled parameters.
+    random = np.random.default_rng(5)
+    weights, scaled = objective.whitener, objective.fitted_derivative(slope, values)
+    survey = random.normal(0.0, 0.6, (40_000, 1))
+    prior = random.normal(0.0, 1.0, (40_000, 2))
+    matrix = np.concatenate([weights @ scaled, np.eye(2)])
+    answers = np.concatenate([survey @ weights.T, prior], axis=1) @ np.linalg.pinv(matrix).T
+    np.testing.assert_allclose(np.cov(answers.T), spread.scaled, rtol=0.05, atol=0.02)
 
 
 def test_what_the_toe_does_not_feel_is_as_wide_as_before_and_named():
