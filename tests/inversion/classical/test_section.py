@@ -19,6 +19,7 @@ LSFD = "case_histories/lower_san_fernando/scene.yaml"
     st.floats(-1.5, 1.5),
 )
 def test_lengths_over_a_point_are_those_of_shapely(radii, x, y):
+    x, y = round(x, 9), round(y, 9)  # on a number below 1e-300 shapely's overlay is wrong by 10 %
     angle = np.linspace(0, 2 * np.pi, len(radii), endpoint=False) + 0.1
     ring = np.column_stack([radii * np.cos(angle), radii * np.sin(angle)])
     shape = Polygon(ring)
