@@ -205,7 +205,9 @@ class Flight:
         right_end = grid.origin[0] + (grid.shape[0] - 1) * grid.cell
         left = reach - int((position[:, 0].min() - grid.origin[0]) / grid.cell)
         right = reach - int((right_end - position[:, 0].max()) / grid.cell)
-        return max(left, 0), max(right, 0)
+        # Each growth lays the whole grid anew, so it goes far beyond what is needed.
+        spare = grid.shape[0] // 8
+        return tuple(lack + spare if lack > 0 else 0 for lack in (left, right))
 
     def nodes_wanted(self) -> int:
         """Nodes of the grid after the coming growth."""
