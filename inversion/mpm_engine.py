@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.measured import Deposit
-from geometry.measured_series import ToeHistory, Velocity
+from geometry.measured_series import SlideDuration, ToeHistory, Velocity
 from geometry.scene import Scene
 from inversion.forward import Forward, Prediction, by_differences
 from inversion.parameters import Parameters
@@ -76,17 +76,31 @@ class MPMEngine:
         runs = self.store.fetch(wanted, frames=frames)
         for engine in engines:
             engine.runs += 1
-        return [prediction_of(engine.setup, run) for engine, run in zip(engines, runs, strict=True)]
+        starts: dict[tuple[int, bytes], np.ndarray] = {}
+        found = []
+        for engine, run in zip(engines, runs, strict=True):
+            # Runs that differ in strength alone begin from the same points.
+            key = (id(engine.setup), run.initial.tobytes())
+            if key not in starts:
+                starts[key] = read_start(engine.setup, run)
+            found.append(prediction_of(engine.setup, run, starts[key]))
+        return found
 
 
-def prediction_of(setup: Setup, run: KeptRun) -> Prediction:
-    """Read the measurements on a run."""
-    start, end = _deposit(setup, run, last=False), _deposit(setup, run, last=True)
+def read_start(setup: Setup, run: KeptRun) -> np.ndarray:
+    """The measurements read on the section before anything moved, (m,)."""
+    return read(setup.targets, _deposit(setup, run, last=False))[0]
+
+
+def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None) -> Prediction:
+    """Read the measurements on a run; `at_start` is `read_start` where that is known."""
+    end = _deposit(setup, run, last=True)
     failed = run.status == "failed"
     values, trouble = read(setup.targets, end)
     if failed:
         values = np.full(len(values), np.nan)
-    at_start, _ = read(setup.targets, start)
+    if at_start is None:
+        at_start = read_start(setup, run)
     mean, spread = _sigma_v0(setup, run)
     broken = failed or not np.all(np.isfinite(values[setup.targets.fitted]))
     return Prediction(
@@ -104,7 +118,9 @@ def prediction_of(setup: Setup, run: KeptRun) -> Prediction:
 
 
 def _needs_frames(targets: Targets) -> bool:
-    return any(isinstance(entry, ToeHistory | Velocity) for entry in targets.entries)
+    return any(
+        isinstance(entry, ToeHistory | Velocity | SlideDuration) for entry in targets.entries
+    )
 
 
 def _deposit(setup: Setup, run: KeptRun, *, last: bool) -> Deposit:
