@@ -25,6 +25,17 @@ SCHEMA_FILE = Path("config/verdict.schema.json")
 Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 
 
+class ParameterWords(Part):
+    """A calibrated parameter in words; its values stand in the stages, by name."""
+
+    name: str = Field(description="name of the parameter")
+    words: str = Field(description="what it is")
+    unit: str = Field(description="kPa, deg or kg/m3")
+    strength: bool = Field(description="a cohesion: S_r where friction is 0")
+    low: float = Field(description="lower bound")
+    high: float = Field(description="upper bound")
+
+
 class EffectAnswer(Part):
     """An effect of the answer with its amplitude."""
 
@@ -249,6 +260,9 @@ class CompareDocument(Part):
     title: str = Field(description="name in words")
     sentence: str = Field(description="the finding")
     alarm: Literal["adequate", "suspect", "alarm"] = Field(description="by the combined p")
+    parameters: list[ParameterWords] = Field(
+        default_factory=list, description="what is calibrated, in words"
+    )
     base: Stage = Field(description="the base model, calibrated")
     measurements: list[MeasurementVerdict] = Field(description="number by number")
     runs: Runs = Field(description="forward runs")
@@ -260,6 +274,9 @@ class ExplainDocument(Part):
     case: str = Field(description="name of the case")
     title: str = Field(description="name in words")
     sentence: str = Field(description="the finding")
+    parameters: list[ParameterWords] = Field(
+        default_factory=list, description="what is calibrated, in words"
+    )
     base: Stage = Field(description="the base model, calibrated")
     candidates: list[CandidateVerdict] = Field(description="best score first")
     confounding: Confounding = Field(description="which look alike")
@@ -280,6 +297,9 @@ class Verdict(Part):
     tested: list[str] = Field(description="effects that were tested")
     forbidden: list[str] = Field(description="effects that the engineer ruled out")
     answer: Answer = Field(description="effects of the answer, and the 90 % set")
+    parameters: list[ParameterWords] = Field(
+        default_factory=list, description="what is calibrated, in words"
+    )
     base: Stage = Field(description="the base model")
     final: Stage = Field(description="the model of the answer; the base model where there is none")
     steps: list[Step] = Field(description="every model that was adopted, in order")
