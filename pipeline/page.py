@@ -103,6 +103,22 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class KeyNumbers:
+    """The few numbers that matter most, side by side: (what it is, its value, a remark)."""
+
+    entries: Sequence[tuple[str, str, str]]
+
+    def html(self) -> str:
+        """The element as HTML."""
+        made = [
+            f"<div><dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>"
+            f'<dd class="remark">{html.escape(remark)}</dd></div>'
+            for name, value, remark in self.entries
+        ]
+        return f'<dl class="key">{"".join(made)}</dl>'
+
+
+@dataclass(frozen=True)
 class Folded:
     """Details under a line that opens them; in print they are open."""
 
@@ -120,7 +136,9 @@ class Section:
     """A part of the page under its own heading."""
 
     title: str
-    parts: Sequence[Paragraph | Table | Picture | Folded] = field(default_factory=tuple)
+    parts: Sequence[Paragraph | Table | Picture | KeyNumbers | Folded] = field(
+        default_factory=tuple
+    )
 
     def html(self) -> str:
         """The element as HTML."""
@@ -200,6 +218,13 @@ th, td { padding: .25rem .9rem .25rem 0; text-align: left; vertical-align: top;
 td.number { text-align: right; }
 td.short { white-space: nowrap; }
 td.long { min-width: 15rem; }
+.key { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .8rem;
+  margin: 1.2rem 0; }
+.key div { border: 1px solid var(--line); border-radius: 6px; padding: .6rem .8rem; }
+.key dt { color: var(--soft); font-size: .85rem; line-height: 1.3; }
+.key dd { margin: .15rem 0 0; font-size: 1.25rem; font-weight: 600; line-height: 1.25;
+  font-variant-numeric: tabular-nums; }
+.key dd.remark { font-size: .85rem; font-weight: 400; color: var(--soft); }
 details { margin: .8rem 0; }
 summary { cursor: pointer; color: var(--soft); }
 details[open] > summary { margin-bottom: .6rem; }
@@ -217,7 +242,7 @@ figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
   details::details-content { content-visibility: visible; block-size: auto; }
   video { display: none; }
   img[src^="data:image/svg"] { width: min(100%, 30rem); max-height: 23cm; object-fit: contain; }
-  img[src^="data:image/svg"] { width: min(100%, 44rem); }
-.picture img, .picture video { min-width: 0; }
+  .key { break-inside: avoid; }
+  .picture img, .picture video { min-width: 0; }
 }
 """

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from pipeline.cli import InputError
-from pipeline.page import Paragraph, Picture, Section, Table, render_page, write_page
+from pipeline.page import KeyNumbers, Paragraph, Picture, Section, Table, render_page, write_page
 
 PIXEL = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
@@ -67,6 +67,11 @@ def test_text_is_shown_as_text():
 def test_a_film_is_a_film(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"film")
     assert "<video" in Picture(tmp_path / "a.mp4", description="a slide").html()
+
+
+def test_key_numbers_are_text():
+    text = KeyNumbers([("S_r", "21 < 22 kPa", "")]).html()
+    assert "<dt>S_r</dt><dd>21 &lt; 22 kPa</dd>" in text
 
 
 def test_numbers_and_gaps_in_a_table():
