@@ -1,4 +1,4 @@
-"""Observables of a whole run: the toe at given times, the velocity of a column.
+"""Observables of a whole run: the toe at given times, the velocity of a column, the duration.
 
 Frames are interpolated linearly in time. A derivative is given for the two frames it needs.
 """
@@ -113,6 +113,69 @@ def column_velocity(
     change[0, :, 0] = (drift - share / interval) / share.sum()
     change[1, :, 0] = (drift + share / interval) / share.sum()
     return mean, pair, change
+
+
+def slide_duration(
+    positions: np.ndarray,
+    initial_position: np.ndarray,
+    time: np.ndarray,
+    volume: np.ndarray | float,
+    *,
+    spacing: float,
+    between: tuple[float, float] = (0.05, 0.95),
+    derivative: bool = False,
+) -> float | tuple[float, np.ndarray, np.ndarray]:
+    """How long the soil takes for the middle part of its way.
+
+    The way is the mean distance of all soil from where it was, weighted by mass. The duration runs
+    from the first moment at which the way is `between[0]` of the last one to the first at which it
+    is `between[1]`: what moves on slowly at the end hardly counts, and neither does a late start.
+
+    Args:
+        positions: (T, N, 2), the last frame at rest [m].
+        initial_position: the same points before the slide, (N, 2) [m].
+        time: (T,) ascending [s].
+        volume: (N,) or one number [m2 per m].
+        spacing: distance between material points [m]; less than a thousandth of it is no motion.
+        between: shares of the way, ascending, within 0 and 1.
+        derivative: return also the derivative.
+
+    Returns:
+        Duration [s], 0 where nothing moved; with `derivative` also the numbers of the frames around
+        the first and the second moment and of the last frame, (5,), and the derivative with respect
+        to the positions in them, (5, N, 2) [s/m].
+    """
+    time = np.asarray(time, dtype=float)
+    if len(time) < 2:
+        raise ValueError(f"a duration needs at least two frames, but there are {len(time)}")
+    share = np.broadcast_to(np.asarray(volume, dtype=float), positions.shape[1])
+    share = share / share.sum()
+    moved = positions.astype(float) - initial_position
+    distance = np.hypot(moved[..., 0], moved[..., 1])
+    way = distance @ share
+    last = len(time) - 1
+    if way[last] < 1e-3 * spacing:
+        nothing = (np.full(5, last), np.zeros((5, *positions.shape[1:])))
+        return (0.0, *nothing) if derivative else 0.0
+    moments, frames, slopes = [], [], []
+    for part in between:
+        level = part * way[last]
+        after = max(int(np.argmax(way >= level)), 1)
+        before = after - 1
+        rise, interval = way[after] - way[before], time[after] - time[before]
+        passed = (level - way[before]) / rise
+        moments.append(time[before] + passed * interval)
+        frames += [before, after]
+        # By the way before, the way after, and the last way through the level.
+        slopes.append(np.array([passed - 1.0, -passed, part]) * interval / rise)
+    duration = float(moments[1] - moments[0])
+    if not derivative:
+        return duration
+    (first, second), numbers = slopes, np.array([*frames, last])
+    weights = np.array([-first[0], -first[1], second[0], second[1], second[2] - first[2]])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        direction = np.nan_to_num(moved[numbers] / distance[numbers][..., None])
+    return duration, numbers, weights[:, None, None] * share[None, :, None] * direction
 
 
 def _frames_around(time: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

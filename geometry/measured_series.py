@@ -1,4 +1,4 @@
-"""Measurements along a line or in time: the surface, the toe's way, a velocity."""
+"""Measurements along a line or in time: the surface, the toe's way, a velocity, a duration."""
 
 from __future__ import annotations
 
@@ -204,6 +204,72 @@ class Velocity(Measured):
             )
         except NoSoilError:
             return still
+
+
+class SlideDuration(Measured):
+    """How long the slide took: the time in which the soil does the middle part of its way.
+
+    The way is the mean distance of all soil from where it was. A slow start and a slow end, which
+    no witness and no instrument tells apart from rest, do not count.
+    """
+
+    unit: ClassVar[str] = "s"
+
+    type: Literal["slide_duration"]
+    value_s: float = Field(ge=0, description="the measured value [s]")
+    std_s: float = Field(gt=0, description="standard deviation of the measurement [s]")
+    model_std_s: float = Field(
+        0.0, ge=0, description="what the model is granted beside the measurement's error [s]"
+    )
+    between: tuple[float, float] = Field(
+        (0.05, 0.95), description="shares of the way between which the time counts"
+    )
+
+    @model_validator(mode="after")
+    def _shares_ascend(self) -> SlideDuration:
+        first, last = self.between
+        if not 0.0 < first < last < 1.0:
+            raise ValueError(
+                f"between {first:g} and {last:g}: shares of the way must ascend within 0 and 1"
+            )
+        return self
+
+    @property
+    def values(self) -> np.ndarray:
+        """The measured duration, (1,) [s]."""
+        return np.array([self.value_s])
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of the measurement [s]."""
+        return self.std_s
+
+    @property
+    def model_std(self) -> float:
+        """What the user grants the model beside the measurement's error [s]."""
+        return self.model_std_s
+
+    def observe_with_derivative(self, deposit: Deposit) -> Observed:
+        """Duration [s] with its derivative with respect to the frames it hangs on [s/m]."""
+        value, frames, change = self._read(deposit, derivative=True)
+        return Observed(np.array([value]), np.asarray(frames)[None], change[None])
+
+    def _read(self, deposit: Deposit, *, derivative: bool) -> Any:
+        positions, time = _frames(deposit, self)
+        if not deposit.at_rest:
+            raise InputError(
+                f"{self.name}: the run was stopped in motion at {time[-1]:g} s; give it a longer "
+                "duration_s"
+            )
+        return observables.slide_duration(
+            positions,
+            deposit.initial_position,
+            time,
+            deposit.volume,
+            spacing=deposit.spacing,
+            between=self.between,
+            derivative=derivative,
+        )
 
 
 def _frames(deposit: Deposit, measurement: Measured) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ from geometry.measured_numbers import (
     MarkerDisplacement,
     ToeRunout,
 )
-from geometry.measured_series import SurfaceProfile, ToeHistory, Velocity
+from geometry.measured_series import SlideDuration, SurfaceProfile, ToeHistory, Velocity
 from geometry.profiles import Profile, load_profile
 from geometry.scene import Document, Scene, document_error
 from geometry.toe import Side
@@ -46,6 +46,7 @@ __all__ = [
     "Number",
     "Observed",
     "Profile",
+    "SlideDuration",
     "SurfaceProfile",
     "ToeHistory",
     "ToeRunout",
@@ -58,7 +59,7 @@ __all__ = [
 FILE_NAME = "measurements.yaml"
 
 Number = ToeRunout | CrestSettlement | Freeboard
-Anything = Number | MarkerDisplacement | SurfaceProfile | ToeHistory | Velocity
+Anything = Number | MarkerDisplacement | SurfaceProfile | ToeHistory | Velocity | SlideDuration
 Measurement = Annotated[Anything, Field(discriminator="type")]
 
 

@@ -23,7 +23,7 @@ from geometry.columns import (
     kernel_slope,
 )
 from geometry.highest_ground import GROUND_KERNEL, highest_ground
-from geometry.histories import column_velocity, toe_history
+from geometry.histories import column_velocity, slide_duration, toe_history
 from geometry.toe import Side, naked_eye_toe, toe, toe_runout
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "ground_elevation",
     "marker_displacement",
     "naked_eye_toe",
+    "slide_duration",
     "surface_profile",
     "toe",
     "toe_history",

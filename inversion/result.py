@@ -198,7 +198,7 @@ class MeasurementAnswer(Part):
     name: str = Field(description="as in the engine; a profile has one line for each place")
     group: str = Field(description="name of the measurement it belongs to")
     type: str = Field(description="as in measurements.yaml")
-    unit: str = Field(description="m or m/s")
+    unit: str = Field(description="m, m/s or s")
     measured: float | None = Field(description="null for a reading without a measurement")
     low: float | None = Field(description="lower end of the stated range")
     high: float | None = Field(description="upper end of the stated range")

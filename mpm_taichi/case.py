@@ -71,7 +71,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Reading:
-    """One line of the table; in m, or m/s where the measurement is a velocity.
+    """One line of the table; in the measurement's unit.
 
     A reading by eye has no measurement beside it. A profile is one line: the root mean square of
     its differences, which has no single measured value.

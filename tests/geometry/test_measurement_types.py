@@ -28,9 +28,10 @@ HISTORY = {"name": "film", "type": "toe_history", "side": "left", "times_s": [0.
            "values_m": [1.0, 2.0, 3.0], "std_m": 0.3, "correlation_time_s": 1.0}  # fmt: skip
 SPEED = {"name": "speed", "type": "velocity", "x_m": 12.0, "at_s": 1.5, "value_m_per_s": -1.0,
          "std_m_per_s": 0.1}  # fmt: skip
+DURATION = {"name": "eyewitness", "type": "slide_duration", "value_s": 2.0, "std_s": 0.5}
 PROFILE = {"name": "survey", "type": "surface_profile", "file": "survey.csv", "std_m": 0.4,
            "correlation_length_m": 8.0}  # fmt: skip
-EVERY = [TOE, CREST, CREST_POINTS, FREEBOARD, MARKER, HISTORY, SPEED, PROFILE]
+EVERY = [TOE, CREST, CREST_POINTS, FREEBOARD, MARKER, HISTORY, SPEED, DURATION, PROFILE]
 SURVEY = Profile(np.array([8.0, 12.0, 16.0, 20.0]), np.array([4.0, 6.0, 7.0, 6.0]), ["all"] * 4)
 
 
@@ -200,6 +201,23 @@ def test_after_the_rest_nothing_moves(slid):
         speed.observe(cut)
 
 
+def test_the_duration_is_that_of_the_middle_of_the_way(slid):
+    # The way is in proportion to 0, 0.3, 0.7, 1, 1 at 0, 1, 2, 3, 4 s.
+    duration = entry_of(DURATION)
+    assert duration.observe(slid) == pytest.approx([(2.0 + 0.25 / 0.3) - 0.05 / 0.3])
+    all_but = entry_of({**DURATION, "between": [0.3, 0.7]})
+    assert all_but.observe(slid) == pytest.approx([1.0])
+    # Neither a late start nor a long rest makes a slide longer, and coarse points weigh as fine.
+    late = np.concatenate([slid.positions[:1], slid.positions, slid.positions[-1:]])
+    waited = Deposit(**{**slid.__dict__, "positions": late, "time": np.arange(7.0)})
+    assert duration.observe(waited) == pytest.approx(duration.observe(slid))
+    still = np.repeat(slid.positions[:1], 5, axis=0)
+    assert entry_of(DURATION).observe(Deposit(**{**slid.__dict__, "positions": still})) == [0.0]
+    cut = Deposit(**{**slid.__dict__, "at_rest": False})
+    with pytest.raises(ValueError, match="eyewitness: the run was stopped in motion at 4 s"):
+        duration.observe(cut)
+
+
 def test_where_no_soil_is_nothing_moves(slid):
     assert entry_of({**SPEED, "x_m": 90.0}).observe(slid) == pytest.approx([0.0])
     assert entry_of(SPEED).observe(slid)[0] < -0.5
@@ -223,6 +241,8 @@ def test_what_is_held_out():
         ({**HISTORY, "times_s": [1.0]}, "times_s has 1 numbers and values_m 3"),
         ({**SPEED, "std_m_per_s": 0.0}, "greater than 0"),
         ({**SPEED, "at_s": -2.0}, "greater than or equal to 0"),
+        ({**DURATION, "between": [0.9, 0.1]}, "between 0.9 and 0.1: shares of the way must ascend"),
+        ({**DURATION, "between": [0.0, 0.9]}, "must ascend within 0 and 1"),
     ],
 )
 def test_entries_that_say_nothing_are_refused(entry, complaint):
