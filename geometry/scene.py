@@ -205,9 +205,24 @@ class Scene(Document):
         0.0, ge=0, lt=1, description="each point moves by up to jitter x spacing / 2 in x and y"
     )
     seed: int = Field(0, ge=0, lt=2**63, description="seed of the jitter")
-    effects: dict[str, float] = Field(
-        default_factory=dict, description="name -> amplitude; the solver refuses unknown names"
+    effects: dict[str, float | dict[str, float]] = Field(
+        default_factory=dict,
+        description="name -> amplitude, or amplitude and parameters; 0 is off; the solver refuses "
+        "unknown names",
     )
+
+    @field_validator("effects", mode="before")
+    @classmethod
+    def _numbers(cls, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            raise ValueError("is a mapping, effect: amplitude or effect: {amplitude: 1, ...}")
+        for name, entry in value.items():
+            numbers = entry if isinstance(entry, Mapping) else {"": entry}
+            for key, number in numbers.items():
+                if isinstance(number, bool) or not isinstance(number, int | float):
+                    where = f"{name}.{key}" if key else name
+                    raise ValueError(f"{where}: {number!r} is not a number")
+        return value
 
     @field_validator("points_per_cell")
     @classmethod

@@ -25,6 +25,7 @@ import h5py
 
 import geometry
 from mpm_taichi import PHYSICS_VERSION
+from mpm_taichi.effects import key_of_effects
 from mpm_taichi.trajectory import Run, RunSummary, group_name, list_runs, run_indices, summary
 from mpm_taichi.trajectory import write_run as _write_run
 from pipeline.cli import InputError, WorkFailed
@@ -55,14 +56,22 @@ class BatchResult:
 
 
 def run_key(scene: Scene, settings: SimulationSettings, device: str) -> str:
-    """Hash of everything the numbers of a run depend on (16 hexadecimal digits)."""
+    """Hash of everything the numbers of a run depend on (16 hexadecimal digits).
+
+    Effects that are off leave no trace in it, and other ways to write the same effects none either.
+
+    Raises:
+        InputError: the scene has an effect that does not exist, or a number out of range.
+    """
+    effects = key_of_effects(scene)
     return content_hash(
         {
-            "scene": scene,
+            "scene": scene.model_copy(update={"effects": {}}) if scene.effects else scene,
             "settings": settings,
             "device": device,
             "physics": PHYSICS_VERSION,
             "geometry": geometry.PHYSICS_VERSION,
+            **effects,
         }
     )
 

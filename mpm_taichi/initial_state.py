@@ -16,6 +16,7 @@ from shapely.ops import unary_union
 
 from geometry.fill import MaterialPoints, fill
 from mpm_taichi.boundary import STICK, WATER_DENSITY, Grid, fixed_by_bodies, make_grid, node_tables
+from mpm_taichi.effects import Active, acting_scene, effects_on
 from mpm_taichi.mohr_coulomb import NO_CAP, material_constants
 from mpm_taichi.splines import EDGES
 
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 class PreparedScene:
     """One scene as the kernels take it: P moving points (settled ones first), R material rows."""
 
-    scene: Scene
+    given: Scene
+    scene: Scene  # the given one, as changed by effects that act on the scene as a whole
+    effects: tuple[Active, ...]
     settings: SimulationSettings
     points: MaterialPoints
     order: np.ndarray  # (P,) place in `points` of each moving point
@@ -45,9 +48,15 @@ class PreparedScene:
     edges: np.ndarray  # (R, 4) float32
     settle_strength: np.ndarray  # (R, 4) float32
     settle_edges: np.ndarray  # (R, 4) float32
+    soil: np.ndarray  # (R, 4) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa]
     mass: np.ndarray  # (P,) float64 [kg/m]
     wave_speed: float  # m/s
     frame_time: float  # s
+
+    @property
+    def busy_until(self) -> float:
+        """Time before which the run may not be ended for resting, because of its effects [s]."""
+        return max((one.until(self.given) for one in self.effects), default=0.0)
 
     def enlarge(self, left: int, right: int) -> PreparedScene:
         """Lay a wider grid for an open domain, more nodes by so many columns on either side."""
@@ -63,6 +72,8 @@ class PreparedScene:
 
 def prepare(scene: Scene, settings: SimulationSettings) -> PreparedScene:
     """Fill a scene, lay its grid and its tables."""
+    given, active = scene, effects_on(scene)
+    scene = acting_scene(scene, active)
     points = fill(scene)
     grid = make_grid(scene)
     kind, table = nodes_of(scene, settings, points, grid)
@@ -88,7 +99,9 @@ def prepare(scene: Scene, settings: SimulationSettings) -> PreparedScene:
     moduli = [m.youngs_modulus_pa * (1 - m.poisson_ratio) / (
         (1 + m.poisson_ratio) * (1 - 2 * m.poisson_ratio)) for m in rows]  # fmt: skip
     return PreparedScene(
+        given=given,
         scene=scene,
+        effects=active,
         settings=settings,
         points=points,
         order=order,
@@ -105,6 +118,7 @@ def prepare(scene: Scene, settings: SimulationSettings) -> PreparedScene:
         edges=edges,
         settle_strength=settle_strength,
         settle_edges=settle_edges,
+        soil=np.array([_soil(material) for material in rows], np.float32),
         mass=mass,
         wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),
         frame_time=settings.frame_interval
@@ -204,6 +218,13 @@ def locate(grid: Grid, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _k0(material: Material) -> float:
     return material.poisson_ratio / (1.0 - material.poisson_ratio)
+
+
+def _soil(material: Material) -> tuple[float, float, float, float]:
+    """A row of `PreparedScene.soil`."""
+    cap = NO_CAP if material.tension_cap_pa is None else material.tension_cap_pa
+    tangent = float(np.tan(material.friction_rad))
+    return float(material.liquefied), tangent, material.cohesion_pa, cap
 
 
 def _stiffness(material: Material) -> dict[str, float]:

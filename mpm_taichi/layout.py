@@ -15,19 +15,22 @@ I32 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 INDEX = ti.types.ndarray(dtype=ti.i32, ndim=1)
 VEC4 = ti.types.ndarray(dtype=vec4, ndim=1)
 VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)
+REAL = ti.types.ndarray(dtype=ti.f32, ndim=1)
 FRAMES = ti.types.ndarray(dtype=vec2, ndim=3)
 
 # Columns of the integer table of a slot (a slot holds one scene).
 FIRST_POINT, LAST_POINT, LAST_SETTLED, FIRST_NODE, LAST_NODE, COLUMNS, PHASE, FRAME_COUNT = range(8)
 ALARM, SETTLE_STEPS, STEPS, SUBSTEPS = range(8, 12)
-INTEGERS = 12
+FRAMES_DONE, GROWN, EFFECTS_ON = range(12, 15)
+INTEGERS = 15
 # Columns of the table of numbers of a slot.
 CELL, VOLUME, FRAME_TIME, PIC_RATE, GRAVITY, COURANT, WAVE_SPEED, SPEED = range(8)
 FIXED_STEP, DAMPING, UNBALANCED, RELIEF, TIME_STEP, BLEND, SHARE, SMOOTHING = range(8, 16)
-NUMBERS = 16
+ORIGIN_X, ORIGIN_Y, MEAN_OVERBURDEN, FRAME_START = range(16, 20)
+NUMBERS = 20
 # Columns of the sums of a frame [J/m; m/s].
-KINETIC, ELASTIC, PLASTIC, CONTACT_LOSS, WATER_WORK, TOP_SPEED = range(6)
-SUMS = 6
+KINETIC, ELASTIC, PLASTIC, CONTACT_LOSS, WATER_WORK, TOP_SPEED, EFFECT_WORK = range(7)
+SUMS = 7
 
 IDLE, SETTLING, MOVING = 0, 1, 2
 """Phases of a slot."""

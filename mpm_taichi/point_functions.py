@@ -34,6 +34,7 @@ from mpm_taichi.transfer import (
     scatter_volume,
     smooth_pressure,
     strain_increment,
+    stress_step,
     update_stress,
 )
 
@@ -69,44 +70,69 @@ def settle_node(load, flow, table, kind, dt, gravity):
     return vec4(new[0], new[1], 0.0, 0.0), unbalanced, weight
 
 
-def point_functions(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNamespace:
+def point_functions(
+    *, affine: bool, averaged: bool, corrected: bool, effects: SimpleNamespace | None = None
+) -> SimpleNamespace:
     """The functions of a point for one choice of transfer and material options.
+
+    `effects` is what `effects.hooks.effect_functions` makes: then a point has a strength of its own
+    (`present`), which its effects renew in every step.
 
     In each, `p` is the number of a point and `atomic` says that other threads add to its nodes.
     """
+    acted = effects is not None
 
     @ti.func
     def strain_point(
         p, dt, share, volume, home: A, gradient: A, stress: A, history: A, row: A, elastic: A,
-        strength: A, edges: A, swelling: A,
+        strength: A, edges: A, swelling: A, slot, on, time, columns, first_node, integers: A,
+        numbers: A, motion: A, facts: A, present: A, effect_numbers: A,
     ):  # fmt: skip
         r = row[p]
+        own_strength = strength[r]
+        own_edges = edges[r]
+        if ti.static(acted):
+            now = present[p]
+            own_strength = vec4(now[0], now[1], now[2], 0.0)
+            own_edges = vec4(now[3], now[4], now[5], 0.0)
         means = swelling[home[p]]
         velocity_gradient = gradient[p]
         old = history[p]
         volumetric = strain_increment(velocity_gradient, old[1], means, dt, averaged)
         relief = pressure_relief(stress[p], old, means, share, averaged)
-        new_stress, new = update_stress(
+        new_stress, new, shear = stress_step(
             stress[p], velocity_gradient, old, volumetric, relief, dt, volume, elastic[r],
-            strength[r], edges[r], corrected,
+            own_strength, own_edges, corrected,
         )  # fmt: skip
         stress[p] = new_stress
         history[p] = new
+        if ti.static(acted):
+            if shear > 0.0 and on & ti.static(effects.dilation_mask):
+                change, work = effects.dilate(
+                    p, slot, on, time, columns, first_node, shear, elastic[r], integers, numbers,
+                    motion, home, gradient, stress, history, facts, effect_numbers,
+                )  # fmt: skip
+                stress[p] = new_stress + vec4(change, change, change, 0.0)
+                new[3] += work * volume * (1.0 + new[0])
+                history[p] = new
 
     @ti.func
     def scatter_point(
         p, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, history: A, row: A,
-        strength: A, edges: A, load: A, kind: A, atomic: ti.template(),
+        strength: A, edges: A, load: A, kind: A, present: A, atomic: ti.template(),
     ):  # fmt: skip
         r = row[p]
         node = home[p]
         place = kind[node]
+        own_strength = strength[r]
+        if ti.static(acted):
+            own_strength = vec4(present[p][0], present[p][1], 0.0, 0.0)
         scatter(
             load, node, columns, place, motion[p], gradient[p], stress[p], history[p][0],
             edges[r][3], volume, cell, affine, atomic,
         )  # fmt: skip
         if place & NEAR:
-            scatter_volume(load, node, columns, place, motion[p], volume, strength[r], atomic)
+            scatter_volume(load, node, columns, place, motion[p], volume, own_strength, atomic)
 
     @ti.func
     def gather_and_move(

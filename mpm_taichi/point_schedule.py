@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import taichi as ti
 
+from mpm_taichi.effects.table import LIQUEFIED, OVERBURDEN
 from mpm_taichi.layout import (
     ALARM,
     BLEND,
@@ -17,21 +18,27 @@ from mpm_taichi.layout import (
     COLUMNS,
     CONTACT_LOSS,
     DAMPING,
+    EFFECT_WORK,
+    EFFECTS_ON,
     F32,
     F64,
     FIRST_NODE,
     FIRST_POINT,
+    FRAME_START,
     FRAME_TIME,
     FRAMES,
+    FRAMES_DONE,
     GRAVITY,
     I32,
     INDEX,
     LAST_NODE,
     LAST_POINT,
     LAST_SETTLED,
+    MEAN_OVERBURDEN,
     MOVING,
     PHASE,
     PIC_RATE,
+    REAL,
     RELIEF,
     SETTLE_COURANT,
     SETTLING,
@@ -52,10 +59,12 @@ from mpm_taichi.layout import (
     vec8,
 )
 from mpm_taichi.point_functions import settle_node, steps_of_frame
-from mpm_taichi.transfer import cell_means, update_node
+from mpm_taichi.transfer import cell_means, node_update
 
 
-def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
+def point_schedule(
+    point: SimpleNamespace, effects: SimpleNamespace | None = None
+) -> SimpleNamespace:
     """The kernels `settle_step`, `start_moving`, `begin_frame`, `step`, `end_frame`.
 
     Each runs over `slots` slots of `points` points and `nodes` nodes.
@@ -65,6 +74,8 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
     smooth_cell = point.smooth_cell
+    update_node = node_update(effects)
+    acted = effects is not None
 
     @ti.kernel
     def settle_step(
@@ -111,17 +122,29 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
     @ti.kernel
     def start_moving(
         slots: ti.i32, points: ti.i32, integers: I32, gradient: VEC4, stress: VEC4, history: VEC4,
-        initial_stress: VEC4,
+        initial_stress: VEC4, numbers: F32, facts: F32, sums: F64,
     ):  # fmt: skip
+        for slot in range(slots):
+            sums[slot, 0, 0] = 0.0
+            sums[slot, 0, 1] = 0.0
         for p in range(slots * points):
             slot = p // points
             if integers[slot, PHASE] == SETTLING and p < integers[slot, LAST_POINT]:
                 initial_stress[p] = stress[p]
                 gradient[p] = vec4(0.0)
                 history[p] = vec4(0.0)
+                if ti.static(acted):
+                    overburden = ti.max(-stress[p][1], 0.0)
+                    facts[p, OVERBURDEN] = overburden
+                    if facts[p, LIQUEFIED] > 0.5:
+                        ti.atomic_add(sums[slot, 0, 0], ti.cast(overburden, ti.f64))
+                        ti.atomic_add(sums[slot, 0, 1], ti.cast(1.0, ti.f64))
         for slot in range(slots):
             if integers[slot, PHASE] == SETTLING:
                 integers[slot, PHASE] = MOVING
+                if ti.static(acted):
+                    mean = sums[slot, 0, 0] / ti.max(sums[slot, 0, 1], 1.0)
+                    numbers[slot, MEAN_OVERBURDEN] = ti.cast(mean, ti.f32)
 
     @ti.kernel
     def begin_frame(slots: ti.i32, frame: ti.i32, integers: I32, numbers: F32, sums: F64):
@@ -134,6 +157,10 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
                 numbers[slot, BLEND] = ti.min(numbers[slot, PIC_RATE] * dt, 1.0)
                 numbers[slot, SHARE] = ti.min(numbers[slot, RELIEF] * dt, 1.0)
                 integers[slot, STEPS] += count
+                if ti.static(acted):
+                    start = integers[slot, FRAMES_DONE] * numbers[slot, FRAME_TIME]
+                    numbers[slot, FRAME_START] = start
+                    integers[slot, FRAMES_DONE] += 1
             integers[slot, SUBSTEPS] = count
             for k in range(SUMS):
                 sums[slot, frame, k] = 0.0
@@ -143,27 +170,67 @@ def point_schedule(point: SimpleNamespace) -> SimpleNamespace:
         turn: ti.i32, frame: ti.i32, slots: ti.i32, points: ti.i32, nodes: ti.i32, integers: I32,
         numbers: F32, motion: VEC4, home: INDEX, gradient: VEC4, stress: VEC4, history: VEC4,
         row: INDEX, elastic: VEC4, strength: VEC4, edges: VEC4, load: VEC8, flow: VEC4,
-        swelling: VEC4, kind: INDEX, table: VEC8, sums: F64,
+        swelling: VEC4, kind: INDEX, table: VEC8, sums: F64, facts: F32, present: VEC8,
+        resisted: REAL, effect_numbers: F32,
     ):  # fmt: skip
         for p in range(slots * points):
             slot = p // points
             if turn < integers[slot, SUBSTEPS] and p < integers[slot, LAST_POINT]:
+                on = 0
+                time = 0.0
+                columns, first_node = integers[slot, COLUMNS], integers[slot, FIRST_NODE]
+                if ti.static(acted):
+                    on = integers[slot, EFFECTS_ON]
+                    time = numbers[slot, FRAME_START] + turn * numbers[slot, TIME_STEP]
+                    if on & ti.static(effects.strength_mask):
+                        effects.renew_strength(
+                            p, slot, on, time, columns, first_node, integers, numbers, motion, home,
+                            gradient, stress, history, facts, present, effect_numbers,
+                        )  # fmt: skip
                 strain_point(
                     p, numbers[slot, TIME_STEP], numbers[slot, SHARE], numbers[slot, VOLUME], home,
-                    gradient, stress, history, row, elastic, strength, edges, swelling,
+                    gradient, stress, history, row, elastic, strength, edges, swelling, slot, on,
+                    time, columns, first_node, integers, numbers, motion, facts, present,
+                    effect_numbers,
                 )  # fmt: skip
                 scatter_point(
                     p, numbers[slot, CELL], numbers[slot, VOLUME], integers[slot, COLUMNS], motion,
-                    home, gradient, stress, history, row, strength, edges, load, kind, True,
+                    home, gradient, stress, history, row, strength, edges, load, kind, present,
+                    True,
                 )  # fmt: skip
+                if ti.static(acted):
+                    if on & ti.static(effects.resistance_mask):
+                        effects.resist(
+                            p, slot, on, time, columns, first_node, integers, numbers, motion, home,
+                            gradient, stress, history, facts, effect_numbers, numbers[slot, VOLUME],
+                            kind, resisted, True,
+                        )  # fmt: skip
         for n in range(slots * nodes):
             slot = n // nodes
             if turn < integers[slot, SUBSTEPS] and n < integers[slot, LAST_NODE]:
                 if load[n][4] > 0.0:
-                    new, lost, work = update_node(
-                        load[n], table[n], kind[n], numbers[slot, TIME_STEP],
-                        numbers[slot, GRAVITY], numbers[slot, DAMPING],
-                    )  # fmt: skip
+                    new = vec4(0.0)
+                    lost = 0.0
+                    work = 0.0
+                    if ti.static(acted):
+                        time = numbers[slot, FRAME_START] + turn * numbers[slot, TIME_STEP]
+                        node = effects.node_of(
+                            n, slot, time, integers[slot, COLUMNS], integers[slot, FIRST_NODE],
+                            integers, numbers,
+                        )  # fmt: skip
+                        new, lost, work, given = update_node(
+                            load[n], table[n], kind[n], numbers[slot, TIME_STEP],
+                            numbers[slot, GRAVITY], numbers[slot, DAMPING], resisted[n], slot,
+                            integers[slot, EFFECTS_ON], node, effect_numbers,
+                        )  # fmt: skip
+                        resisted[n] = 0.0
+                        if given != 0.0:
+                            ti.atomic_add(sums[slot, frame, EFFECT_WORK], ti.cast(given, ti.f64))
+                    else:
+                        new, lost, work, _ = update_node(
+                            load[n], table[n], kind[n], numbers[slot, TIME_STEP],
+                            numbers[slot, GRAVITY], numbers[slot, DAMPING],
+                        )  # fmt: skip
                     flow[n] = new
                     load[n] = vec8(0.0)
                     swelling[n] = vec4(0.0)

@@ -95,6 +95,13 @@ class Slots:
             setattr(self, name, aligned((number * nodes, width), np.float32))
         for name in self.PER_ROW:
             setattr(self, name, aligned((number * MAX_ROWS, 4), np.float32))
+        # What effects need; where there are none, the kernels never look at these.
+        table = kernels.table
+        per_point = number * points if table else 1
+        self.facts = aligned((per_point, table.facts if table else 1), np.float32)
+        self.present = aligned((per_point, 8), np.float32)
+        self.resisted = aligned((number * nodes if table else 1,), np.float32)
+        self.effect_numbers = aligned((number, table.width if table else 1), np.float32)
 
     def point_range(self, slot: int) -> slice:
         """Where the points of a slot lie in the arrays."""
@@ -138,10 +145,25 @@ class Slots:
         numbers[layout.SMOOTHING] = settings.pressure_smoothing
         self.home[where] = scene.home + slot * self.nodes
         self._lay_nodes(slot, scene)
+        if self.kernels.table:
+            self._admit_effects(slot, scene, where)
+
+    def _admit_effects(self, slot: int, scene: PreparedScene, where: slice) -> None:
+        """What effects are on, their numbers, and the strength and the facts of every point."""
+        table, integers, numbers = self.kernels.table, self.integers[slot], self.numbers[slot]
+        integers[layout.EFFECTS_ON] = table.bits(scene.effects)
+        numbers[layout.ORIGIN_X], numbers[layout.ORIGIN_Y] = scene.grid.origin
+        self.effect_numbers[slot] = table.numbers(scene.effects, scene.scene)
+        position = scene.points.position[scene.order]
+        soil = scene.soil[scene.row]
+        self.facts[where] = table.point_facts(scene.effects, scene.scene, position, soil)
+        own = np.concatenate([scene.strength[:, :3], scene.edges[:, :3]], axis=1)
+        self.present[where, :6] = own[scene.row]
 
     def lay_grid(self, slot: int, scene: PreparedScene, left: int) -> None:
         """Give a slot the enlarged grid of its scene, with `left` more columns on the left."""
         self.home[self.point_range(slot)] += left * scene.grid.shape[1]
+        self.integers[slot, layout.GROWN] += left
         self._lay_nodes(slot, scene, keep=left)
 
     def _lay_nodes(self, slot: int, scene: PreparedScene, keep: int | None = None) -> None:
@@ -154,6 +176,8 @@ class Slots:
         where = slice(node, node + nodes)
         self.kind[where], self.table[where] = scene.kind, scene.table
         self.load[where] = self.flow[where] = self.swelling[where] = 0.0
+        if self.kernels.table:
+            self.resisted[where] = 0.0
         if keep is not None:
             first = node + keep * scene.grid.shape[1]
             self.swelling[first : first + len(old)] = old
@@ -165,6 +189,11 @@ class Slots:
         mine, theirs = slot * self.points, slot * other.points
         for name in (*self.PER_POINT, "row"):
             getattr(self, name)[mine : mine + count] = getattr(other, name)[theirs : theirs + count]
+        if self.kernels.table:
+            for name in ("facts", "present"):
+                part = getattr(other, name)[theirs : theirs + count]
+                getattr(self, name)[mine : mine + count] = part
+            self.effect_numbers[slot] = other.effect_numbers[slot]
         home = other.home[theirs : theirs + count] - slot * other.nodes
         self.home[mine : mine + count] = home + slot * self.nodes
         for name in self.PER_ROW:
@@ -194,7 +223,8 @@ class Slots:
             number, self.integers, self.numbers, self.motion, self.home, self.gradient,
             self.stress, self.history, self.row, self.elastic, self.strength, self.edges,
             self.settle_strength, self.settle_edges, self.initial_stress, self.load, self.flow,
-            self.swelling, self.kind, self.table, self.places, self.sums,
+            self.swelling, self.kind, self.table, self.places, self.sums, self.facts, self.present,
+            self.resisted, self.effect_numbers,
         )  # fmt: skip
 
     def fetch(self) -> None:
@@ -216,6 +246,7 @@ class DeviceSlots(Slots):
         self._device: dict[str, Any] = {}
         self._host_is_new = True
         vectors = {"places": 2, **self.PER_POINT, **self.PER_NODE, **dict.fromkeys(self.PER_ROW, 4)}
+        vectors["present"] = 8
         for name in self._names():
             array = getattr(self, name)
             if name in vectors:
@@ -226,7 +257,8 @@ class DeviceSlots(Slots):
 
     def _names(self) -> tuple[str, ...]:
         small = ("integers", "numbers", "sums", "places", "home", "row", "kind")
-        return (*small, *self.PER_POINT, *self.PER_NODE, *self.PER_ROW)
+        of_effects = ("facts", "present", "resisted", "effect_numbers")
+        return (*small, *self.PER_POINT, *self.PER_NODE, *self.PER_ROW, *of_effects)
 
     def _pull(self, *names: str) -> None:
         for name in names:
@@ -257,7 +289,8 @@ class DeviceSlots(Slots):
                 kernels.step(
                     turn, frame, *size, d.integers, d.numbers, d.motion, d.home, d.gradient,
                     d.stress, d.history, d.row, d.elastic, d.strength, d.edges, d.load, d.flow,
-                    d.swelling, d.kind, d.table, d.sums,
+                    d.swelling, d.kind, d.table, d.sums, d.facts, d.present, d.resisted,
+                    d.effect_numbers,
                 )  # fmt: skip
             kernels.end_frame(
                 frame, self.number, self.points, d.integers, d.numbers, d.motion, d.home, d.stress,
@@ -293,5 +326,6 @@ class DeviceSlots(Slots):
         d.integers.from_numpy(self.integers)
         d.numbers.from_numpy(self.numbers)
         kernels.start_moving(
-            self.number, self.points, d.integers, d.gradient, d.stress, d.history, d.initial_stress
-        )
+            self.number, self.points, d.integers, d.gradient, d.stress, d.history,
+            d.initial_stress, d.numbers, d.facts, d.sums,
+        )  # fmt: skip

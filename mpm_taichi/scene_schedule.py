@@ -11,12 +11,15 @@ from types import SimpleNamespace
 
 import taichi as ti
 
+from mpm_taichi.effects.table import LIQUEFIED, OVERBURDEN
 from mpm_taichi.layout import (
     ALARM,
     CELL,
     COLUMNS,
     CONTACT_LOSS,
     DAMPING,
+    EFFECT_WORK,
+    EFFECTS_ON,
     F32,
     F64,
     FIRST_NODE,
@@ -24,6 +27,7 @@ from mpm_taichi.layout import (
     FRAME_COUNT,
     FRAME_TIME,
     FRAMES,
+    FRAMES_DONE,
     GRAVITY,
     I32,
     IDLE,
@@ -31,9 +35,11 @@ from mpm_taichi.layout import (
     LAST_NODE,
     LAST_POINT,
     LAST_SETTLED,
+    MEAN_OVERBURDEN,
     MOVING,
     PHASE,
     PIC_RATE,
+    REAL,
     RELIEF,
     SETTLE_COURANT,
     SETTLE_LIMIT,
@@ -55,19 +61,21 @@ from mpm_taichi.layout import (
     vec8,
 )
 from mpm_taichi.point_functions import settle_node, steps_of_frame
-from mpm_taichi.transfer import cell_means, update_node
+from mpm_taichi.transfer import cell_means, node_update
 
 # Taichi hands a CPU thread at least 512 turns of a loop; a scene takes one turn in 512.
 _TURNS = 512
 
 
-def scene_schedule(point: SimpleNamespace) -> Callable:
+def scene_schedule(point: SimpleNamespace, effects: SimpleNamespace | None = None) -> Callable:
     """The kernel `run_scenes`: settling where a scene is new, then a chunk of frames."""
     strain_point, scatter_point = point.strain_point, point.scatter_point
     gather_and_move = point.gather_and_move
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
     smooth_cell = point.smooth_cell
+    update_node = node_update(effects)
+    acted = effects is not None
 
     @ti.func
     def average_cells(first_node, last_node, swelling: A):
@@ -137,12 +145,26 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
         numbers[slot, SPEED] = ti.sqrt(top)
         sums[slot, frame, TOP_SPEED] = ti.sqrt(top)
 
+    @ti.func
+    def note_overburden(slot, first, last, numbers: A, stress: A, facts: A):
+        """Vertical effective stress before failure, and its mean over the liquefied points."""
+        total = ti.cast(0.0, ti.f64)
+        points = 0
+        for p in range(first, last):
+            overburden = ti.max(-stress[p][1], 0.0)
+            facts[p, OVERBURDEN] = overburden
+            if facts[p, LIQUEFIED] > 0.5:
+                total += ti.cast(overburden, ti.f64)
+                points += 1
+        numbers[slot, MEAN_OVERBURDEN] = ti.cast(total / ti.max(points, 1), ti.f32)
+
     @ti.kernel
     def run_scenes(
         slots: ti.i32, integers: I32, numbers: F32, motion: VEC4, home: INDEX, gradient: VEC4,
         stress: VEC4, history: VEC4, row: INDEX, elastic: VEC4, strength: VEC4, edges: VEC4,
         settle_strength: VEC4, settle_edges: VEC4, initial_stress: VEC4, load: VEC8, flow: VEC4,
-        swelling: VEC4, kind: INDEX, table: VEC8, places: FRAMES, sums: F64,
+        swelling: VEC4, kind: INDEX, table: VEC8, places: FRAMES, sums: F64, facts: F32,
+        present: VEC8, resisted: REAL, effect_numbers: F32,
     ):  # fmt: skip
         for turn in range(slots * _TURNS):
             slot = turn // _TURNS
@@ -162,6 +184,8 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                         initial_stress[p] = stress[p]
                         gradient[p] = vec4(0.0, 0.0, 0.0, 0.0)
                         history[p] = vec4(0.0, 0.0, 0.0, 0.0)
+                    if ti.static(acted):
+                        note_overburden(slot, first, last, numbers, stress, facts)
                     integers[slot, PHASE] = MOVING
                 alarm = 0
                 for frame in range(integers[slot, FRAME_COUNT]):
@@ -171,23 +195,61 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                     share = ti.min(numbers[slot, RELIEF] * dt, 1.0)
                     contact_loss = ti.cast(0.0, ti.f64)
                     water_work = ti.cast(0.0, ti.f64)
+                    effect_work = ti.cast(0.0, ti.f64)
+                    on = 0
+                    time = 0.0
+                    if ti.static(acted):
+                        on = integers[slot, EFFECTS_ON]
                     step = 0
                     while step < count and alarm == 0:
+                        if ti.static(acted):
+                            time = integers[slot, FRAMES_DONE] * numbers[slot, FRAME_TIME]
+                            time += step * dt
+                            if on & ti.static(effects.strength_mask):
+                                for p in range(first, last):
+                                    effects.renew_strength(
+                                        p, slot, on, time, columns, first_node, integers, numbers,
+                                        motion, home, gradient, stress, history, facts, present,
+                                        effect_numbers,
+                                    )  # fmt: skip
                         for p in range(first, last):
                             strain_point(
                                 p, dt, share, volume, home, gradient, stress, history, row, elastic,
-                                strength, edges, swelling,
+                                strength, edges, swelling, slot, on, time, columns, first_node,
+                                integers, numbers, motion, facts, present, effect_numbers,
                             )  # fmt: skip
                         for p in range(first, last):
                             scatter_point(
                                 p, cell, volume, columns, motion, home, gradient, stress, history,
-                                row, strength, edges, load, kind, False,
+                                row, strength, edges, load, kind, present, False,
                             )  # fmt: skip
+                        if ti.static(acted):
+                            if on & ti.static(effects.resistance_mask):
+                                for p in range(first, last):
+                                    effects.resist(
+                                        p, slot, on, time, columns, first_node, integers, numbers,
+                                        motion, home, gradient, stress, history, facts,
+                                        effect_numbers, volume, kind, resisted, False,
+                                    )  # fmt: skip
                         for n in range(first_node, last_node):
                             if load[n][4] > 0.0:
-                                new, lost, work = update_node(
-                                    load[n], table[n], kind[n], dt, gravity, damping
-                                )
+                                new = vec4(0.0)
+                                lost = 0.0
+                                work = 0.0
+                                if ti.static(acted):
+                                    node = effects.node_of(
+                                        n, slot, time, columns, first_node, integers, numbers
+                                    )
+                                    new, lost, work, given = update_node(
+                                        load[n], table[n], kind[n], dt, gravity, damping,
+                                        resisted[n], slot, on, node, effect_numbers,
+                                    )  # fmt: skip
+                                    resisted[n] = 0.0
+                                    effect_work += ti.cast(given, ti.f64)
+                                else:
+                                    new, lost, work, _ = update_node(
+                                        load[n], table[n], kind[n], dt, gravity, damping
+                                    )
                                 flow[n] = new
                                 load[n] = vec8(0.0)
                                 swelling[n] = vec4(0.0)
@@ -211,6 +273,9 @@ def scene_schedule(point: SimpleNamespace) -> Callable:
                     )  # fmt: skip
                     sums[slot, frame, CONTACT_LOSS] = contact_loss
                     sums[slot, frame, WATER_WORK] = water_work
+                    if ti.static(acted):
+                        sums[slot, frame, EFFECT_WORK] = effect_work
+                        integers[slot, FRAMES_DONE] += 1
                     for p in range(first, last):
                         places[slot, frame, p - first] = place(
                             p, first_node, columns, cell, motion, home

@@ -15,6 +15,8 @@ import numpy as np
 
 from mpm_taichi import layout, solver
 from mpm_taichi.boundary import MARGIN
+from mpm_taichi.effects.base import Effect
+from mpm_taichi.effects.registry import effects_on, kernel_effects
 from mpm_taichi.initial_state import PreparedScene, prepare
 from mpm_taichi.runtime import DeviceSlots, Slots, start
 from mpm_taichi.trajectory import Run
@@ -32,9 +34,6 @@ SLOTS = {"cpu": 8, "cuda": 256}
 
 SCHEDULES = {"cpu": "scene", "cuda": "point"}
 """How scenes are run on a device, see `solver`."""
-
-EFFECTS: dict[str, str] = {}
-"""Physical effects a scene may switch on (name -> what it is)."""
 
 OnFinished = Callable[[int, Run], None]
 OnFrame = Callable[[int, float, float], None]
@@ -80,16 +79,32 @@ def simulate_each(
     threads: int | None = None,
     on_frame: OnFrame | None = None,
 ) -> Iterator[tuple[int, Run]]:
-    """Yield (place in `scenes`, run) as runs end; holds only the runs in flight. See `simulate`."""
-    for scene in scenes:
+    """Yield (place in `scenes`, run) as runs end; holds only the runs in flight. See `simulate`.
+
+    Scenes that need the same kernels are run together: those without effects, those with effects
+    of the library whichever they are, and those with the same effects of a user.
+    """
+    groups: dict[tuple[Effect, ...], list[tuple[int, Scene]]] = {}
+    for place, scene in enumerate(scenes):
         check_scene(scene)
+        groups.setdefault(kernel_effects(scene), []).append((place, scene))
     start(device, threads)
-    kernels = solver.build_kernels(
-        affine=settings.transfer in ("affine_flip", "apic"),
-        averaged=settings.volumetric_averaging,
-        corrected=settings.volume_correction,
-    )
-    waiting = list(enumerate(scenes))[::-1]
+    for effects, members in groups.items():
+        kernels = solver.build_kernels(
+            affine=settings.transfer in ("affine_flip", "apic"),
+            averaged=settings.volumetric_averaging,
+            corrected=settings.volume_correction,
+            effects=effects,
+        )
+        yield from _simulate_group(members, settings, device, kernels, on_frame)
+
+
+def _simulate_group(
+    scenes: Sequence[tuple[int, Scene]], settings: SimulationSettings, device: str, kernels: object,
+    on_frame: OnFrame | None,
+) -> Iterator[tuple[int, Run]]:  # fmt: skip
+    """`simulate_each` for (place, scene) pairs that share their kernels."""
+    waiting = list(scenes)[::-1]
     flying: dict[int, Flight] = {}
     slots: Slots | None = None
     while waiting or flying:
@@ -126,10 +141,7 @@ def simulate_each(
 
 def check_scene(scene: Scene) -> None:
     """Refuse what a scene may say but the solver cannot do; one line for a person."""
-    for name in scene.effects:
-        if name not in EFFECTS:
-            known = ", ".join(EFFECTS) or "none yet"
-            raise InputError(f"{scene.name}: effects: {name!r} is unknown; known are: {known}")
+    effects_on(scene)
     for zone in scene.zones:
         if zone.kinematic and zone.initial_velocity != (0.0, 0.0):
             raise InputError(
@@ -244,9 +256,8 @@ class Flight:
             if self.reason:
                 self.ended, self.failed_at = True, now
                 return
-            sums[[layout.CONTACT_LOSS, layout.WATER_WORK]] += self.energies[-1][
-                [layout.CONTACT_LOSS, layout.WATER_WORK]
-            ]
+            for column in (layout.CONTACT_LOSS, layout.WATER_WORK, layout.EFFECT_WORK):
+                sums[column] += self.energies[-1][column]
             self.frames.append(position)
             self.energies.append(sums)
             self._note_walls(position, now)
@@ -280,7 +291,8 @@ class Flight:
         start_energy = self.energies[0][layout.KINETIC]
         stored = sums[layout.ELASTIC] - self.energies[0][layout.ELASTIC]
         water = sums[layout.WATER_WORK] + self.energies[-1][layout.WATER_WORK]
-        fall = self._potential(self.frames[0]) - self._potential(position) + water
+        pushed = sums[layout.EFFECT_WORK] + self.energies[-1][layout.EFFECT_WORK]
+        fall = self._potential(self.frames[0]) - self._potential(position) + water + pushed
         excess = sums[layout.KINETIC] - start_energy + stored + sums[layout.PLASTIC] - fall
         scale = max(start_energy, abs(fall), self._scale())
         return float(excess / scale)
@@ -319,7 +331,8 @@ class Flight:
         self.peak = max(self.peak, kinetic)
         calm = kinetic <= settings.early_stop_energy_fraction * self.peak
         self.quiet = self.quiet + self.prepared.frame_time if calm else 0.0
-        if settings.early_stop and self.quiet >= settings.early_stop_hold_s:
+        over = len(self.frames) * self.prepared.frame_time > self.prepared.busy_until
+        if settings.early_stop and over and self.quiet >= settings.early_stop_hold_s:
             self.ended = True
 
     def finish(self, slot: int, slots: Slots) -> Run:
@@ -347,8 +360,10 @@ class Flight:
         }  # fmt: skip
         energy = {name: energies[:, column].copy() for name, column in names.items()}
         energy["potential"] = potential
+        if prepared.effects:
+            energy["effect_work"] = energies[:, layout.EFFECT_WORK].copy()
         return Run(
-            scene=self.scene,
+            scene=prepared.given,
             settings=prepared.settings,
             positions=positions,
             time=prepared.frame_time * np.arange(len(self.frames)),
@@ -375,6 +390,8 @@ class Flight:
         """Energy, mass and volume accounts of the whole run."""
         released = float(energy["potential"][0] - energy["potential"][-1])
         released += float(energy["water_work"][-1] + energy["kinetic"][0])
+        if "effect_work" in energy:
+            released += float(energy["effect_work"][-1])
         kept = float(energy["kinetic"][-1] + energy["elastic"][-1] - energy["elastic"][0])
         contact = float(energy["contact_loss"][-1])
         numerical = released - kept - float(energy["plastic"][-1]) - contact

@@ -9,6 +9,8 @@ physics is written once.
 from functools import cache
 from types import SimpleNamespace
 
+from mpm_taichi.effects.base import Effect
+from mpm_taichi.effects.hooks import effect_functions
 from mpm_taichi.layout import *  # noqa: F403
 from mpm_taichi.point_functions import point_functions
 from mpm_taichi.point_schedule import point_schedule
@@ -16,16 +18,28 @@ from mpm_taichi.scene_schedule import scene_schedule
 
 
 @cache
-def build_kernels(*, affine: bool, averaged: bool, corrected: bool) -> SimpleNamespace:
+def build_kernels(
+    *, affine: bool, averaged: bool, corrected: bool, effects: tuple[Effect, ...] = ()
+) -> SimpleNamespace:
     """Build the kernels (Taichi compiles each when it is first called).
 
     Args:
         affine: the affine part of a point's velocity travels to the grid (APIC, affine FLIP).
         averaged: volumetric strain increments averaged over a cell (F-bar).
         corrected: volume correction at the free surface.
+        effects: those that scenes may have on, `effects.registry.kernel_effects`; with none, the
+            kernels know of no effects at all.
 
     Returns:
-        `run_scenes` of the scene schedule, and `point`, the kernels of the point schedule.
+        `run_scenes` of the scene schedule; `point`, the kernels of the point schedule; `table`, the
+        columns of the effects (`effects.table.EffectTable`), None without any.
     """
-    functions = point_functions(affine=affine, averaged=averaged, corrected=corrected)
-    return SimpleNamespace(run_scenes=scene_schedule(functions), point=point_schedule(functions))
+    acting = effect_functions(effects) if effects else None
+    functions = point_functions(
+        affine=affine, averaged=averaged, corrected=corrected, effects=acting
+    )
+    return SimpleNamespace(
+        run_scenes=scene_schedule(functions, acting),
+        point=point_schedule(functions, acting),
+        table=acting.table if acting else None,
+    )

@@ -19,6 +19,7 @@ velocity; points, then smoothed mean stress; sum, then mean, of mean stress; clo
 import taichi as ti
 
 from mpm_taichi.boundary import contact
+from mpm_taichi.layout import A
 from mpm_taichi.mohr_coulomb import elastic_trial, return_to_yield
 from mpm_taichi.splines import (
     BASE_EDGE,
@@ -105,7 +106,20 @@ def update_stress(
     stress, gradient, history, volumetric, relief, dt, volume, elastic, strength, edges,
     corrected: ti.template(),
 ):  # fmt: skip
-    """Stress and history of a point after a step.
+    """Stress and history of a point after a step; see `stress_step`."""
+    new, past, _ = stress_step(
+        stress, gradient, history, volumetric, relief, dt, volume, elastic, strength, edges,
+        corrected,
+    )  # fmt: skip
+    return new, past
+
+
+@ti.func
+def stress_step(
+    stress, gradient, history, volumetric, relief, dt, volume, elastic, strength, edges,
+    corrected: ti.template(),
+):  # fmt: skip
+    """Stress and history of a point after a step, and its plastic shear strain in the step.
 
     With the volume correction, soil that opened (tension cap) must close again before it resists:
     otherwise each opening and closing at the free surface would leave volume behind.
@@ -124,11 +138,15 @@ def update_stress(
     if ti.static(corrected):
         opened += opening
         strain -= opening
-    return new, vec4(
-        history[0] + strain,
-        opened,
-        history[2] + shear,
-        history[3] + work * volume * (1.0 + history[0]),
+    return (
+        new,
+        vec4(
+            history[0] + strain,
+            opened,
+            history[2] + shear,
+            history[3] + work * volume * (1.0 + history[0]),
+        ),
+        shear,
     )
 
 
@@ -255,36 +273,70 @@ def scatter_volume(
             add(load, node, weight_x[i] * weight_y[j] * value, 5, 8, atomic)
 
 
-@ti.func
-def update_node(load, table, kind, dt, gravity, damping):
-    """New velocity of a node from its load.
+def node_update(effects=None):  # noqa: ANN001, ANN201
+    """The function `update_node`, with the hooks of `effects` where there are any.
 
-    Returns:
-        flow: velocity x, y and its change over the step x, y [m/s].
-        lost: work done against ground and walls, impulse x mean velocity [J/m].
-        water_work: work done by the water forces [J/m].
+    `effects` is what `effects.hooks.effect_functions` makes, None for a scene without any.
     """
-    inverse = 1.0 / load[4]
-    old = vec2(load[0], load[1]) * inverse
-    water = vec2(table[4], table[5]) * load[5]
-    force = vec2(load[2], load[3]) + water
-    force[1] -= gravity * load[4]
-    if damping > 0.0:  # Cundall's local damping: a share of the force, against the motion
-        for k in ti.static(range(2)):
-            force[k] -= damping * ti.abs(force[k]) * ti.math.sign(old[k])
-    free = old + dt * inverse * force
-    friction = table[2]
-    adhesion = 0.0
-    if kind & 96:  # rough ground: the soil's own strength in simple shear, sigma sin(phi) + k / 2
-        share = 1.0 / load[5]
-        friction = load[7] * share
-        covered = ti.min(load[5] * table[6], 1.0)
-        adhesion = load[6] * share * table[3] * covered * dt * inverse
-    new = contact(free, kind, table, friction, adhesion)
-    lost = 0.5 * load[4] * (free - new).dot(old + new)
-    water_work = 0.5 * dt * water.dot(old + new)
-    change = new - old
-    return vec4(new[0], new[1], change[0], change[1]), lost, water_work
+    acted = effects is not None
+
+    @ti.func
+    def update_node(
+        load, table, kind, dt, gravity, damping, resisted=0.0, slot=0, on=0, node=0,
+        effect_numbers: A = 0,
+    ):  # fmt: skip
+        """New velocity of a node from its load.
+
+        What resists (`resisted` [N/m]) only slows: it takes away at most the velocity that the node
+        would have before ground and walls act, and its work counts as lost to the surroundings.
+
+        Returns:
+            flow: velocity x, y and its change over the step x, y [m/s].
+            lost: work done against ground and walls, impulse x mean velocity [J/m].
+            water_work: work done by the water forces [J/m].
+            effect_work: with effects only, work done by accelerations [J/m].
+        """
+        inverse = 1.0 / load[4]
+        old = vec2(load[0], load[1]) * inverse
+        water = vec2(table[4], table[5]) * load[5]
+        force = vec2(load[2], load[3]) + water
+        force[1] -= gravity * load[4]
+        if damping > 0.0:  # Cundall's local damping: a share of the force, against the motion
+            for k in ti.static(range(2)):
+                force[k] -= damping * ti.abs(force[k]) * ti.math.sign(old[k])
+        free = old + dt * inverse * force
+        pushed = vec2(0.0, 0.0)
+        slowed = free
+        if ti.static(acted):
+            pushed = effects.push(slot, on, node, effect_numbers)
+            free += dt * pushed
+            speed = free.norm()
+            left = ti.max(speed - resisted * dt * inverse, 0.0)
+            slowed = free * (left / ti.max(speed, 1.0e-12))
+        friction = table[2]
+        adhesion = 0.0
+        if kind & 96:  # rough ground: the soil's own strength in simple shear, sigma sin(phi) + k/2
+            share = 1.0 / load[5]
+            friction = load[7] * share
+            covered = ti.min(load[5] * table[6], 1.0)
+            if ti.static(not acted):
+                adhesion = load[6] * share * table[3] * covered * dt * inverse
+            else:
+                friction, traction = effects.hold(
+                    slot, on, node, friction, load[6] * share, effect_numbers
+                )
+                adhesion = traction * table[3] * covered * dt * inverse
+        elif ti.static(acted):
+            friction, _ = effects.hold(slot, on, node, friction, 0.0, effect_numbers)
+        new = contact(slowed, kind, table, friction, adhesion)
+        lost = 0.5 * load[4] * (free - new).dot(old + new)
+        water_work = 0.5 * dt * water.dot(old + new)
+        change = new - old
+        flow = vec4(new[0], new[1], change[0], change[1])
+        effect_work = 0.5 * dt * load[4] * pushed.dot(old + new)
+        return flow, lost, water_work, effect_work
+
+    return update_node
 
 
 @ti.func

@@ -23,11 +23,11 @@ from mpm_taichi.splines import (
 from mpm_taichi.transfer import (
     gather,
     move,
+    node_update,
     pressure_relief,
     scatter,
     scatter_volume,
     strain_increment,
-    update_node,
     update_stress,
 )
 
@@ -36,6 +36,8 @@ VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)
 VEC2 = ti.types.ndarray(dtype=vec2, ndim=1)
 INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=1)
+
+update_node = node_update()
 
 CELL, ROWS, COLUMNS = 2.0, 12, 10
 KINDS = [0, BASE_EDGE | LEFT_EDGE, BASE_EDGE | RIGHT_EDGE]
@@ -99,7 +101,7 @@ def node_of(
     damping: ti.f32,
 ):  # fmt: skip
     for n in load:
-        new, lost, water = update_node(load[n], table[n], kind, dt, gravity, damping)
+        new, lost, water, _ = update_node(load[n], table[n], kind, dt, gravity, damping)
         flow[n] = new
         work[n] = vec2(lost, water)
 

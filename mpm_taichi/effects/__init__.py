@@ -1,0 +1,54 @@
+"""Physical effects that a scene can switch on, one file each.
+
+In: the entry `effects:` of a scene, and for a user's own effects a Python file. Out: `Effect`
+objects, with what each is and does. Off is off: a scene without effects runs by kernels that know
+of none. Nothing here starts Taichi.
+"""
+
+from mpm_taichi.effects.base import (
+    DEGREE,
+    KPA,
+    STANDARD_GRAVITY,
+    Active,
+    Amplitude,
+    Effect,
+    Parameter,
+    always,
+    liquefied_zones,
+    needs_liquefied_soil,
+    ti,
+)
+from mpm_taichi.effects.registry import (
+    LIBRARY,
+    acting_scene,
+    effect,
+    effects,
+    effects_on,
+    kernel_effects,
+    key_of_effects,
+    load_effects_file,
+    user_effects,
+)
+
+__all__ = [
+    "DEGREE",
+    "KPA",
+    "LIBRARY",
+    "STANDARD_GRAVITY",
+    "Active",
+    "Amplitude",
+    "Effect",
+    "Parameter",
+    "acting_scene",
+    "always",
+    "effect",
+    "effects",
+    "effects_on",
+    "kernel_effects",
+    "key_of_effects",
+    "liquefied_zones",
+    "load_effects_file",
+    "needs_liquefied_soil",
+    "ti",
+    "user_effects",
+]
