@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from geometry.measured import Deposit
-from geometry.measured_series import SlideDuration, ToeHistory, Velocity
 from geometry.scene import Scene
 from inversion.forward import Forward, Prediction, by_differences
+from inversion.history_readings import HistoryReader, history_reader
 from inversion.parameters import Parameters
 from inversion.predictions import Targets, read, toes_by_eye
 from inversion.run_store import KeptRun, RunStore
@@ -39,6 +40,11 @@ class Setup:
     parameters: Parameters
     targets: Targets
     foot: Mapping[str, float]
+
+    @cached_property
+    def reader(self) -> HistoryReader:
+        """Reads what hangs on the whole history of a run."""
+        return history_reader(self.targets.entries, self.foot)
 
 
 class MPMEngine:
@@ -72,8 +78,7 @@ class MPMEngine:
         """One parameter vector for each of several engines, as one batch."""
         engines: list[MPMEngine] = [engine for engine, _ in requests]
         wanted = [(engine.scene(values), engine.setup.settings) for engine, values in requests]
-        frames = any(_needs_frames(engine.setup.targets) for engine in engines)
-        runs = self.store.fetch(wanted, frames=frames)
+        runs = self.store.fetch(wanted, [engine.setup.reader for engine in engines])
         for engine in engines:
             engine.runs += 1
         starts: dict[tuple[int, bytes], np.ndarray] = {}
@@ -96,7 +101,7 @@ def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None
     """Read the measurements on a run; `at_start` is `read_start` where that is known."""
     end = _deposit(setup, run, last=True)
     failed = run.status == "failed"
-    values, trouble = read(setup.targets, end)
+    values, trouble = read(setup.targets, end, run.readings)
     if failed:
         values = np.full(len(values), np.nan)
     if at_start is None:
@@ -117,15 +122,7 @@ def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None
     )
 
 
-def _needs_frames(targets: Targets) -> bool:
-    return any(
-        isinstance(entry, ToeHistory | Velocity | SlideDuration) for entry in targets.entries
-    )
-
-
 def _deposit(setup: Setup, run: KeptRun, *, last: bool) -> Deposit:
-    frames = run.frames if last else None if run.frames is None else run.frames[:1]
-    times = run.time if last else None if run.time is None else run.time[:1]
     return Deposit(
         position=(run.final if last else run.initial).astype(float),
         initial_position=run.initial.astype(float),
@@ -133,8 +130,6 @@ def _deposit(setup: Setup, run: KeptRun, *, last: bool) -> Deposit:
         spacing=setup.scene.spacing,
         foot=setup.foot,
         ground=np.asarray(setup.scene.ground.points, dtype=float),
-        positions=None if frames is None else frames.astype(float),
-        time=times,
         at_rest=run.at_rest or not last,
     )
 

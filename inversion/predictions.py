@@ -16,6 +16,7 @@ from scipy.linalg import block_diag
 from geometry.measured import Deposit, Measured
 from geometry.measured_numbers import ToeRunout
 from geometry.observables import naked_eye_toe
+from inversion.history_readings import Reading, needs_history, reading_key
 from inversion.result import Role
 from pipeline.cli import InputError
 
@@ -172,18 +173,34 @@ def _check_may_enter(
         )
 
 
-def read(targets: Targets, deposit: Deposit) -> tuple[np.ndarray, str]:
-    """What the measurements would read on a deposit: (m,), and why some are NaN, if any."""
+def read(
+    targets: Targets, deposit: Deposit, readings: Mapping[str, Reading] | None = None
+) -> tuple[np.ndarray, str]:
+    """What the measurements would read on a deposit: (m,), and why some are NaN, if any.
+
+    Args:
+        targets: the measurements.
+        deposit: points of one moment, or of a whole run.
+        readings: what was read on the whole run as it ended, by `reading_key`; None: the deposit
+            has all frames.
+    """
     values, trouble = [], ""
     for entry in targets.entries:
-        try:
-            values.append(entry.observe(deposit))
-        except ValueError as error:
-            values.append(np.full(len(entry.values), np.nan))
-            words = str(error)
-            named = words.startswith(f"{entry.name}: ")
-            trouble = trouble or (words if named else f"{entry.name}: {words}")
+        found = _read_one(entry, deposit, readings)
+        values.append(found.values)
+        if found.trouble:
+            named = found.trouble.startswith(f"{entry.name}: ")
+            trouble = trouble or (found.trouble if named else f"{entry.name}: {found.trouble}")
     return np.concatenate(values), trouble
+
+
+def _read_one(entry: Measured, deposit: Deposit, readings: Mapping[str, Reading] | None) -> Reading:
+    if readings is not None and needs_history(entry):
+        return readings[reading_key(entry, deposit.foot)]
+    try:
+        return Reading(entry.observe(deposit))
+    except ValueError as error:
+        return Reading(np.full(len(entry.values), np.nan), str(error))
 
 
 def toes_by_eye(targets: Targets, deposit: Deposit) -> dict[str, float]:

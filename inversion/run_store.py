@@ -10,15 +10,16 @@ from __future__ import annotations
 import sys
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.lib import format as npy
 
+from inversion.history_readings import HistoryReader, Reading
 from mpm_taichi.batch import run_key
 from pipeline.files import atomic_path
 
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 _DAMAGE = (
     OSError, KeyError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
 )  # fmt: skip
+
+# Names of the arrays of a reading begin so.
+_READ, _TROUBLE = "reading_", "trouble_"
 
 OnRun = Callable[[int, int], None]
 """Called with (runs done, runs of the batch)."""
@@ -48,7 +52,7 @@ class KeptRun:
         status: "finished" or "failed"; reason: why.
         end_s: simulated motion [s]; at_rest: it stopped of itself.
         wall_time_s: computing time when it was computed [s].
-        frames: positions (T, N, 2) float32 [m] and time: (T,) [s], or None where not asked for.
+        readings: of measurements that hang on the whole history, by `reading_key`.
     """
 
     initial: np.ndarray
@@ -60,8 +64,7 @@ class KeptRun:
     end_s: float
     at_rest: bool
     wall_time_s: float
-    frames: np.ndarray | None = None
-    time: np.ndarray | None = None
+    readings: dict[str, Reading] = field(default_factory=dict)
 
 
 class RunStore:
@@ -90,60 +93,68 @@ class RunStore:
         self._kept: dict[str, KeptRun] = {}
 
     def fetch(
-        self, wanted: Sequence[tuple[Scene, SimulationSettings]], *, frames: bool = False
+        self,
+        wanted: Sequence[tuple[Scene, SimulationSettings]],
+        readers: Sequence[HistoryReader] | None = None,
     ) -> list[KeptRun]:
         """The runs of scenes with their settings, in their order; the missing ones are computed.
 
         Args:
             wanted: scenes and settings; equal ones are computed once.
-            frames: all frames are needed, not the last alone.
+            readers: what is read on each of them as it ends; None: nothing.
         """
         keys = [run_key(scene, settings, self.device) for scene, settings in wanted]
+        to_read: dict[str, list[HistoryReader]] = {key: [] for key in keys}
+        for key, reader in zip(keys, readers or (), strict=bool(readers)):
+            to_read[key].append(reader)
         missing: dict[str, tuple[Scene, SimulationSettings]] = {}
         for key, pair in zip(keys, wanted, strict=True):
-            if key not in missing and self._find(key, frames) is None:
+            if key not in missing and not self._is_there(key, to_read[key]):
                 missing[key] = pair
         if missing:
-            self._compute(missing, frames)
+            self._compute(missing, to_read)
         return [self._kept[key] for key in keys]
 
-    def _find(self, key: str, frames: bool) -> KeptRun | None:
+    def _is_there(self, key: str, readers: Iterable[HistoryReader]) -> bool:
         run = self._kept.get(key)
         if run is None and self.folder is not None:
             run = load_kept(self._path(key))
             if run is not None:
                 self._kept[key] = run
-        return None if run is None or (frames and run.frames is None) else run
+        return run is not None and all(
+            name in run.readings for reader in readers for name in reader.keys
+        )
 
-    def _compute(self, missing: dict[str, tuple[Scene, SimulationSettings]], frames: bool) -> None:
+    def _compute(
+        self,
+        missing: dict[str, tuple[Scene, SimulationSettings]],
+        readers: dict[str, list[HistoryReader]],
+    ) -> None:
         """Simulate, grouped by settings, which a batch shares; keep each run as it ends."""
-        from mpm_taichi.simulate import simulate
+        from mpm_taichi.simulate import simulate_each
 
         groups: dict[str, list[str]] = {}
         for key, (_, settings) in missing.items():
             groups.setdefault(settings.model_dump_json(), []).append(key)
         done = 0
-        for members in groups.values():
-
-            def keep(place: int, run: Run, members: list[str] = members) -> None:
-                nonlocal done
-                done += 1
-                self._keep(members[place], kept_run(run, frames=frames))
-                if self.on_run is not None:
-                    self.on_run(done, len(missing))
-
-            # Taichi tells of its start on the standard output, where results alone belong.
-            with redirect_stdout(sys.stderr):
-                simulate(
+        # Taichi tells of its start on the standard output, where results alone belong.
+        with redirect_stdout(sys.stderr):
+            for members in groups.values():
+                for place, run in simulate_each(
                     [missing[key][0] for key in members],
                     missing[members[0]][1],
                     device=self.device,
                     threads=self.threads,
-                    on_finished=keep,
-                )
+                ):
+                    self._keep(members[place], kept_run(run, readers[members[place]]))
+                    done += 1
+                    if self.on_run is not None:
+                        self.on_run(done, len(missing))
 
     def _keep(self, key: str, run: KeptRun) -> None:
         self.computed += 1
+        if key in self._kept:  # it was there, but without some reading
+            run = replace(run, readings={**self._kept[key].readings, **run.readings})
         self._kept[key] = run
         if self.folder is not None:
             save_kept(self._path(key), run)
@@ -152,8 +163,8 @@ class RunStore:
         return self.folder / f"{key}.npz"
 
 
-def kept_run(run: Run, *, frames: bool) -> KeptRun:
-    """What is kept of a run."""
+def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
+    """What is kept of a run, with what `readers` read on it."""
     end = float(run.time[-1]) if len(run.time) else 0.0
     return KeptRun(
         initial=run.positions[0].copy(),
@@ -165,8 +176,7 @@ def kept_run(run: Run, *, frames: bool) -> KeptRun:
         end_s=end,
         at_rest=run.came_to_rest,
         wall_time_s=run.wall_time_s,
-        frames=run.positions if frames else None,
-        time=run.time if frames else None,
+        readings={name: found for reader in readers for name, found in reader.read(run).items()},
     )
 
 
@@ -181,8 +191,9 @@ def save_kept(path: Path, run: KeptRun) -> None:
         "reason": np.array(run.reason),
         "numbers": np.array([run.end_s, float(run.at_rest), run.wall_time_s]),
     }
-    if run.frames is not None:
-        arrays |= {"frames": run.frames, "time": run.time}
+    for name in sorted(run.readings):
+        arrays[f"{_READ}{name}"] = run.readings[name].values
+        arrays[f"{_TROUBLE}{name}"] = np.array(run.readings[name].trouble)
     write_arrays(path, arrays)
 
 
@@ -200,8 +211,13 @@ def load_kept(path: Path) -> KeptRun | None:
             end_s=end,
             at_rest=bool(at_rest),
             wall_time_s=wall_time,
-            frames=arrays.get("frames"),
-            time=arrays.get("time"),
+            readings={
+                name.removeprefix(_READ): Reading(
+                    values, str(arrays[_TROUBLE + name.removeprefix(_READ)])
+                )
+                for name, values in arrays.items()
+                if name.startswith(_READ)
+            },
         )
     except _DAMAGE:
         return None

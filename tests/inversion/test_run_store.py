@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from geometry.fill import fill
+from geometry.measured_series import SlideDuration, ToeHistory
+from geometry.scene import scene_from_mapping
 from inversion import assemble
 from inversion.forward import Prediction
-from inversion.run_store import KeptRun, load_kept, save_kept
+from inversion.history_readings import history_reader
+from inversion.run_store import KeptRun, RunStore, load_kept, save_kept
 from pipeline.config import SimulationSettings
 
 
@@ -55,3 +61,99 @@ def test_a_slide_that_was_cut_off_and_a_number_that_was_not_read_are_told():
     cut_off, not_read = assemble.doubts(moving, settings)
     assert "still moved after 4 s" in cut_off and "duration_s" in cut_off
     assert "late toe: measured at 500 s" in not_read
+
+
+@pytest.fixture
+def sliding(monkeypatch):
+    """Stands in for the solver: a block that slides 4 m to the left in 4 s and then rests."""
+    import mpm_taichi.simulate
+
+    scene = scene_from_mapping(
+        {
+            "name": "block",
+            "domain": {"x_min": -100.0, "x_max": 100.0, "y_max": 50.0, "walls": "open"},
+            "ground": {"points": [[-100.0, 0.0], [100.0, 0.0]]},
+            "zones": [
+                {
+                    "name": "soil",
+                    "polygon": [[0.0, 0.0], [10.0, 0.0], [10.0, 4.0], [0.0, 4.0]],
+                    "material": "soil",
+                }
+            ],
+            "materials": {"soil": {"friction_deg": 0.0, "cohesion_kpa": 5.0}},
+            "spacing": 1.0,
+        }
+    )
+    simulated = []
+
+    def simulate_each(scenes, settings, **options):
+        for place, one in enumerate(scenes):
+            simulated.append(one)
+            before = fill(one).position.astype(np.float32)
+            time = np.arange(7.0)
+            way = np.minimum(time, 4.0)
+            yield (
+                place,
+                SimpleNamespace(
+                    scene=one,
+                    positions=before[None] - way[:, None, None] * np.array([1, 0], np.float32),
+                    time=time,
+                    zone=np.zeros(len(before), np.int32),
+                    initial_stress=np.zeros((len(before), 4), np.float32),
+                    status="finished",
+                    reason="",
+                    came_to_rest=True,
+                    wall_time_s=0.1,
+                ),
+            )
+
+    monkeypatch.setattr(mpm_taichi.simulate, "simulate_each", simulate_each)
+    return scene, simulated
+
+
+def test_what_hangs_on_the_whole_way_is_read_once_and_kept_without_frames(tmp_path, sliding):
+    scene, simulated = sliding
+    settings = SimulationSettings()
+    about = {"confidence": "assumed", "source": "a test"}
+    film = ToeHistory(name="film", type="toe_history", side="left", times_s=[1.0, 2.5, 9.0],
+                      values_m=[0.0, 0.0, 0.0], std_m=1.0, **about)  # fmt: skip
+    told = SlideDuration(name="told", type="slide_duration", value_s=3.0, std_s=1.0, **about)
+    reader = history_reader([film, told], {"left": 0.0, "right": 10.0})
+    store = RunStore(tmp_path)
+    (run,) = store.fetch([(scene, settings)], [reader])
+    toe = run.readings[reader.keys[0]].values
+    assert toe - toe[0] == pytest.approx([0.0, 1.5, 3.0])
+    assert run.readings[reader.keys[1]].values == pytest.approx([0.9 * 4.0])
+
+    again = RunStore(tmp_path)
+    # Another survey of the same quantity is read from the same run.
+    resurveyed = film.model_copy(update={"name": "again", "values_m": [1.0, 2.0, 3.0]})
+    (kept,) = again.fetch([(scene, settings)], [history_reader([resurveyed, told], reader.foot)])
+    assert len(simulated) == 1 and again.computed == 0
+    assert np.array_equal(kept.readings[reader.keys[0]].values, toe)
+    assert (tmp_path / next(iter(tmp_path.iterdir())).name).stat().st_size < 8000
+
+    # Another quantity needs the run again; what was read before stays.
+    other = history_reader([film.model_copy(update={"times_s": [2.0, 3.0, 4.0]})], reader.foot)
+    (kept,) = again.fetch([(scene, settings)], [other])
+    assert len(simulated) == 2
+    assert set(kept.readings) == {*reader.keys, *other.keys}
+    assert set(load_kept(next(iter(tmp_path.iterdir()))).readings) == set(kept.readings)
+    # The same measured from another foot is another quantity, but not for a duration.
+    assert history_reader([film], {"left": 1.0, "right": 10.0}).keys[0] != reader.keys[0]
+    assert history_reader([told], {"left": 1.0, "right": 10.0}).keys[0] == reader.keys[1]
+
+
+def test_a_history_of_a_run_that_was_cut_off_is_told_not_made_up(sliding):
+    scene, _ = sliding
+    told = SlideDuration(name="told", type="slide_duration", value_s=3.0, std_s=1.0,
+                         confidence="assumed", source="a test")  # fmt: skip
+    reader = history_reader([told], {"left": 0.0, "right": 10.0})
+    from mpm_taichi.simulate import simulate_each
+
+    ((_, run),) = simulate_each([scene], SimulationSettings())
+    run.came_to_rest = False
+    reading = reader.read(run)[reader.keys[0]]
+    assert np.isnan(reading.values).all() and "stopped in motion" in reading.trouble
+    run.status, run.reason = "failed", "energy balance"
+    assert reader.read(run)[reader.keys[0]].trouble == "energy balance"
