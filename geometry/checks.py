@@ -17,6 +17,9 @@ Point = tuple[float, float]
 #: Overlap of two zones, or part of a zone below the ground, taken for rounding; in point areas.
 AREA_TOLERANCE = 0.5
 
+#: Most places for points in a domain: beyond it a laptop's memory ends.
+MOST_PLACES = 5e7
+
 
 def check_ground(points: Sequence[Point], y_max: float) -> None:
     """Refuse a ground that reaches the top of the domain."""
@@ -46,6 +49,7 @@ def check_zones(
         ValueError: naming the first zone that is outside, not simple, a sliver, below the ground
             or on top of another zone.
     """
+    _check_places(box, ground, spacing)
     shapes = {}
     for name, vertices in polygons.items():
         _check_inside(name, vertices, box)
@@ -89,6 +93,16 @@ def area(vertices: Sequence[Point]) -> float:
     shifted = [*vertices[1:], vertices[0]]
     twice = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(vertices, shifted, strict=True))
     return 0.5 * abs(twice)
+
+
+def _check_places(box: tuple[float, float, float], ground: Sequence[Point], spacing: float) -> None:
+    x_min, x_max, y_max = box
+    places = (x_max - x_min) * (y_max - min(y for _, y in ground)) / spacing**2
+    if not places <= MOST_PLACES:
+        raise ValueError(
+            f"spacing: {spacing:g} m gives the domain {places:.2g} places for points; allowed are "
+            f"{MOST_PLACES:.0e}: take a larger spacing or a smaller domain"
+        )
 
 
 def _check_inside(name: str, vertices: Sequence[Point], box: tuple[float, float, float]) -> None:

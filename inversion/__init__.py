@@ -10,5 +10,5 @@ Nothing heavy is imported here: a forward engine starts only when `inversion.mpm
 
 from __future__ import annotations
 
-PHYSICS_VERSION = 1
+PHYSICS_VERSION = 2
 """Raised whenever the same question and the same simulations give another answer."""

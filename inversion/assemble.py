@@ -11,6 +11,7 @@ from inversion.equally_good import Stop
 from inversion.forward import Prediction
 from inversion.load import LoadedCase
 from inversion.objective import Objective
+from inversion.parameters import Parameters
 from inversion.result import (
     Answer,
     Correlation,
@@ -118,6 +119,16 @@ def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:
     if prediction.status != "failed" and prediction.reason:
         lines.append(f"not read on the answer, and left out of the comparison: {prediction.reason}")
     return lines
+
+
+def unknown_derivatives(parameters: Parameters, derivative: np.ndarray) -> list[str]:
+    """Of each parameter without which no run came through that the data do not count for it."""
+    return [
+        f"{spec.words}: simulations beside the answer failed, so what the data say of it is not "
+        "known; its standard deviation is the one before the data"
+        for spec, column in zip(parameters.specs, derivative.T, strict=True)
+        if np.isnan(column).all()
+    ]
 
 
 def answer(

@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+import geometry
+import mpm_taichi
 from inversion import PHYSICS_VERSION, assemble
 from inversion.calibrate import calibrate, further_starts
 from inversion.changes import Changed
@@ -114,6 +116,8 @@ class BackAnalysis:
             self.steps.noise, _ = measured_noise(seeds, self.found.values, mask)
         self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
         for line in assemble.doubts(self.found.look.prediction, self.case.setup.settings):
+            self.remark(line)
+        for line in assemble.unknown_derivatives(self.case.parameters, self.found.look.derivative):
             self.remark(line)
 
     def search_from_elsewhere(self) -> None:
@@ -220,6 +224,10 @@ class BackAnalysis:
         if not answered:
             self.remark(f"{entry.name}: the simulation failed; not among the sensitivities")
             return
+        if not all(side.reached for side in answered):
+            self.remark(
+                f"{entry.name}: not fitted to the tolerance; its change is a linear estimate"
+            )
         changes = [side.change for side in answered]
         first = names[0]
         worst = max(answered, key=lambda side: abs(side.change[first]))
@@ -336,7 +344,12 @@ class BackAnalysis:
     def _manifest(self) -> dict[str, Any]:
         seeds = {"jitter_of_the_answer": self.case.scene.seed}
         made = manifest(self.case.config, seeds)
-        return {**made, "inversion_physics_version": PHYSICS_VERSION}
+        versions = {
+            "geometry": geometry.PHYSICS_VERSION,
+            "mpm_taichi": mpm_taichi.PHYSICS_VERSION,
+            "inversion": PHYSICS_VERSION,
+        }
+        return {**made, "physics_versions": versions}
 
     def _steps(self, noise: np.ndarray, objective: Objective) -> FiniteSteps:
         return FiniteSteps(

@@ -91,12 +91,18 @@ def by_differences(
 ) -> tuple[Prediction, np.ndarray, np.ndarray]:
     """`Forward.derivative` by one batch of 1 + p runs: the point itself and one step each.
 
-    A column whose run failed is NaN.
+    A run that fails is tried again with half its step; a column whose second run fails too is NaN.
     """
-    points = [values, *(values + np.diag(steps))]
-    base, *moved = engine.predict(points)
+    taken = np.array(steps, dtype=float)
+    base, *moved = engine.predict([values, *(values + np.diag(taken))])
+    failed = [place for place, other in enumerate(moved) if other.status == "failed"]
+    if failed and base.status != "failed":
+        taken[failed] *= 0.5
+        again = engine.predict(list((values + np.diag(taken))[failed]))
+        for place, other in zip(failed, again, strict=True):
+            moved[place] = other
     change = np.stack([other.values - base.values for other in moved], axis=1)
-    for column, other in enumerate(moved):
+    for place, other in enumerate(moved):
         if other.status == "failed":
-            change[:, column] = np.nan
-    return base, change / steps[None, :], np.asarray(steps, dtype=float)
+            change[:, place] = np.nan
+    return base, change / taken[None, :], taken

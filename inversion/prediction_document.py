@@ -40,6 +40,7 @@ def document_of(
         ],
         "samples": len(found.samples),
         "failed_runs": found.failed,
+        "runs_cut_off": sum(not prediction.at_rest for prediction in found.predictions),
         "runs": [
             {"strengths_kpa": _rounded(kpa), "predicted": dict(zip(found.names, _rounded(row),
                                                                    strict=True))}
@@ -133,6 +134,11 @@ def summary(document: dict[str, Any]) -> str:
             )
     if document["failed_runs"]:
         lines.append(f"{document['failed_runs']} simulations failed and are left out")
+    if document["runs_cut_off"]:
+        lines.append(
+            f"{document['runs_cut_off']} simulations were cut off in motion and would run farther; "
+            "give them longer: duration_s of inversion.yaml, or --set simulation.duration_s"
+        )
     lines.append(f"{len(document['runs'])} simulations, {document['samples']} samples")
     return "\n".join(lines)
 

@@ -261,9 +261,13 @@ def made_tables(data: ReportData) -> list[Table]:
     machine = manifest.get("machine", {})
     if isinstance(machine, dict) and machine:
         rows.append(["machine", ", ".join(f"{key} {value}" for key, value in machine.items())])
-    for key in ("made", "code_version", "config_hash", "inversion_physics_version"):
+    for key in ("made", "code_version", "config_hash"):
         if key in manifest:
             rows.append([key.replace("_", " "), str(manifest[key])])
+    versions = manifest.get("physics_versions", {})
+    if isinstance(versions, dict) and versions:
+        told = ", ".join(f"{name} {version}" for name, version in versions.items())
+        rows.append(["versions of the physics", told])
     packages = manifest.get("packages", {})
     wanted = [name for name in ("python", "numpy", "scipy", "taichi") if name in packages]
     if wanted:

@@ -39,6 +39,21 @@ def squared_velocity(stages: Sequence[SlideForces], residual_strength: float) ->
     return np.concatenate([[0.0], np.cumsum(gains)])
 
 
+def least_squared_velocity(stages: Sequence[SlideForces], residual_strength: float) -> np.ndarray:
+    """Least v^2 after the start of each of the K - 1 steps between sections [m2/s2].
+
+    It lies at the end of a step, or within it where the mass brakes first and then gains.
+    """
+    a = _accelerations(stages, residual_strength)
+    squared = squared_velocity(stages, residual_strength)
+    least = squared[1:].copy()
+    turns = (a[:-1] < 0) & (a[1:] > 0)
+    steps = np.diff(travel_of(stages))[turns]
+    before, after = a[:-1][turns], a[1:][turns]
+    least[turns] = squared[:-1][turns] - before**2 * steps / (after - before)
+    return least
+
+
 def find_strength(stages: Sequence[SlideForces], shares: Sequence[float]) -> tuple[float, Motion]:
     """The S_r [Pa] with which the mass stops at the last section.
 
@@ -68,8 +83,9 @@ def find_strength(stages: Sequence[SlideForces], shares: Sequence[float]) -> tup
             high = middle
     strength = 0.5 * (low + high)
     squared = squared_velocity(stages, strength)
-    if np.any(squared[1:-1] <= 0):
-        place = shares[1 + int(np.argmax(squared[1:-1] <= 0))]
+    stopped = least_squared_velocity(stages, strength)[:-1] <= 0
+    if np.any(stopped):
+        place = shares[1 + int(np.argmax(stopped))]
         raise WorkFailed(
             "with the S_r that balances the work the mass would stop at "
             f"{100 * place:.0f} % of the displacement"

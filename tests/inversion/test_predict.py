@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -15,8 +15,11 @@ from geometry.scene import load_scene
 from inversion.forward import Prediction
 from inversion.known_strength import KnownStrength, parse_strength, placed
 from inversion.predict import envelope, noise_at, predict
+from inversion.prediction_case import load_prediction_case
+from inversion.prediction_document import document_of, summary
 from inversion.response import Monotone, Surface, design, monotone
 from pipeline.cli import InputError, WorkFailed
+from pipeline.config import Config
 from tests.inversion.analytic import Formula
 
 
@@ -150,6 +153,25 @@ def test_too_many_failures_end_the_work():
     few = Formula(lambda v: np.array([np.nan if v[0] < 9 else 100.0 - v[0]]), ["toe"])
     found = predict(few, [lognormal()])
     assert found.failed > 0 and np.all(np.isfinite(found.samples))
+
+
+@dataclass
+class CutOff(Formula):
+    """Weak soil is still in motion when its simulation ends."""
+
+    def _one(self, values):
+        return replace(super()._one(values), at_rest=bool(values[0] > 15))
+
+
+def test_slides_cut_off_in_motion_are_told(root):
+    case = load_prediction_case(root / "case_histories/lower_san_fernando", Config())
+    case = replace(case, entries=[e for e in case.entries if e.name == "upstream toe"])
+    found = predict(CutOff(power_law, ["upstream toe"]), [lognormal()])
+    moving = int(sum(found.strengths[:, 0] <= 15))
+    assert 0 < moving < len(found.strengths)
+    document = document_of(case, [lognormal()], found, None)
+    assert document["runs_cut_off"] == moving
+    assert f"{moving} simulations were cut off in motion" in summary(document)
 
 
 @dataclass

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from inversion.assemble import unknown_derivatives
 from inversion.calibrate import calibrate, further_starts
 from inversion.finite_steps import FiniteSteps, noise_of
 from inversion.forward import Prediction, by_differences
@@ -292,8 +293,24 @@ def test_failed_seeds_are_left_out_of_the_noise():
     assert noise_of(runs[2:], np.array([True]))[0] == 0
 
 
+def test_a_failed_run_beside_the_point_is_tried_again_nearer():
+    engine = Formula(lambda v: np.array([np.nan if v[0] < 29.3 else 2 * v[0]]), ["toe 0"])
+    _, derivative, steps = by_differences(engine, np.array([30.0, 30.0]), np.array([-1.0, 1.0]))
+    assert derivative[0, 0] == pytest.approx(2.0) and steps.tolist() == [-0.5, 1.0]
+    assert engine.runs == 4
+
+
+def test_what_could_not_be_simulated_is_told_as_not_known():
+    parameters = Parameters([strength("a"), angle("b")])
+    known = np.array([[1.0, 0.0], [2.0, 0.0]])
+    assert unknown_derivatives(parameters, known) == []
+    known[:, 1] = np.nan
+    (line,) = unknown_derivatives(parameters, known)
+    assert line.startswith("phi of zone b: ") and "failed" in line
+
+
 def test_a_failed_column_is_no_number_and_counts_as_nothing():
-    engine = Formula(lambda v: np.array([np.nan if v[0] < 29.5 else v[1]]), ["toe 0"])
+    engine = Formula(lambda v: np.array([np.nan if v[0] < 29.9 else v[1]]), ["toe 0"])
     _, derivative, _ = by_differences(engine, np.array([30.0, 30.0]), np.array([-1.0, 1.0]))
     assert np.isnan(derivative[0, 0]) and derivative[0, 1] == 1.0
     objective = Objective(Parameters([strength("a"), angle("b")]), targets(53.0), "runout", 0.1)

@@ -149,6 +149,26 @@ def test_too_few_sections_and_masses_that_stop_early():
         imm.find_strength(late, shares)
 
 
+def test_a_mass_that_would_stop_between_two_sections_is_refused():
+    """v^2 is positive at every section, yet nil within the last step but one."""
+    shares = np.linspace(0, 1, 5)
+    stages = five([1.0e6, 0.6e6, 0.0, 0.95e6, 0.3e6], [50.0] * 5, 40 * shares)
+    strength = 1e4
+    assert np.all(imm.squared_velocity(stages, strength)[1:] > 0)
+    low = imm.least_squared_velocity(stages, strength)
+    fine = np.array([least_by_small_steps(stages, strength, step) for step in range(4)])
+    assert low == pytest.approx(fine, abs=1e-3)
+    assert low[2] < 0 < imm.squared_velocity(stages, strength)[3]
+
+
+def least_by_small_steps(stages, strength, step):
+    a0, a1 = (stage.net(strength) / stage.mass for stage in stages[step : step + 2])
+    start = imm.squared_velocity(stages, strength)[step]
+    ds = np.diff(imm.travel_of(stages))[step]
+    s = np.linspace(0, ds, 20_001)[1:]
+    return np.min(start + 2 * (a0 * s + 0.5 * (a1 - a0) * s**2 / ds))
+
+
 def test_imm_and_zif_agree_at_the_share_where_the_forces_balance(slide):
     shares = np.linspace(0, 1, 21)
     stages = [sum_forces(slide.slices(slide.section(float(f)))) for f in shares]
