@@ -8,11 +8,13 @@ computed as the method has them, so the numbers of a page hang together as they 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
+from diagnosis.report_sections import save_sections
 from diagnosis.verdict import CompareDocument, ExplainDocument, Verdict
 
 NASTY = '<script>alert("1")</script> & $x_{1$ \\frac'
@@ -314,6 +316,10 @@ class Case:
         return {STRENGTH: {name: self.scores[name]["bias"] for name in self.order}}
 
 
+PARAMETERS = [
+    {"name": STRENGTH, "words": "S_r of the hydraulic fill", "unit": "kPa", "strength": True,
+     "low": 5.0, "high": 90.0}
+]  # fmt: skip
 RUNS = {"asked": 128, "computed": 96, "allowed": 250, "cut_short": []}
 HASHES = {"scene": "5f0c1a92d3e4", "measurements": "a1b2c3d4e5f6", "question": "99aa88bb77cc"}
 MANIFEST = {
@@ -346,7 +352,7 @@ def document(
         "case": "no_such_case", "title": title, "sentence": sentence, "verdict": kind,
         "tested": list(case.order), "forbidden": [FORBIDDEN],
         "answer": {"effects": answered, "set_90": [{"names": effects, "probability": 0.96}]},
-        "base": case.stage([]), "final": case.stage(effects), "steps": steps,
+        "parameters": PARAMETERS, "base": case.stage([]), "final": case.stage(effects), "steps": steps,
         "candidates": case.candidates(4), "confounding": case.confounding(),
         "signatures": case.signatures(), "measurements": case.measurements(effects),
         "hidden": case.hidden(), "unknown_curve": None, "next_measurement": [], "runs": RUNS,
@@ -438,7 +444,8 @@ def compared() -> CompareDocument:
         for m in verdict.measurements
     ]
     return CompareDocument(
-        case=verdict.case, title=verdict.title, alarm="alarm", base=verdict.base,
+        case=verdict.case, title=verdict.title, alarm="alarm",
+        parameters=verdict.parameters, base=verdict.base,
         sentence="The base model does not explain the measurements (p below 0.001).",
         measurements=lines, runs=verdict.runs,
     )  # fmt: skip
@@ -450,6 +457,23 @@ def explained() -> ExplainDocument:
     candidates = [c.model_copy(update={"refit": None}) for c in v.candidates]
     return ExplainDocument(
         case=v.case, title=v.title, sentence="Best of the effects tested: strain softening.",
-        base=v.base, candidates=candidates, confounding=v.confounding, signatures=v.signatures,
+        base=v.base, parameters=v.parameters, candidates=candidates, confounding=v.confounding, signatures=v.signatures,
         hidden=v.hidden, runs=v.runs,
+    )  # fmt: skip
+
+
+def save_section(folder: Path) -> Path:
+    """Points of the section before and after, beside a verdict of this case."""
+    ground = np.array([[-20.0, 0.0], [60.0, 1.0], [200.0, 1.0]])
+
+    def points(x: list[float], y: list[float]) -> np.ndarray:
+        places, heights = np.meshgrid(np.arange(-18.0, 190.0, 1.0), np.arange(0.5, 26.0, 1.0))
+        top = np.interp(places, x, y, left=-1.0, right=-1.0)
+        inside = (heights < top) & (heights > np.interp(places, *ground.T))
+        return np.stack([places[inside], heights[inside]], axis=1)
+
+    initial = points([45, 95, 110, 160, 185], [1, 22, 22, 21, 1])
+    after = [points([at, 45, 110, 128, 150, 185], [0.5, 6, 11, 20, 21, 1]) for at in (10, 15)]
+    return save_sections(
+        folder, initial=initial, base=after[0], final=after[1], spacing=1.0, ground=ground, toes={"upstream toe": (47.0, -1.0)},
     )  # fmt: skip

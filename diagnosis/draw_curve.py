@@ -1,0 +1,67 @@
+"""The strength curve of an unknown effect: what the strength would have to depend on, and how.
+
+In: a `verdict.UnknownCurve`. Out: the multiplier of the strength with its band, and the misfit of
+the curves over other variables.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from diagnosis.draw_style import (
+    AFTER,
+    BEFORE,
+    PALE_AFTER,
+    SMALL,
+    WIDTH,
+    label_x,
+    label_y,
+    quiet,
+    rows,
+    title,
+)
+from diagnosis.report_numbers import number
+from diagnosis.report_words import spoken
+from diagnosis.verdict import UnknownCurve
+from geometry.draw import HALO, TEXT_COLOUR
+from inversion.draw_style import new_figure, save_figure, words
+
+HEIGHT, ROW, LEFT = 2.3, 0.32, 0.65
+WIDE = 30.0
+"""Ratio of the outer knots from which on the variable has a logarithmic axis."""
+
+
+def draw_curve(curve: UnknownCurve, path: Path) -> Path:
+    """Save the curve."""
+    others = sorted(curve.chi2.items(), key=lambda item: item[1])
+    bars = ROW * len(others) if len(others) > 1 else 0.0
+    total = 0.32 + HEIGHT + 0.55 + (0.35 + bars + 0.5 if bars else 0.0)
+    figure = new_figure(total, WIDTH)
+    bottom = (total - 0.32 - HEIGHT) / total
+    ax = figure.add_axes((LEFT / WIDTH, bottom, 1 - (LEFT + 0.15) / WIDTH, HEIGHT / total))
+    quiet(ax)
+    ax.fill_between(curve.knots, curve.low, curve.high, color=PALE_AFTER, linewidth=0, zorder=2)
+    ax.plot(curve.knots, curve.multiplier, color=AFTER, linewidth=2.2, marker="o", markersize=6,
+            markeredgecolor="white", zorder=4)  # fmt: skip
+    ax.axhline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=3)
+    ax.text(0.99, 1.0, "as the base model ", transform=ax.get_yaxis_transform(), ha="right",
+            va="bottom", fontsize=SMALL, path_effects=HALO, zorder=5)  # fmt: skip
+    if curve.knots[0] > 0 and curve.knots[-1] / curve.knots[0] > WIDE:
+        ax.set_xscale("log")
+    ax.set_ylim(bottom=0)
+    unit = f" ({curve.unit})" if curve.unit else ""
+    label_x(ax, words(f"{curve.words}{unit}"))
+    label_y(ax, "strength / base")
+    title(ax, "strength that would explain it (band: 68 %)")
+    if bars:
+        ax = figure.add_axes((1.75 / WIDTH, 0.5 / total, 1 - 2.1 / WIDTH, bars / total))
+        quiet(ax, grid="x", left=False)
+        rows(ax, [spoken(name) for name, _ in others], width=24, lines=1)
+        for place, (name, value) in enumerate(others):
+            ax.barh(place, value, height=0.6, linewidth=0, zorder=3,
+                    color=AFTER if name == curve.variable else BEFORE)  # fmt: skip
+            ax.annotate(number(value), (value, place), xytext=(4, 0), va="center",
+                        textcoords="offset points", fontsize=SMALL)  # fmt: skip
+        ax.set_xlim(0, 1.15 * max(value for _, value in others))
+        label_x(ax, "chi² with a curve over this variable")
+    return save_figure(figure, path)
