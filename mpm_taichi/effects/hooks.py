@@ -8,9 +8,10 @@ A hook sees of a point (`here`): its place x, y and its place at the start x0, y
 vy and speed [m/s]; time since the start [s]; strain, the plastic shear strain so far [-];
 strain_rate, the rate of shear in the plane (largest minus smallest principal rate) [1/s]; opening,
 the volumetric strain by which it is open under the tension cap [-]; pressure, mean effective stress
-[Pa]; overburden, vertical effective stress before failure [Pa], and mean_overburden, its mean over
-the liquefied points [Pa] (compression is positive in these three); liquefied, 1 or 0; cell [m];
-memory and field, the effect's own numbers. Of a node (`node`): place x, y [m]; time [s]; cell [m].
+[Pa], and vertical, the vertical one [Pa]; overburden, vertical effective stress before failure [Pa],
+and mean_overburden, its mean over the liquefied points [Pa] (compression is positive in these
+four); liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of its material; cell [m]; memory and
+field, the effect's own numbers. Of a node (`node`): place x, y [m]; time [s]; cell [m].
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -38,7 +39,7 @@ _F32 = ti.f32
 Here = ti.types.struct(
     x=_F32, y=_F32, x0=_F32, y0=_F32, vx=_F32, vy=_F32, speed=_F32, time=_F32, strain=_F32,
     strain_rate=_F32, opening=_F32, pressure=_F32, overburden=_F32, mean_overburden=_F32,
-    liquefied=_F32, cell=_F32, memory=_F32, field=_F32,
+    liquefied=_F32, friction=_F32, cohesion=_F32, vertical=_F32, cell=_F32, memory=_F32, field=_F32,
 )  # fmt: skip
 Node = ti.types.struct(x=_F32, y=_F32, time=_F32, cell=_F32)
 Soil = ti.types.struct(friction=_F32, cohesion=_F32, cap=_F32)
@@ -81,6 +82,9 @@ def here_of(
         overburden=facts[p, OVERBURDEN],
         mean_overburden=numbers[slot, MEAN_OVERBURDEN],
         liquefied=facts[p, LIQUEFIED],
+        friction=facts[p, TANGENT],
+        cohesion=facts[p, COHESION],
+        vertical=-s[1],
         cell=cell,
         memory=0.0,
         field=0.0,
