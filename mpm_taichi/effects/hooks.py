@@ -8,10 +8,10 @@ A hook sees of a point (`here`): its place x, y and its place at the start x0, y
 vy and speed [m/s]; time since the start [s]; strain, the plastic shear strain so far [-];
 strain_rate, the rate of shear in the plane (largest minus smallest principal rate) [1/s]; opening,
 the volumetric strain by which it is open under the tension cap [-]; pressure, mean effective stress
-[Pa], and vertical, the vertical one [Pa]; overburden, vertical effective stress before failure [Pa],
-and mean_overburden, its mean over the liquefied points [Pa] (compression is positive in these
-four); liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of its material; cell [m]; memory and
-field, the effect's own numbers. Of a node (`node`): place x, y [m]; time [s]; cell [m].
+and vertical, the vertical one; overburden, vertical effective stress before failure, and
+mean_overburden, its mean over the liquefied points (all four in Pa, compression positive);
+liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of its material; cell [m]; memory and field,
+the effect's own numbers. Of a node (`node`): place x, y [m]; time [s]; cell [m].
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
