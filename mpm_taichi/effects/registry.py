@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 LIBRARY = (
     "strain_softening",
     "rate_strengthening",
+    "overburden_strength",
+    "strength_curve",
+    "weak_base",
+    "shaking",
 )
 """Names of the library's effects, each a module of this package with an `EFFECT`. The order is that
 in which several effects act on the same number."""
