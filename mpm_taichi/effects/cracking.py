@@ -1,0 +1,71 @@
+"""Cracking: soil that has not liquefied holds little tension, and a crack takes its cohesion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mpm_taichi.effects.base import Amplitude, Effect, Parameter, ti
+
+if TYPE_CHECKING:
+    from geometry.scene import Scene
+
+
+def strength(effect, soil, here):  # noqa: ANN001, ANN201
+    """Cap T = (1 - a) T_0, T_0 the uniaxial tensile strength of what is left of the cohesion."""
+    if here.liquefied < 0.5:
+        open_share = ti.min(here.memory * here.cell / effect.crack_width_m, 1.0)
+        soil.cohesion *= 1.0 - effect.amplitude * effect.cohesion_lost * open_share
+        uniaxial = (
+            2.0 * soil.cohesion * (ti.sqrt(1.0 + soil.friction * soil.friction) - soil.friction)
+        )
+        soil.cap = ti.min(soil.cap, (1.0 - effect.amplitude) * uniaxial)
+    return soil
+
+
+def memory(effect, here):  # noqa: ANN001, ANN201
+    """The widest the soil has been open, as a strain [-]; a crack that closes does not heal."""
+    return ti.max(here.memory, here.opening)
+
+
+def applies(scene: Scene) -> str:
+    """Needs soil with cohesion that has not liquefied."""
+    for zone in scene.zones:
+        material = scene.materials[zone.material]
+        if material.cohesion_kpa > 0.0 and not material.liquefied:
+            return ""
+    return "no soil that has not liquefied has cohesion"
+
+
+EFFECT = Effect(
+    name="cracking",
+    words="the soil that did not liquefy cracks: it holds less tension than its cohesion allows",
+    equation="T = (1 - a) 2 c (sqrt(1 + tan^2 phi) - tan phi), "
+    "c = c_0 (1 - a k min(w / w_c, 1)), w the widest opening of a cell",
+    source=(
+        "tension cut-off by Rankine: de Souza Neto, Peric and Owen (2008), ch. 8; saturated clay "
+        "cracks at a small share of its undrained strength: Thusyanthan et al. (2007), "
+        "Geotechnique 57(7); strength lost as a crack opens, scaled by the cell: Hillerborg, "
+        "Modeer and Petersson (1976)"
+    ),
+    looks_like=(
+        "a cohesive crust breaks up instead of holding together: its blocks part and are carried "
+        "off, the toe goes farther and the crest sinks more, with gaps and steps in the surface; "
+        "nothing changes where cohesion is a few kPa or the soil is pressed together"
+    ),
+    amplitude=Amplitude(
+        unit="",
+        low=0.0,
+        high=1.0,
+        ladder=(0.2, 0.5, 1.0),
+        meaning="share of the tensile strength that is missing; 1: none is left",
+    ),
+    parameters=(
+        Parameter("crack_width_m", "m", 0.02, 1e-4, 10.0,
+                  "w_c, opening at which a crack has taken all it takes of the cohesion"),
+        Parameter("cohesion_lost", "", 0.5, 0.0, 1.0,
+                  "k, share of the cohesion that a crack takes where a = 1"),
+    ),
+    strength=strength,
+    memory=memory,
+    applies=applies,
+)  # fmt: skip
