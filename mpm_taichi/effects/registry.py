@@ -27,9 +27,19 @@ LIBRARY = (
     "strain_softening",
     "rate_strengthening",
     "overburden_strength",
+    "spatial_variability",
     "strength_curve",
+    "bingham",
+    "pore_pressure",
+    "cracking",
+    "dilatancy",
     "weak_base",
+    "hydroplaning",
     "shaking",
+    "water_drag",
+    "side_shear",
+    "side_friction",
+    "pool_level",
 )
 """Names of the library's effects, each a module of this package with an `EFFECT`. The order is that
 in which several effects act on the same number."""
@@ -69,7 +79,7 @@ def effect(name: str) -> Effect:
     for one in (*library(), *user_effects()):
         if one.name == name:
             return one
-    raise InputError(f"{name!r} is unknown; known are: {', '.join(effects())}")
+    raise InputError(f"effect {name!r} is unknown; known are: {', '.join(effects())}")
 
 
 def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
@@ -91,7 +101,7 @@ def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
         try:
             one = effect(name)
         except InputError as error:
-            raise InputError(f"{where}{error}") from None
+            raise InputError(f"{source or scene.name}: {error}") from None
         active = _read(one, entry, f"{where}{name}: ")
         if active.amplitude != 0.0:
             reason = one.applies(scene)
@@ -259,4 +269,8 @@ def faults(one: Effect) -> str:
         return "constant_names and constants belong together"
     if not one.on_device and one.scene is None:
         return "it has no hook that acts"
+    for name in one.DEVICE_HOOKS:
+        hook, wanted = getattr(one, name), one.HOOK_ARGUMENTS[name]
+        if hook is not None and hook.__code__.co_argcount != len(wanted):
+            return f"hook {name}: its arguments are {', '.join(wanted)}"
     return ""
