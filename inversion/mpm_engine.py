@@ -94,12 +94,12 @@ class MPMEngine:
 
 def read_start(setup: Setup, run: KeptRun) -> np.ndarray:
     """The measurements read on the section before anything moved, (m,)."""
-    return read(setup.targets, _deposit(setup, run, last=False))[0]
+    return read(setup.targets, deposit_of(setup, run, last=False))[0]
 
 
 def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None) -> Prediction:
     """Read the measurements on a run; `at_start` is `read_start` where that is known."""
-    end = _deposit(setup, run, last=True)
+    end = deposit_of(setup, run)
     failed = run.status == "failed"
     values, trouble = read(setup.targets, end, run.readings)
     if failed:
@@ -122,7 +122,8 @@ def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None
     )
 
 
-def _deposit(setup: Setup, run: KeptRun, *, last: bool) -> Deposit:
+def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
+    """The points of a run as measurements see them: after the slide, or before it."""
     return Deposit(
         position=(run.final if last else run.initial).astype(float),
         initial_position=run.initial.astype(float),
