@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.blind.sections import Section
 from geometry.measured import Deposit
 from geometry.scene import Scene
-from inversion.run_store import KeptRun, RunStore
 from pipeline.config import SimulationSettings
+
+if TYPE_CHECKING:
+    from mpm_taichi.trajectory import Run
+
+
+Entry = float | Mapping[str, float]
+
+#: Speed below which soil that was cut off in motion counts as resting [m/s].
+CREEP = 0.02
 
 
 @dataclass(frozen=True)
@@ -20,7 +31,7 @@ class Request:
 
     Attributes:
         values: parameters (p,) in outside units.
-        effects: amplitudes by name.
+        effects: amplitudes by name, or mappings with `amplitude` and parameters, as in a scene.
         spacing_factor: spacing over the section's own.
         jitter: of the points, in spacings; seed: of the jitter.
         transfer: scheme; None: of the settings.
@@ -28,7 +39,7 @@ class Request:
     """
 
     values: tuple[float, ...]
-    effects: Mapping[str, float] = field(default_factory=dict)
+    effects: Mapping[str, Entry] = field(default_factory=dict)
     spacing_factor: float = 1.0
     jitter: float = 0.0
     seed: int = 0
@@ -37,16 +48,17 @@ class Request:
 
 
 class Laboratory:
-    """Simulates a section and keeps what it has simulated.
+    """Simulates a section.
 
     Args:
-        store: of the runs.
-        settings: of the simulation, of the diagnosing model.
+        settings: of the simulation, those of the judge.
+        threads: CPU threads; None: all.
     """
 
-    def __init__(self, store: RunStore, settings: SimulationSettings) -> None:
-        self.store = store
+    def __init__(self, settings: SimulationSettings, *, threads: int | None = None) -> None:
         self.settings = settings
+        self.threads = threads
+        self.runs = 0
 
     def scene(self, section: Section, request: Request) -> Scene:
         """The scene of a request."""
@@ -55,31 +67,60 @@ class Laboratory:
             spacing=round(request.spacing_factor * section.scene.spacing, 4),
             jitter=request.jitter,
             seed=request.seed,
-            effects={name: a for name, a in request.effects.items() if a != 0.0},
+            effects=dict(request.effects),
         )
 
     def deposits(self, section: Section, requests: Sequence[Request]) -> list[Deposit | None]:
-        """The deposits of requests, one batch; None where a run failed or was cut off."""
-        wanted = []
-        for request in requests:
-            changes = {"transfer": request.transfer, "courant": request.courant}
-            given = {name: value for name, value in changes.items() if value is not None}
-            wanted.append((self.scene(section, request), self.settings.model_copy(update=given)))
-        runs = self.store.fetch(wanted, frames=True)
-        return [_deposit(section, scene, run) for (scene, _), run in zip(wanted, runs, strict=True)]
+        """The deposits of requests; None where a run failed or was cut off.
+
+        Runs that share their settings go to the solver as one batch.
+        """
+        from mpm_taichi.simulate import simulate
+
+        found: list[Deposit | None] = [None] * len(requests)
+        for transfer, courant in dict.fromkeys((r.transfer, r.courant) for r in requests):
+            given = {"transfer": transfer, "courant": courant}
+            given = {name: value for name, value in given.items() if value is not None}
+            members = [
+                place
+                for place, r in enumerate(requests)
+                if (r.transfer, r.courant) == (transfer, courant)
+            ]
+            scenes = [self.scene(section, requests[place]) for place in members]
+            # Taichi tells of its start on the standard output, where results alone belong.
+            with redirect_stdout(sys.stderr):
+                runs = simulate(
+                    scenes, self.settings.model_copy(update=given), threads=self.threads
+                )
+            self.runs += len(runs)
+            for place, run in zip(members, runs, strict=True):
+                found[place] = _deposit(section, run)
+        return found
 
 
-def _deposit(section: Section, scene: Scene, run: KeptRun) -> Deposit | None:
-    if run.status == "failed" or not run.at_rest:
+def _deposit(section: Section, run: Run) -> Deposit | None:
+    if run.status == "failed" or not _rests(run):
         return None
     return Deposit(
-        position=run.final.astype(float),
-        initial_position=run.initial.astype(float),
-        volume=scene.spacing**2,
-        spacing=scene.spacing,
+        position=run.positions[-1].astype(float),
+        initial_position=run.positions[0].astype(float),
+        volume=run.scene.spacing**2,
+        spacing=run.scene.spacing,
         foot={side: section.scene.foot(side) for side in ("left", "right")},
-        ground=np.asarray(scene.ground.points, dtype=float),
-        positions=run.frames.astype(float),
+        ground=np.asarray(run.scene.ground.points, dtype=float),
+        positions=run.positions.astype(float),
         time=run.time,
-        at_rest=run.at_rest,
+        at_rest=True,
     )
+
+
+def _rests(run: Run) -> bool:
+    """It ended of itself, or creeps too slowly for a survey.
+
+    What never slid has no peak of its energy to fall from, and so never ends of itself.
+    """
+    if run.came_to_rest:
+        return True
+    frames = min(10, len(run.time) - 1)
+    way = np.abs(run.positions[-1] - run.positions[-1 - frames]).max()
+    return bool(way <= CREEP * (run.time[-1] - run.time[-1 - frames]))

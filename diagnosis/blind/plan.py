@@ -2,8 +2,8 @@
 
 - single: one effect of the library; null: none; pair: two; outside: one that no library has.
 
-Every twelfth of the row holds five singles, five nulls, a pair and one outside the library, so that
-any number of finished cases is a fair sample. Effects, sections, surveys and bins of detectability
+Each twelve of the row hold five singles, five nulls, a pair and one outside the library, in random
+order, so that any number of finished cases is a fair sample. Effects, sections, surveys and bins of detectability
 are dealt from shuffled decks: all cards before any comes again.
 """
 
@@ -13,16 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
+from diagnosis.blind.detectability import BINS
 from geometry.random_numbers import Stream, number_of
 
 Kind = Literal["single", "null", "pair", "outside"]
 KINDS: tuple[Kind, ...] = ("single", "null", "pair", "outside")
 
-#: Kinds of twelve cases that follow each other.
-ROUND: tuple[Kind, ...] = (
-    "single", "null", "single", "null", "pair", "single", "null", "single", "null", "outside",
-    "single", "null",
-)  # fmt: skip
+#: Kinds of twelve cases that follow each other, before they are shuffled.
+ROUND: tuple[Kind, ...] = ("single",) * 5 + ("null",) * 5 + ("pair", "outside")
 
 Card = TypeVar("Card")
 
@@ -69,7 +67,7 @@ def plan(
     outside: Sequence[str],
     where: dict[str, Sequence[str]],
     surveys: Sequence[str],
-    bins: int,
+    bins: int = len(BINS) - 1,
 ) -> list[Planned]:
     """The first `number` cases of a benchmark.
 
@@ -91,9 +89,10 @@ def plan(
     rungs = {name: Deck(range(bins), stream) for name in (*effects, *outside)}
     # A pair is hopeless where each of the two is barely visible.
     high = Deck(range(bins // 2, bins), stream)
+    kinds = Deck(ROUND, stream)
     found = []
     for k in range(number):
-        kind = ROUND[k % len(ROUND)]
+        kind = kinds.deal()
         if kind == "null":
             chosen, (section, survey), rung = (), nulls.deal(), 0
         elif kind == "pair":

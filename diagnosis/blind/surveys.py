@@ -67,7 +67,9 @@ def with_values(
         places: of the profile, (n,) [m].
         values: of all measurements in their order, (m,) [m]; None: zeros.
     """
-    entries = [_ENTRY.validate_python(entry) for entry in documents(section, survey, values, places)]
+    entries = [
+        _ENTRY.validate_python(entry) for entry in documents(section, survey, values, places)
+    ]
     for entry in entries:
         if isinstance(entry, SurfaceProfile):
             y = np.zeros(len(places)) if values is None else np.asarray(values[: len(places)])

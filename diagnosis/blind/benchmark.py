@@ -1,0 +1,155 @@
+"""What a benchmark is made of: `benchmark.yaml`, and where its files lie.
+
+<out>/sealed.json            before any diagnosis: name, section, survey, hash of the truth
+<out>/cases/<name>/          all that the diagnosis sees: section, survey, question
+<out>/truths/<name>.json     what is true; opened by the score alone
+<out>/verdicts/<name>.json   digests of the verdicts
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import Field, ValidationError
+
+from diagnosis.blind.plan import Planned, plan
+from diagnosis.blind.sections import Section, load_section
+from diagnosis.blind.surveys import SURVEYS
+from geometry.scene import Document, document_error
+from mpm_taichi.effects import effects, load_effects_file
+from pipeline.cli import InputError
+from pipeline.files import read_yaml
+
+FILE_NAME = "benchmark.yaml"
+
+
+class BenchmarkPlan(Document):
+    """The whole of `benchmark.yaml`."""
+
+    cases: int = Field(gt=0, description="number of cases")
+    seed: int = Field(ge=0, description="of every drawing, and of the salts")
+    sections: list[str] = Field(min_length=1, description="folders beside this file")
+    surveys: list[str] = Field(list(SURVEYS), min_length=1, description="sets of measurements")
+    effects: list[str] | None = Field(None, description="of the library; null: all of it")
+    outside: str | None = Field(None, description="Python file of effects outside the library")
+    laws: dict[str, str | None] = Field(
+        default_factory=dict,
+        description="effect outside the library -> what its strength hangs on; null: no strength",
+    )
+    other_realisation: list[str] = Field(
+        default_factory=list,
+        description="effects of the library that are random: hidden with another seed than the "
+        "judge's, so that they count as outside the library",
+    )
+    duration_s: float = Field(40.0, gt=0, description="longest slide [s]")
+    spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A benchmark that was read.
+
+    Attributes:
+        plan: the document.
+        sections: by name, at the judge's spacing.
+        library: names of the effects that may be hidden and are known to the judge.
+        outside: names of the effects that are not.
+    """
+
+    plan: BenchmarkPlan
+    sections: dict[str, Section]
+    library: list[str]
+    outside: list[str]
+
+    def cases(self) -> list[Planned]:
+        """The row of cases."""
+        where = {"": list(self.sections)}
+        for name in (*self.library, *self.outside):
+            places = [
+                section.name
+                for section in self.sections.values()
+                if not effects()[name].applies(section.scene)
+            ]
+            if places:
+                where[name] = places
+        return plan(
+            self.plan.cases,
+            seed=self.plan.seed,
+            effects=[name for name in self.library if name in where],
+            outside=[name for name in self.outside if name in where],
+            where=where,
+            surveys=self.plan.surveys,
+        )
+
+
+def load_benchmark(folder: str | Path) -> Benchmark:
+    """Read a benchmark's folder; effects outside the library are loaded from its file.
+
+    Raises:
+        InputError: a file that is missing or does not hold together; one line.
+    """
+    folder = Path(folder)
+    path = folder / FILE_NAME
+    document = read_yaml(path)
+    if not isinstance(document, Mapping):
+        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
+    try:
+        wanted = BenchmarkPlan.model_validate(document)
+    except ValidationError as error:
+        raise InputError(document_error(error, str(path))) from None
+    for survey in wanted.surveys:
+        if survey not in SURVEYS:
+            raise InputError(f"{path}: surveys: {survey!r}: allowed are {', '.join(SURVEYS)}")
+    library = list(effects())
+    for name in wanted.effects or ():
+        if name not in library:
+            raise InputError(f"{path}: effects: {name!r} is unknown; known: {', '.join(library)}")
+    outside = list(wanted.other_realisation)
+    if wanted.outside is not None:
+        outside += [one.name for one in load_effects_file(folder / wanted.outside)]
+    for name in outside:
+        if name not in wanted.laws:
+            raise InputError(f"{path}: laws: {name}: missing; a variable, or null")
+    sections = {
+        name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor)
+        for name in wanted.sections
+    }
+    inside = [name for name in wanted.effects or library if name not in outside]
+    return Benchmark(wanted, sections, inside, outside)
+
+
+def coarser(section: Section, factor: float) -> Section:
+    """The section at another spacing."""
+    scene = section.scene.changed(spacing=factor * section.scene.spacing)
+    return Section(section.folder, scene, section.question, section.survey)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the files of a benchmark lie."""
+
+    out: Path
+
+    @property
+    def sealed(self) -> Path:
+        """Hashes of the truths."""
+        return self.out / "sealed.json"
+
+    @property
+    def skipped(self) -> Path:
+        """What was planned and could not be made."""
+        return self.out / "skipped.json"
+
+    def case(self, name: str) -> Path:
+        """Folder of what a diagnosis sees."""
+        return self.out / "cases" / name
+
+    def truth(self, name: str) -> Path:
+        """The sealed truth."""
+        return self.out / "truths" / f"{name}.json"
+
+    def verdict(self, name: str, variant: str) -> Path:
+        """Digest of a verdict; a variant is the method or an ablation."""
+        return self.out / "verdicts" / variant / f"{name}.json"

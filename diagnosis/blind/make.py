@@ -1,0 +1,129 @@
+"""`blind make`: simulate what is hidden, write what is surveyed, seal what is true.
+
+Case by case, each in one go, so that a killed job continues with the next case. `sealed.json` is
+written last; no diagnosis starts without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import yaml
+
+from diagnosis.blind.benchmark import Benchmark, Places
+from diagnosis.blind.laboratory import Laboratory
+from diagnosis.blind.plan import Planned
+from diagnosis.blind.seal import seal
+from diagnosis.blind.sections import Section
+from diagnosis.blind.surveys import PROFILE_FILE
+from diagnosis.blind.truth import Made, Maker
+from geometry.scene import save_scene
+from inversion.parameters import with_properties
+from pipeline.cli import InputError
+from pipeline.files import read_json, write_json, write_text
+
+OnCase = Callable[[int, int, str], None]
+"""Called with (cases done, cases in all, what was made)."""
+
+
+def make(
+    benchmark: Benchmark,
+    places: Places,
+    laboratory: Laboratory,
+    *,
+    part: tuple[int, int] = (0, 1),
+    on_case: OnCase = lambda done, total, words: None,
+) -> None:
+    """Make the cases of a benchmark that are not there yet; seal them when all are.
+
+    Args:
+        benchmark: what to make.
+        places: where to.
+        laboratory: that simulates.
+        part: (k, n): every n-th case from the k-th on, for several jobs side by side.
+        on_case: told of each case.
+    """
+    row = benchmark.cases()
+    maker = Maker(laboratory, benchmark.plan.seed, benchmark.plan.other_realisation)
+    mine = row[part[0] :: part[1]]
+    for number, planned in enumerate(mine, start=1):
+        words = "was there"
+        if not _is_there(places, planned):
+            words = _make_one(maker, planned, benchmark.sections[planned.section], places)
+        on_case(number, len(mine), f"{planned.name}: {words}")
+    if all(_is_there(places, planned) for planned in row):
+        seal_all(row, places)
+
+
+def seal_all(row: Sequence[Planned], places: Places) -> None:
+    """Write the hashes of all truths, and what could not be made."""
+    truths = [read_json(places.truth(planned.name)) for planned in row]
+    write_json(places.sealed, [
+        {"name": truth["name"], "section": truth["section"], "survey": truth["survey"],
+         "sha256": seal(truth)}
+        for truth in truths if not truth.get("skipped")
+    ])  # fmt: skip
+    write_json(places.skipped, [
+        {name: truth[name] for name in ("kind", "effects", "section", "survey")}
+        for truth in truths if truth.get("skipped")
+    ])  # fmt: skip
+
+
+def sealed_cases(places: Places) -> list[dict[str, str]]:
+    """The sealed cases, in their order.
+
+    Raises:
+        InputError: the benchmark has not been sealed.
+    """
+    if not places.sealed.is_file():
+        raise InputError(
+            f"{places.sealed}: missing; `blind make` writes it when all cases are made"
+        )
+    return read_json(places.sealed)
+
+
+def _is_there(places: Places, planned: Planned) -> bool:
+    return places.truth(planned.name).is_file()
+
+
+def _make_one(maker: Maker, planned: Planned, section: Section, places: Places) -> str:
+    """Make one case; the truth is written last, so that it stands for the whole."""
+    made = maker.make(planned, section)
+    if made is None:
+        write_json(places.truth(planned.name), {
+            "name": planned.name, "kind": planned.kind, "effects": list(planned.effects),
+            "section": planned.section, "survey": planned.survey, "skipped": True,
+        })  # fmt: skip
+        return "skipped: what was to be hidden cannot be seen, or sees no end"
+    write_case(section, planned, made, places)
+    write_json(places.truth(planned.name), made.truth)
+    return "made"
+
+
+def write_case(section: Section, planned: Planned, made: Made, places: Places) -> None:
+    """Write what a diagnosis sees: section, survey and question, with first guesses put in."""
+    folder = places.case(planned.name)
+    guesses = [
+        (zone, spec.property, spec.start)
+        for spec in section.question.parameters
+        for zone in spec.zones
+    ]
+    save_scene(with_properties(section.scene, guesses), folder / "scene.yaml")
+    rows = [f"{x:.2f},{y:.3f}" for x, y in made.profile]
+    write_text(folder / PROFILE_FILE, "\n".join(["x_m,y_m", *rows]) + "\n")
+    _write_yaml(places, planned, "measurements.yaml", {
+        "case": planned.name,
+        "upstream": section.survey.side,
+        "initial": {},
+        "default_set": planned.survey,
+        "sets": {planned.survey: made.entries},
+    })  # fmt: skip
+    question = section.question.model_dump(mode="json", exclude_defaults=True)
+    _write_yaml(places, planned, "inversion.yaml", question)
+    _write_yaml(places, planned, "diagnosis.yaml", {"synthetic": True})
+
+
+def _write_yaml(places: Places, planned: Planned, name: str, document: dict[str, Any]) -> None:
+    text = yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+    write_text(places.case(planned.name) / name, text)
