@@ -225,6 +225,34 @@ class InversionSettings(Settings):
     sensitivities: bool = Field(True, description="solve its sensitivities")
 
 
+class DiagnosisSettings(Settings):
+    """How missing physics is sought. What an engineer knows of a case is in its diagnosis.yaml."""
+
+    spacing_factor: float = Field(
+        1.0, gt=0, description="multiplies the spacing of every case, as for the back-analysis"
+    )
+    max_runs: int = Field(250, ge=20, description="forward runs of one diagnosis")
+    replicates: int = Field(
+        8, ge=2, description="jitter seeds that measure the numerical noise at the fit"
+    )
+    noise_jitter: float = Field(
+        0.5, gt=0, lt=1, description="points of these seeds move by up to this x spacing / 2"
+    )
+    second_transfer: Literal["flip", "apic"] = Field(
+        "flip", description="transfer scheme of the paired run that enters the model's error"
+    )
+    finer: float = Field(
+        1.5, gt=1, le=3, description="the paired run of finer cells has the spacing / this"
+    )
+    resolution_factor: float = Field(
+        2.5, ge=0, description="share of the difference to finer cells that counts as bias; 0: none"
+    )
+    draws: int = Field(4000, ge=200, description="simulated noises behind every p value")
+    starts: int = Field(3, ge=1, le=5, description="first guesses of the base model's calibration")
+    rounds: int = Field(3, ge=1, le=5, description="effects that may be added one after another")
+    refitted: int = Field(4, ge=1, description="candidates that are refitted in a round")
+
+
 class ScaleSettings(Settings):
     """One family of random scenes and its simulations (paper, Table 1)."""
 
@@ -295,6 +323,9 @@ class Config(Settings):
     )
     inversion: InversionSettings = Field(
         default_factory=InversionSettings, description="how strengths are found from measurements"
+    )
+    diagnosis: DiagnosisSettings = Field(
+        default_factory=DiagnosisSettings, description="how missing physics is sought"
     )
 
     def scale(self, name: str) -> ScaleSettings:
