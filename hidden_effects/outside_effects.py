@@ -106,7 +106,7 @@ ROOT_OF_RATE = Effect(
 
 
 def obstacles(effect, here):  # noqa: ANN001, ANN201
-    """r = a beyond the old toe."""
+    """The same resistance everywhere beyond the old toe: r = a."""
     result = 0.0
     if (here.x - effect.foot) * effect.outward > 0.0:
         result = effect.amplitude

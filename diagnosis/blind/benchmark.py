@@ -1,9 +1,8 @@
 """What a benchmark is made of: `benchmark.yaml`, and where its files lie.
 
-<out>/sealed.json            before any diagnosis: name, section, survey, hash of the truth
-<out>/cases/<name>/          all that the diagnosis sees: section, survey, question
-<out>/truths/<name>.json     what is true; opened by the score alone
-<out>/verdicts/<name>.json   digests of the verdicts
+Under one folder: `sealed.json`, before any diagnosis (name, section, survey, hash of the truth);
+`cases/<name>/`, all that a diagnosis sees; `truths/<name>.json`, opened by the score alone;
+`verdicts/<variant>/<name>.json`, digests of the verdicts.
 """
 
 from __future__ import annotations

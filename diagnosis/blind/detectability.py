@@ -25,7 +25,7 @@ TRIES = 4
 def detectability(
     change: np.ndarray, derivative: np.ndarray, covariance: np.ndarray, rows: np.ndarray
 ) -> float:
-    """lambda.
+    """The detectability of a change.
 
     Args:
         change: d, of all measurements, (m,).

@@ -3,8 +3,8 @@
 - single: one effect of the library; null: none; pair: two; outside: one that no library has.
 
 Each twelve of the row hold five singles, five nulls, a pair and one outside the library, in random
-order, so that any number of finished cases is a fair sample. Effects, sections, surveys and bins of detectability
-are dealt from shuffled decks: all cards before any comes again.
+order, so that any number of finished cases is a fair sample. Effects, sections, surveys and bins of
+detectability are dealt from shuffled decks: all cards before any comes again.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
+from scipy.linalg import block_diag
 
 from diagnosis.blind.sections import Section
 from geometry.measured import Deposit, Measured
@@ -95,9 +96,11 @@ def documents(
          "std_m": TOE_STD, **common},
     ]  # fmt: skip
     if survey in SURVEYS[1:]:
-        for k, (x, y) in enumerate(plan.markers_m, start=1):
-            found.append({"name": f"marker {k}", "type": "marker_displacement", "x_m": x, "y_m": y,
-                          "dx_m": number(), "dy_m": number(), "std_m": MARKER_STD, **common})  # fmt: skip
+        found += [
+            {"name": f"marker {k}", "type": "marker_displacement", "x_m": x, "y_m": y,
+             "dx_m": number(), "dy_m": number(), "std_m": MARKER_STD, **common}
+            for k, (x, y) in enumerate(plan.markers_m, start=1)
+        ]  # fmt: skip
     if survey == SURVEYS[2]:
         found.append({
             "name": "toe in time", "type": "toe_history", "side": plan.side,
@@ -118,6 +121,4 @@ def reading(entries: Sequence[Measured], deposit: Deposit) -> np.ndarray:
 
 def covariance_of(entries: Sequence[Measured]) -> np.ndarray:
     """Covariance of the survey's errors, (m, m) [m2]."""
-    from scipy.linalg import block_diag
-
     return block_diag(*[entry.covariance() for entry in entries])

@@ -229,7 +229,7 @@ class _Sight:
         return best
 
     def lambdas(self, effects: Sequence[dict[str, Entry]]) -> list[float]:
-        """lambda of each set of effects; NaN where its run failed."""
+        """What can be seen of each set of effects; NaN where its run failed."""
         requests = [Request(tuple(self.values.tolist()), one) for one in effects]
         return [
             np.nan if deposit is None else self._lambda(deposit)
