@@ -16,7 +16,7 @@ from diagnosis.report_words import NOT_SEPARABLE, WEAKLY, spoken
 from geometry.draw import TEXT_COLOUR
 from inversion.draw_style import OURS, new_figure, save_figure, words
 
-LEFT, RIGHT, ABOVE, FOOT = 1.65, 0.85, 0.55, 0.35
+LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.0, 0.55, 0.35
 DARK, MIDDLE, LIGHT = "#003a5d", OURS, "#d9e6f0"
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
 from diagnosis.draw_style import (
     AFTER,
     BEFORE,
@@ -48,6 +50,8 @@ def draw_curve(curve: UnknownCurve, path: Path) -> Path:
             va="bottom", fontsize=SMALL, path_effects=HALO, zorder=5)  # fmt: skip
     if curve.knots[0] > 0 and curve.knots[-1] / curve.knots[0] > WIDE:
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+        ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_ylim(bottom=0)
     unit = f" ({curve.unit})" if curve.unit else ""
     label_x(ax, words(f"{curve.words}{unit}"))

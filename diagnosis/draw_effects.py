@@ -30,7 +30,7 @@ from diagnosis.verdict import CandidateVerdict
 from geometry.draw import HALO, TEXT_COLOUR
 from inversion.draw_style import LINE, NOTE, save_figure, words
 
-ROW, BELOW, LEFT, FOOT = 0.5, 0.52, 1.75, 0.5
+ROW, BELOW, LEFT, FOOT = 0.5, 0.52, 1.5, 0.5
 MOST = 12
 """Candidates that are drawn; the table has all of them."""
 PALE_SURVEY = "#b5dccf"
@@ -55,7 +55,7 @@ def draw_effects(data: ReportData, path: Path) -> Path | None:
     quiet(ax, grid="", left=False)
     rows(ax, [spoken(c.name) for c in shown], width=22)
     reach = max(4.0, *(_root(value) for c in shown for value in (c.expected_drop, achieved(c))))
-    ax.set_xlim(0, 1.5 * reach)
+    ax.set_xlim(0, 1.75 * reach)
     _ticks(ax, reach)
     ax.axvspan(0, _root(COUNTS), color=LINE, alpha=0.55, linewidth=0, zorder=0)
     for place, candidate in enumerate(shown):

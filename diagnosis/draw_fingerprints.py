@@ -24,7 +24,7 @@ from diagnosis.verdict import Signature
 from geometry.draw import TEXT_COLOUR
 from inversion.draw_style import new_figure, save_figure, wrapped
 
-ROW, TOP_ROW, LEFT, RIGHT = 0.3, 0.36, 1.6, 0.5
+ROW, TOP_ROW, LEFT, RIGHT = 0.3, 0.36, 1.45, 0.5
 ABOVE, BELOW, GAP = 0.25, 1.55, 0.06
 LEAST_WIDTH = 0.16
 """Width of the cell of a single number [inches]."""
@@ -168,7 +168,9 @@ def _name_block(ax: Axes, block: Block, width: float) -> None:
         first, last = block.ends
         ax.text(0.0, -down, first, ha="left", **style)
         ax.text(1.0, -down, last, ha="right", **style)
-        ax.text(0.5, -4 * down, block.name, ha="center", **{**style, "fontsize": TEXT})
+        ax.text(
+            0.5, -4 * down, wrapped(block.name, 30, 1), ha="center", **{**style, "fontsize": TEXT}
+        )
         return
     ax.text(0.5, -down, wrapped(block.name, 18, 1), ha="center", rotation=90, **style)
 
@@ -188,5 +190,6 @@ def _likeness(figure, data: ReportData, shown, residual, parts, total: float) ->
         size = float(np.linalg.norm(s) * np.linalg.norm(r))
         cosine = float(s @ r) / size if size else 0.0
         y = (BELOW + ROW * (len(shown) - place - 0.5)) / total
-        figure.text(x, y, f"{cosine:.2f}".replace("-", MINUS), ha="right", va="center", fontsize=SMALL,
-                    color=TEXT_COLOUR, fontweight="bold" if cosine > 0.7 else "normal")  # fmt: skip
+        text = f"{cosine:.2f}".replace("-", MINUS)
+        figure.text(x, y, text, ha="right", va="center", fontsize=SMALL, color=TEXT_COLOUR,
+                    fontweight="bold" if cosine > 0.7 else "normal")  # fmt: skip

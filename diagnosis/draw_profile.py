@@ -34,7 +34,7 @@ from diagnosis.report_data import ReportData, Series
 from diagnosis.report_words import explanation
 from diagnosis.verdict import MeasurementVerdict
 from geometry.draw import GROUND_COLOUR, GROUND_LINE, HALO, TEXT_COLOUR
-from inversion.draw_style import HELD_OUT, save_figure, words
+from inversion.draw_style import HELD_OUT, save_figure, wrapped
 
 ABOVE, BELOW, LEFT = 0.3, 0.5, 0.6
 HEIGHT, FOOT = 1.75, 0.5
@@ -47,9 +47,10 @@ MARKS = {
 """Mark and colour of a measured number by its role."""
 
 
-def draw_profile(data: ReportData, path: Path) -> Path | None:
-    """Save the chart; None where no series was measured."""
-    shown = [(series, after) for series in data.series for after in _models(data)]
+def draw_profile(data: ReportData, path: Path, *, axis: str = "x_m") -> Path | None:
+    """Save the chart of the series along an axis, x_m or time_s; None where there is none."""
+    chosen = [series for series in data.series if series.axis == axis]
+    shown = [(series, after) for series in chosen for after in _models(data)]
     shown = [(s, after) for s, after in shown if any(_predicted(m, after) for m in s.lines)]
     if not shown:
         return None
@@ -59,7 +60,7 @@ def draw_profile(data: ReportData, path: Path) -> Path | None:
     for first, second in zip(panels, panels[1:], strict=False):
         if len(_models(data)) > 1 and panels.index(first) % 2 == 0:
             _same_limits(first, second)
-    legend(figure, _handles(data), columns=3, y=0.06)
+    legend(figure, _handles(data, chosen), columns=3, y=0.06)
     return save_figure(figure, path)
 
 
@@ -91,7 +92,7 @@ def _draw(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
                 **(edge if mark != CONSTRUCTED_MARKER else {}))  # fmt: skip
     model_words = explanation(list(data.final.effects)) if after else "base model"
     name = f"{series.name}: {'after, with ' + model_words if after else model_words}"
-    title(ax, words(name), colour=colour if after else "#50575e")
+    title(ax, wrapped(name, 52, 1), colour=colour if after else "#50575e")
     label_x(ax, series.axis_words)
     quantity = "elevation" if series.axis == "x_m" and series.unit == "m" else "value"
     label_y(ax, f"{quantity} ({series.unit})")
@@ -102,27 +103,29 @@ def _draw_section(ax: Axes, data: ReportData, series: Series, after: bool) -> No
     section = data.sections
     surface = section.final if after else section.base
     there = np.isfinite(surface) | np.isfinite(section.initial)
-    left = min([*section.x[there], *series.places])
-    right = max([*section.x[there], *series.places])
+    toes = [
+        (line, section.toes[line.name].place(line.measured))
+        for line in data.singles
+        if line.name in section.toes
+    ]
+    shown = [*section.x[there], *series.places, *(place for _, place in toes)]
+    margin = 0.03 * (max(shown) - min(shown))
     top = np.nanmax([np.nanmax(section.initial), *(m.measured for m in series.lines)])
     low = float(section.ground[there].min())
     room = 0.06 * (top - low)
-    ax.set(xlim=(left, right), ylim=(low - 2 * room, top + 2 * room))
+    ax.set(xlim=(min(shown) - margin, max(shown) + margin), ylim=(low - 2 * room, top + 2 * room))
     ax.fill_between(section.x, low - 3 * room, section.ground, color=GROUND_COLOUR, linewidth=0,
                     zorder=3)  # fmt: skip
     ax.plot(section.x, section.ground, color=GROUND_LINE, linewidth=0.8, zorder=3)
     ax.plot(section.x, section.initial, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
             zorder=3)  # fmt: skip
     ax.plot(section.x, surface, color=AFTER if after else BEFORE, linewidth=0.9, zorder=4)
-    for line in data.singles:
-        toe = section.toes.get(line.name)
-        if toe is not None:
-            place = toe.place(line.measured)
-            height = float(np.interp(place, section.x, section.ground))
-            ax.plot([place], [height], marker="^", markersize=9, color=MARKS[line.role][1],
-                    markeredgecolor="white", zorder=7, clip_on=False)  # fmt: skip
-            ax.annotate("toe", (place, height), xytext=(0, 9), textcoords="offset points",
-                        ha="center", fontsize=TEXT, path_effects=HALO, zorder=7)  # fmt: skip
+    for line, place in toes:
+        height = float(np.interp(place, section.x, section.ground))
+        ax.plot([place], [height], marker="^", markersize=9, color=MARKS[line.role][1],
+                markeredgecolor="white", zorder=7, clip_on=False)  # fmt: skip
+        ax.annotate("toe", (place, height), xytext=(0, 9), textcoords="offset points",
+                    ha="center", fontsize=TEXT, path_effects=HALO, zorder=7)  # fmt: skip
 
 
 def _same_limits(first: Axes, second: Axes) -> None:
@@ -133,8 +136,8 @@ def _same_limits(first: Axes, second: Axes) -> None:
             getattr(ax, put)(low, high)
 
 
-def _handles(data: ReportData) -> list[Line2D | Patch]:
-    roles = {line.role for series in data.series for line in series.lines}
+def _handles(data: ReportData, chosen: list[Series]) -> list[Line2D | Patch]:
+    roles = {line.role for series in chosen for line in series.lines}
     names = {"fitted": "measured", "held out": "held out", "compared": "compared",
              "constructed": "constructed"}  # fmt: skip
     made: list[Line2D | Patch] = [
@@ -147,7 +150,7 @@ def _handles(data: ReportData) -> list[Line2D | Patch]:
         (PALE_BEFORE, BEFORE), (PALE_AFTER, AFTER)]  # fmt: skip
     for (band, line), label in zip(pale, ("model ± 2 std", "after ± 2 std"), strict=False):
         made.append(Patch(facecolor=band, edgecolor=line, label=label))
-    if data.sections is not None:
+    if data.sections is not None and chosen[0].axis == "x_m":
         made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
                            label="before the slide"))  # fmt: skip
     return made

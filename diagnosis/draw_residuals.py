@@ -33,11 +33,11 @@ from diagnosis.report_data import ReportData, Series
 from diagnosis.report_numbers import chance, number
 from diagnosis.verdict import Group, MeasurementVerdict
 from geometry.draw import HALO, TEXT_COLOUR
-from inversion.draw_style import LINE, save_figure, words
+from inversion.draw_style import LINE, save_figure, wrapped
 
 ABOVE, BELOW, LEFT, FOOT = 0.3, 0.52, 0.6, 0.32
 HEIGHT, ROW = 1.55, 0.36
-LONG_LEFT = 1.75
+LONG_LEFT = 1.4
 """Room for the names of rows [inches]."""
 
 
@@ -75,7 +75,7 @@ def _draw_series(ax: Axes, data: ReportData, series: Series) -> None:
             reach = max(reach, abs(line.residual_final))
     ax.set_ylim(-1.15 * reach, 1.15 * reach)
     _shade_window(ax, data, series)
-    title(ax, words(series.name))
+    title(ax, wrapped(series.name, 52, 1))
     label_x(ax, series.axis_words)
     label_y(ax, "residual (std)")
 
@@ -105,7 +105,7 @@ def draw_singles(data: ReportData, path: Path) -> Path | None:
         [ROW * len(shown)], above=0.08, below=BELOW, left=LONG_LEFT, foot=FOOT
     )  # fmt: skip
     quiet(ax, grid="x", left=False)
-    rows(ax, [_named(m) for m in shown], width=26)
+    rows(ax, [_named(m) for m in shown], width=20)
     ax.axvspan(-2, 2, color=LINE, alpha=0.55, linewidth=0, zorder=0)
     ax.axvline(0, color=TEXT_COLOUR, linewidth=0.9, zorder=1)
     reach = 3.0
@@ -140,7 +140,7 @@ def draw_groups(data: ReportData, path: Path) -> Path | None:
     row = 0.5 if after else ROW
     figure, (ax,) = chart([row * len(before)], above=0.08, below=BELOW, left=LONG_LEFT, foot=FOOT)
     quiet(ax, grid="x", left=False)
-    rows(ax, [f"{g.name} ({g.n})" for g in before], width=26)
+    rows(ax, [f"{g.name} ({g.n})" for g in before], width=20)
     reach = max(3.0, *(abs(g.z) for g in [*before, *after.values()]))
     least = min(-1.0, *(g.z for g in [*before, *after.values()]))
     ax.set_xlim(1.1 * least - 0.08 * reach, 1.22 * reach)

@@ -21,7 +21,7 @@ from diagnosis.verdict import Step
 from geometry.draw import HALO, TEXT_COLOUR
 from inversion.draw_style import HELD_OUT, LINE, save_figure
 
-ROW, BELOW, LEFT, FOOT = 0.66, 0.52, 1.75, 0.32
+ROW, BELOW, LEFT, FOOT = 0.66, 0.52, 1.5, 0.32
 BY_HAND = "by hand"
 """Beginning of the note of a step that a person has taken."""
 HUMAN = "#8a5a00"
@@ -48,7 +48,7 @@ def draw_steps(steps: Sequence[Step], path: Path, *, by_hand: Collection[str] = 
         return None
     figure, (ax,) = chart([ROW * len(steps)], above=0.12, below=BELOW, left=LEFT, foot=FOOT)
     quiet(ax, grid="x", left=False)
-    rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=23, lines=3)
+    rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=20, lines=3)
     fitted = [root_mean_square(s.chi2, s.dof) for s in steps]
     held = [
         None if s.held_out_chi2 is None or not s.held_out_n

@@ -27,11 +27,11 @@ from diagnosis.report_numbers import plus_minus, signed_percent
 from diagnosis.report_words import spoken, unit_of
 from diagnosis.verdict import ParameterWords, Stage
 from geometry.draw import HALO, TEXT_COLOUR
-from inversion.draw_style import LINE, save_figure, words, wrapped
+from inversion.draw_style import LINE, save_figure, wrapped
 
-ABOVE, BELOW, LEFT = 0.32, 0.5, 1.2
+ABOVE, BELOW, LEFT = 0.32, 0.5, 0.95
 ROW = 0.42
-BAR_ROW, BAR_LEFT = 0.3, 1.75
+BAR_ROW, BAR_LEFT = 0.3, 1.5
 MOST, LEAST_PERCENT = 12, 0.5
 
 
@@ -66,7 +66,7 @@ def _draw_parameter(
     room = 0.35 * (max(ends) - min(ends) or abs(ends[0]) or 1.0)
     ax.set_xlim(min(ends) - room, max(ends) + room)
     ax.set_ylim(len(stages) - 0.6, -0.75)
-    title(ax, words(wrapped(parameter.words, 48, 1).replace("$S_r$", "S_r")))
+    title(ax, wrapped(parameter.words, 44, 1))
     label_x(ax, f"{unit_of(parameter)} (bar: ± 2 std)".strip())
 
 
@@ -102,6 +102,6 @@ def draw_hidden(data: ReportData, path: Path) -> Path | None:
                         path_effects=HALO, zorder=5)  # fmt: skip
         reach = max(sure, *(abs(change) for _, change in bars))
         ax.set_xlim(-1.3 * reach, 1.3 * reach)
-        title(ax, words(wrapped(parameter.words, 40, 1).replace("$S_r$", "S_r")))
+        title(ax, wrapped(parameter.words, 36, 1))
         label_x(ax, "shift it hides, % (shaded: ± 2 std)")
     return save_figure(figure, path)

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from geometry.draw import TEXT_COLOUR
 from inversion.draw_style import CLASSICAL, HELD_OUT, LINE, OURS, new_figure, wrapped
 
-WIDTH = 5.2
+WIDTH = 4.6
 """Width of a chart [inches]."""
 TEXT, SMALL = 9.5, 8.5
 """Sizes of text [points]."""

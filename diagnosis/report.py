@@ -20,6 +20,8 @@ from pipeline.page import Folded, KeyNumbers, Paragraph, Picture, Section, Table
 PAGE, COMPARE_PAGE, EXPLAIN_PAGE, TRACK_PAGE = (
     "report.html", "compare.html", "explain.html", "track.html"
 )  # fmt: skip
+WIDEST_PX = 620
+"""Charts are made for a phone; on a desk they are not blown up further."""
 Part = Paragraph | Table | Picture | KeyNumbers | Folded
 
 
@@ -88,12 +90,12 @@ def sections(data: ReportData) -> list[Section]:
         _where(data),
         _fall(data),
         _effects(data),
+        _curve(data),
         _fingerprints(data),
         _confounding(data),
+        _next(data),
         _strength(data),
         _hidden(data),
-        _curve(data),
-        _next(data),
         _made(data),
     ]
     return [section for section in made if section.parts]
@@ -124,8 +126,11 @@ def _profile(data: ReportData) -> Section:
         )
         parts += [
             Paragraph(see),
-            Picture(path, "Measured and modelled surface, base model and model of the answer."),
+            _picture(path, "Measured and modelled surface, base model and model of the answer."),
         ]
+    path = draw_profile(data, data.folder / "histories.svg", axis="time_s")
+    if path is not None:
+        parts.append(_picture(path, "What was measured in time, base model and model after."))
     parts += _single_numbers(data)
     if not parts:
         return Section(title)
@@ -140,7 +145,7 @@ def _single_numbers(data: ReportData) -> list[Part]:
     path = draw_singles(data, data.folder / "singles.svg")
     if path is None:
         return []
-    picture = Picture(path, "Single measurements: residuals before and after.")
+    picture = _picture(path, "Single measurements: residuals before and after.")
     return [picture, *tables.singles_table(data)]
 
 
@@ -159,14 +164,14 @@ def _where(data: ReportData) -> Section:
                 "Residuals: measured minus modelled, in total standard deviations; within the "
                 "grey band lie 95 of 100 when the model lacks nothing. Yellow: the worst stretch."
             )
-            parts += [Paragraph(see), Picture(path, "Standardised residuals with the worst part.")]
+            parts += [Paragraph(see), _picture(path, "Standardised residuals with the worst part.")]
         path = draw_groups(data, data.folder / "groups.svg")
         if path is not None:
             see = (
                 "By measurement: how far the sum of squared residuals lies above that of noise, in "
                 "standard deviations of noise (in brackets: how many numbers were fitted)."
             )
-            parts += [Paragraph(see), Picture(path, "Bars of the misfit of each measurement.")]
+            parts += [Paragraph(see), _picture(path, "Bars of the misfit of each measurement.")]
         numbers = [*tables.tests_table(data), *tables.groups_table(data)]
         parts += _folded("Tests and groups in numbers", numbers)
     return Section("Where it fails", parts)
@@ -191,7 +196,7 @@ def _steps(folder: Path, steps: Sequence[Step], by_hand: Collection[str]) -> lis
     )
     return [
         Paragraph(see),
-        Picture(path, "Bars of the error, one for each step, against the noise."),
+        _picture(path, "Bars of the error, one for each step, against the noise."),
         *_folded("Every step in numbers", tables.steps_table(steps, by_hand)),
     ]
 
@@ -213,7 +218,7 @@ def _effects(data: ReportData) -> Section:
     parts: list[Part] = [
         *_said([words.candidate_sentence(data)]),
         Paragraph(see),
-        Picture(path, "Bars of the expected and achieved fall, one row for each effect."),
+        _picture(path, "Bars of the expected and achieved fall, one row for each effect."),
         *tables.answers_table(data),
         *_folded("Scores, refits and what was not tested", numbers),
     ]
@@ -233,7 +238,7 @@ def _fingerprints(data: ReportData) -> Section:
     )
     return Section(
         "Fingerprints",
-        [Paragraph(see), Picture(path, "Heat map of effects against measurements.")],
+        [Paragraph(see), _picture(path, "Heat map of effects against measurements.")],
     )
 
 
@@ -248,7 +253,7 @@ def _confounding(data: ReportData) -> Section:
     return Section(
         title,
         [*_said([*words.confounding_sentences(data), see]),
-         Picture(path, "Triangle of the likeness of each pair of effects.")],
+         _picture(path, "Triangle of the likeness of each pair of effects.")],
     )  # fmt: skip
 
 
@@ -258,7 +263,7 @@ def _strength(data: ReportData) -> Section:
     if data.verdict is None:
         return Section("The strength before and after")
     path = draw_strength(data, data.folder / "strength.svg")
-    picture = Picture(path, "Each parameter with two standard deviations, before and after.")
+    picture = _picture(path, "Each parameter with two standard deviations, before and after.")
     title = "The strength before and after" if data.final is not None else "The strength"
     return Section(title, [*_said(words.strength_sentences(data)), picture])
 
@@ -275,7 +280,7 @@ def _hidden(data: ReportData) -> Section:
     )
     parts: list[Part] = [
         *_said([words.hidden_sentence(data), see]),
-        Picture(path, "Bars of the shift that each undetected effect hides."),
+        _picture(path, "Bars of the shift that each undetected effect hides."),
         *_folded("The same in numbers", tables.hidden_table(data)),
     ]
     return Section("What could be hidden in it", parts)
@@ -295,7 +300,7 @@ def _curve(data: ReportData) -> Section:
         "what is missing, not a law, and no residual strength is reported from it."
     )
     return Section(
-        title, [Paragraph(see), Picture(path, "Multiplier of the strength with its band.")]
+        title, [Paragraph(see), _picture(path, "Multiplier of the strength with its band.")]
     )
 
 
@@ -317,6 +322,10 @@ def _made(data: ReportData) -> Section:
     return Section(
         "How this was made", [Paragraph(told), *_folded("Runs, seeds, hashes, settings", numbers)]
     )
+
+
+def _picture(path: Path, description: str) -> Picture:
+    return Picture(path, description, most_width_px=WIDEST_PX)
 
 
 def _said(sentences: Sequence[str]) -> list[Part]:

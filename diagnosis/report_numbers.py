@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-MINUS = "\N{MINUS SIGN}"
+MINUS, SPACE = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -20,13 +20,14 @@ def number(value: float, digits: int = 3) -> str:
 
 def chance(p: float) -> str:
     """A probability of noise in words: p = 0.03, or p < 0.001."""
-    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}" if p < 0.01 else f"p = {p:.2f}"
+    text = "p < 0.001" if p < 0.001 else f"p = {p:.2g}" if p < 0.1 else f"p = {p:.2f}"
+    return text.replace(" ", SPACE)
 
 
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
     """A number and its unit."""
     text = number(value, digits)
-    return text if not unit else f"{text}°" if unit == "deg" else f"{text} {unit}"
+    return _joined(text, unit)
 
 
 def plus_minus(value: float, std: float, unit: str) -> str:
@@ -34,7 +35,7 @@ def plus_minus(value: float, std: float, unit: str) -> str:
     places = max(0, 1 - math.floor(math.log10(std))) if std > 0 else 2
     places = min(places, 3)
     text = f"{value:.{places}f} ± {std:.{places}f}".replace("-", MINUS)
-    return text if not unit else f"{text}°" if unit == "deg" else f"{text} {unit}"
+    return _joined(text, unit)
 
 
 def root_mean_square(chi2: float, n: float) -> float:
@@ -44,4 +45,10 @@ def root_mean_square(chi2: float, n: float) -> float:
 
 def signed_percent(change: float) -> str:
     """A change with its sign."""
-    return f"{change:+.0f} %".replace("-", MINUS)
+    return f"{change:+.0f}{SPACE}%".replace("-", MINUS)
+
+
+def _joined(text: str, unit: str) -> str:
+    """A number and its unit, kept on one line."""
+    text = text if not unit else f"{text}°" if unit == "deg" else f"{text} {unit}"
+    return text.replace(" ", SPACE)

@@ -11,7 +11,7 @@ from typing import Any
 
 from diagnosis.draw_steps import step_words
 from diagnosis.report_data import ReportData
-from diagnosis.report_numbers import chance, number, plus_minus, signed_percent, with_unit
+from diagnosis.report_numbers import SPACE, chance, number, plus_minus, signed_percent, with_unit
 from diagnosis.report_words import (
     AMONG,
     VERDICTS,
@@ -24,6 +24,8 @@ from diagnosis.report_words import (
 from diagnosis.verdict import Step
 from pipeline.page import KeyNumbers, Table
 
+ONE_LINE = 24
+"""Characters of a name that are kept on one line."""
 ALARMS = {"adequate": "adequate", "suspect": "suspect", "alarm": "alarm"}
 
 
@@ -37,7 +39,8 @@ def key_numbers(data: ReportData) -> KeyNumbers:
         entries.append(("verdict", VERDICTS[verdict.verdict], remark))
         for one in verdict.answer.effects:
             value = plus_minus(one.amplitude, one.std, one.unit)
-            entries.append(("missing effect", spoken(one.name), value))
+            name = "most probable" if verdict.verdict == "ambiguous" else "missing effect"
+            entries.append((name, spoken(one.name), value))
     elif hasattr(document, "alarm"):
         entries.append(("base model", ALARMS[document.alarm], chance(base.p_combined)))
     entries.append(_fall("misfit, fitted data", off(base), None if final is None else off(final)))
@@ -138,14 +141,30 @@ def left_out_table(data: ReportData) -> list[Table]:
 
 
 def answers_table(data: ReportData) -> list[Table]:
-    """The explanations that share 90 % of the probability, where there are several."""
+    """The explanations that share 90 % of the probability, each with its parameters."""
     if data.verdict is None or len(data.verdict.answer.set_90) < 2:
         return []
-    rows = [
-        [explanation(one.names), f"{100 * one.probability:.0f} %"]
-        for one in data.verdict.answer.set_90
-    ]
-    return [Table(["explanation", "probability"], rows, "Together 90 %")]
+    rows = []
+    for one in data.verdict.answer.set_90:
+        values = _values_with(data, one.names)
+        told = [
+            with_unit(values[p.name], p.unit) if p.name in values else None for p in data.parameters
+        ]
+        rows.append([explanation(one.names), f"{100 * one.probability:.0f} %", *told])
+    header = ["explanation", "probability", *(p.words for p in data.parameters)]
+    return [_without_empty(Table(header, rows, "Together 90 % of the probability"))]
+
+
+def _values_with(data: ReportData, names: Sequence[str]) -> dict[str, float]:
+    """Parameters calibrated with these effects; empty where the document does not have them."""
+    if not names:
+        return data.base.values
+    if data.final is not None and set(data.final.effects) == set(names):
+        return data.final.values
+    for c in data.candidates:
+        if c.refit is not None and set(c.refit.effects) == set(names):
+            return c.refit.values
+    return {}
 
 
 def hidden_table(data: ReportData) -> list[Table]:
@@ -173,7 +192,7 @@ def hidden_table(data: ReportData) -> list[Table]:
 def measurements_table(data: ReportData) -> list[Table]:
     """Every number, measured and modelled."""
     rows = [
-        [m.name, m.role, _plain(m.measured), f"{m.std_total:.2f}", f"{m.std_survey:.2f}",
+        [_whole(m.name), m.role, _plain(m.measured), f"{m.std_total:.2f}", f"{m.std_survey:.2f}",
          _plain(m.predicted_base), _signed(m.residual_base), _final(data, m.predicted_final),
          _final(data, m.residual_final)]
         for m in data.measurements
@@ -186,7 +205,7 @@ def measurements_table(data: ReportData) -> list[Table]:
 def singles_table(data: ReportData) -> list[Table]:
     """Single numbers: measured, before, after."""
     rows = [
-        [m.name, m.role, f"{_plain(m.measured)} ± {m.std_total:.1f} {m.unit}",
+        [_whole(m.name), m.role, plus_minus(m.measured, m.std_total, m.unit),
          _plain(m.predicted_base), _final(data, m.predicted_final)]
         for m in data.singles
     ]  # fmt: skip
@@ -260,6 +279,11 @@ def _listed(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(map(str, value)) or "none"
     return "none" if value is None else str(value)
+
+
+def _whole(name: str) -> str:
+    """A name of moderate length on one line."""
+    return name.replace(" ", SPACE) if len(name) <= ONE_LINE else name
 
 
 def _plain(value: float | None) -> str | None:

@@ -70,8 +70,11 @@ def answer_sentences(data: ReportData) -> list[str]:
     told = []
     for one in data.verdict.answer.effects:
         low, high = (number(end) for end in one.interval_95)
+        name = spoken(one.name).capitalize()
+        if data.verdict.verdict == "ambiguous":
+            name = f"Most probable: {spoken(one.name)}"
         told.append(
-            f"{spoken(one.name).capitalize()} ({one.words}): amplitude "
+            f"{name} ({one.words}): amplitude "
             f"{plus_minus(one.amplitude, one.std, one.unit)}, 95 % from {low} to {high}."
         )
     rivals = data.verdict.answer.set_90

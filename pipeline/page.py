@@ -71,12 +71,14 @@ class Picture:
 
     `description` says what there is to see, for readers who cannot see it. `least_width_px`: on a
     narrower screen the picture is moved sideways instead of being shrunk further; 0: it is shrunk.
+    `most_width_px`: it is not enlarged beyond this; 0: as wide as the page lets it be.
     """
 
     path: str | os.PathLike[str]
     description: str
     caption: str = ""
     least_width_px: int = 0
+    most_width_px: int = 0
 
     def html(self) -> str:
         """The element as HTML."""
@@ -94,7 +96,8 @@ class Picture:
         if media_type.startswith("video"):
             shown = f'<video controls loop muted playsinline aria-label="{words}" {source}></video>'
         else:
-            shown = f'<img alt="{words}" {source}>'
+            most = f' style="max-width: min(100%, {self.most_width_px}px)"'
+            shown = f'<img alt="{words}"{most * bool(self.most_width_px)} {source}>'
         if self.least_width_px:
             least = f'<div class="wide picture" style="--least: {self.least_width_px}px">'
             shown = f"{least}{shown}</div>"
@@ -236,8 +239,8 @@ figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
 @media print {
   :root { --ground: #ffffff; --ink: #000000; --soft: #444444; --line: #bbbbbb; }
   main { max-width: none; padding: 0; }
-  figure, table { break-inside: avoid; }
-  h2 { break-after: avoid; }
+  figure, tr { break-inside: avoid; }
+  h2, summary, caption, p:has(+ figure) { break-after: avoid; }
   .wide { overflow: visible; }
   details::details-content { content-visibility: visible; block-size: auto; }
   video { display: none; }

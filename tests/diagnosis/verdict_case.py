@@ -352,7 +352,8 @@ def document(
         "case": "no_such_case", "title": title, "sentence": sentence, "verdict": kind,
         "tested": list(case.order), "forbidden": [FORBIDDEN],
         "answer": {"effects": answered, "set_90": [{"names": effects, "probability": 0.96}]},
-        "parameters": PARAMETERS, "base": case.stage([]), "final": case.stage(effects), "steps": steps,
+        "parameters": PARAMETERS, "base": case.stage([]), "final": case.stage(effects),
+        "steps": steps,
         "candidates": case.candidates(4), "confounding": case.confounding(),
         "signatures": case.signatures(), "measurements": case.measurements(effects),
         "hidden": case.hidden(), "unknown_curve": None, "next_measurement": [], "runs": RUNS,
@@ -457,7 +458,8 @@ def explained() -> ExplainDocument:
     candidates = [c.model_copy(update={"refit": None}) for c in v.candidates]
     return ExplainDocument(
         case=v.case, title=v.title, sentence="Best of the effects tested: strain softening.",
-        base=v.base, parameters=v.parameters, candidates=candidates, confounding=v.confounding, signatures=v.signatures,
+        base=v.base, parameters=v.parameters, candidates=candidates,
+        confounding=v.confounding, signatures=v.signatures,
         hidden=v.hidden, runs=v.runs,
     )  # fmt: skip
 
@@ -475,5 +477,6 @@ def save_section(folder: Path) -> Path:
     initial = points([45, 95, 110, 160, 185], [1, 22, 22, 21, 1])
     after = [points([at, 45, 110, 128, 150, 185], [0.5, 6, 11, 20, 21, 1]) for at in (10, 15)]
     return save_sections(
-        folder, initial=initial, base=after[0], final=after[1], spacing=1.0, ground=ground, toes={"upstream toe": (47.0, -1.0)},
+        folder, initial=initial, base=after[0], final=after[1], spacing=1.0, ground=ground,
+        toes={"upstream toe": (47.0, -1.0)},
     )  # fmt: skip

@@ -1,0 +1,323 @@
+"""The page of a diagnosis: whole, alone, true to the verdict, and without empty parts."""
+
+from __future__ import annotations
+
+import html
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.draw_confounding import order
+from diagnosis.draw_effects import ranked
+from diagnosis.draw_fingerprints import blocks, fingerprints
+from diagnosis.draw_steps import is_by_hand, step_words
+from diagnosis.draw_strength import hidden_bars
+from diagnosis.report import (
+    COMPARE_PAGE,
+    EXPLAIN_PAGE,
+    TRACK_PAGE,
+    write_compare,
+    write_explain,
+    write_report,
+    write_track,
+)
+from diagnosis.report_data import ReportData, load_report
+from diagnosis.report_numbers import chance, number, plus_minus
+from diagnosis.report_sections import FILE_NAME, load_sections
+from diagnosis.report_words import (
+    alarm_sentence,
+    answer_sentences,
+    confounded,
+    fall_sentence,
+    lead,
+    role_sentence,
+    window_sentence,
+)
+from diagnosis.verdict import Verdict, save_document
+from pipeline.cli import InputError
+from tests.diagnosis.verdict_case import (
+    NASTY,
+    adequate,
+    ambiguous,
+    compared,
+    explained,
+    identified,
+    least,
+    save_section,
+    unknown,
+)
+from tests.pipeline.test_page import Outline
+
+ALWAYS = {"confounding.svg", "effects.svg", "fingerprints.svg", "groups.svg", "hidden.svg",
+          "histories.svg", "profile.svg", "residuals.svg", "singles.svg",
+          "strength.svg"}  # fmt: skip
+
+
+def checked(path: Path) -> str:
+    """The text of a page that needs nothing else."""
+    text = path.read_text("utf-8")
+    outline = Outline()
+    outline.feed(text)
+    assert outline.open == []
+    assert all(link.startswith("data:") for link in outline.links)
+    assert "url(" not in text and "@import" not in text
+    assert not re.search(r"<h2>[^<]*</h2>\s*</section>", text)
+    return text
+
+
+def page_of(verdict: Verdict, folder: Path) -> str:
+    save_document(verdict, folder / "verdict.json")
+    return checked(write_report(folder))
+
+
+def told(text: str) -> str:
+    """What a reader reads, with plain spaces."""
+    bare = re.sub(r"<(style|title).*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
+    return " ".join(html.unescape(bare).split())
+
+
+def headings(text: str) -> list[str]:
+    return re.findall(r"<h2>(.*?)</h2>", text)
+
+
+def pictures(folder: Path) -> set[str]:
+    return {path.name for path in folder.glob("*.svg")}
+
+
+def data_of(verdict: Verdict) -> ReportData:
+    return ReportData(Path(), verdict)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp("whole")
+    save_section(folder)
+    return page_of(identified(), folder), folder
+
+
+# --- the page ---
+
+
+def test_every_part_is_there_in_order(whole):
+    text, folder = whole
+    assert headings(text) == [
+        "In short",
+        "Measured against modelled",
+        "Where it fails",
+        "How far the error falls",
+        "Which effects would explain it",
+        "Fingerprints",
+        "What cannot be told apart",
+        "The strength before and after",
+        "What could be hidden in it",
+        "How this was made",
+    ]
+    assert pictures(folder) == ALWAYS | {"steps.svg"}
+    assert text.count('src="data:image/svg+xml') == len(pictures(folder))
+    read = told(text)
+    assert "missing effect strain softening 15.6 ± 2.0 kPa" in read
+    assert "1.9 → 1.1 std" in read and "3.1 → 1.2 std" in read
+    assert "21.9 ± 1.5 kPa 14.68 ± 0.73 kPa before" in read
+    assert "128 of 250 allowed" in read and "5f0c1a92d3e4" in read and "null 20260101" in read
+
+
+def test_an_unknown_effect_shows_its_curve_and_no_result(tmp_path):
+    text = page_of(unknown(), tmp_path)
+    assert "curve.svg" in pictures(tmp_path) and "steps.svg" not in pictures(tmp_path)
+    assert "What the unknown effect looks like" in headings(text)
+    read = told(text)
+    assert "carries the error: no result" in read
+    assert "no residual strength is reported from it" in read
+
+
+def test_an_ambiguous_verdict_names_no_single_effect(tmp_path):
+    read = told(page_of(ambiguous(), tmp_path))
+    assert "missing effect" not in read.replace("which effect", "")
+    assert "most probable pore pressure" in read
+    assert re.search(r"pore pressure 56 % 21\.9 kPa overburden strength 39 % 22\.2 kPa", read)
+    assert "displacement of a point at x 62 m" in read
+
+
+def test_a_poor_verdict_gives_a_page_without_empty_parts(tmp_path):
+    text = page_of(least(), tmp_path)
+    assert headings(text) == ["In short", "The strength", "How this was made"]
+    assert pictures(tmp_path) == {"strength.svg"}
+
+
+def test_names_are_text_and_not_markup(tmp_path):
+    made = identified(NASTY).model_dump(mode="json")
+    made["parameters"][0]["words"] = NASTY
+    made["sentence"] = NASTY
+    for line in made["measurements"]:
+        line["measurement"] = line["measurement"].replace("profile", NASTY)
+    made["base"]["window"]["measurement"] = NASTY
+    text = page_of(Verdict.model_validate(made), tmp_path)
+    assert "<script" not in text and "&lt;script&gt;alert" in text
+
+
+def test_the_same_verdict_gives_the_same_bytes(whole, tmp_path):
+    text, folder = whole
+    save_section(tmp_path)
+    assert page_of(identified(), tmp_path) == text
+    for name in pictures(folder):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+def test_compare_has_a_smaller_page(tmp_path):
+    save_document(compared(), tmp_path / "compare.json")
+    path = write_compare(tmp_path)
+    assert path.name == COMPARE_PAGE
+    text = checked(path)
+    assert headings(text) == [
+        "In short", "Measured against modelled", "Where it fails", "How this was made"
+    ]  # fmt: skip
+    assert "base model alarm p < 0.001" in told(text)
+
+
+def test_explain_has_a_smaller_page(tmp_path):
+    save_document(explained(), tmp_path / "explain.json")
+    path = write_explain(tmp_path)
+    assert path.name == EXPLAIN_PAGE
+    assert headings(checked(path)) == [
+        "In short", "Which effects would explain it", "Fingerprints", "What cannot be told apart",
+        "What could be hidden in it", "How this was made",
+    ]  # fmt: skip
+
+
+def test_track_marks_the_steps_of_a_person(tmp_path):
+    steps = identified().steps
+    path = write_track(tmp_path, "A dam", steps, by_hand=["with_strain_softening"])
+    assert path.name == TRACK_PAGE
+    read = told(checked(path))
+    assert "2 models so far" in read and "1.9 standard deviations by the first, 1.1" in read
+    assert step_words(1, steps, ["with_strain_softening"]) == "+ strain softening (by hand)"
+    noted = steps[1].model_copy(update={"note": "by hand: cores say so"})
+    assert is_by_hand(noted) and not is_by_hand(steps[1])
+    assert headings(checked(write_track(tmp_path / "none", "A dam", []))) == []
+
+
+def test_the_section_is_read_back(tmp_path):
+    save_section(tmp_path)
+    sections = load_sections(tmp_path)
+    assert sections.toes["upstream toe"].place(30.0) == pytest.approx(17.0)
+    middle = np.argmin(np.abs(sections.x - 120.0))
+    assert sections.initial[middle] == pytest.approx(22.0, abs=1.0)
+    assert sections.base[middle] == pytest.approx(16.0, abs=1.0)
+    assert np.isnan(sections.initial[0])
+    assert load_sections(tmp_path / "nothing") is None
+
+
+def test_what_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"verdict\.json"):
+        write_report(tmp_path)
+    save_document(least(), tmp_path / "verdict.json")
+    (tmp_path / FILE_NAME).write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"sections\.npz: cannot be read"):
+        load_report(tmp_path)
+
+
+# --- what it says ---
+
+
+@pytest.mark.parametrize("made", [identified, ambiguous, unknown])
+def test_a_finding_is_always_among_the_effects_tested(made):
+    assert "tested" in lead(data_of(made()))
+    short = made().model_copy(update={"sentence": "It is strain softening."})
+    if short.verdict in ("identified", "ambiguous"):
+        sentence = lead(data_of(short))
+        assert sentence == "It is strain softening, among the effects tested."
+
+
+def test_synthetic_measurements_are_called_constructed():
+    made = identified()
+    manifest = {**made.manifest, "settings": {"synthetic": True}}
+    sentence = lead(data_of(made.model_copy(update={"manifest": manifest})))
+    assert sentence.endswith("The measurements are constructed by a simulation.")
+    assert "constructed" not in lead(data_of(made))
+
+
+def test_held_out_and_constructed_data_are_told():
+    assert role_sentence(data_of(identified())) == (
+        "Held out, seen by no fit: profile from x 80 to 95 m, toe history. Constructed, not "
+        "surveyed: drawn crest; drawn only, in no fit and no score."
+    )
+
+
+def test_the_fall_is_told_on_both_kinds_of_data():
+    sentence = fall_sentence(data_of(identified()))
+    assert "1.9 standard deviations before, 1.1 after" in sentence
+    assert "Of the 10 held-out data, which no fit has seen: 3.1 before, 1.2 after" in sentence
+    assert fall_sentence(data_of(adequate())) == ""
+
+
+def test_where_and_how_it_fails_is_told():
+    verdict = identified()
+    sentence = alarm_sentence(data_of(verdict)).replace("\N{NO-BREAK SPACE}", " ")
+    assert "chi² 99.7 on 28 degrees of freedom" in sentence
+    assert "all together p < 0.001" in sentence
+    sentence = window_sentence(verdict.base.window, "base model")
+    assert sentence.startswith("Worst stretch of the base model: profile from x 85 to 105 m, 5 ")
+    assert window_sentence(None, "base model") == ""
+
+
+def test_rivals_are_told():
+    told_ = " ".join(answer_sentences(data_of(ambiguous())))
+    assert "Most probable: pore pressure" in told_
+    assert "pore pressure (56 %); overburden strength (39 %)" in told_
+    assert confounded(data_of(ambiguous()), 0.95)[0][:2] == ("overburden_strength", "pore_pressure")
+
+
+# --- what the pictures show ---
+
+
+def test_the_best_score_is_on_top_and_refits_stay():
+    shown = ranked(data_of(identified()))
+    assert shown[0].name == "strain_softening"
+    scores = [c.z for c in shown]
+    assert scores == sorted(scores, reverse=True)
+    assert "side_shear" not in {c.name for c in shown}
+
+
+def test_a_fingerprint_is_that_of_the_amplitude_found():
+    data = data_of(identified())
+    chosen = {entry.name: entry for entry in fingerprints(data)}
+    assert len(chosen) == 10 and fingerprints(data)[0].name == "strain_softening"
+    assert chosen["strain_softening"].amplitude == pytest.approx(20.0)  # of 10, 20, 40; found 15.6
+    assert chosen["datum_shift"].amplitude == pytest.approx(0.5)
+
+
+def test_constructed_numbers_have_no_column():
+    found = {block.name: block for block in blocks(data_of(identified()))}
+    assert "drawn crest" not in found
+    assert found["profile"].ends == ("20 m", "150 m") and len(found["profile"].columns) == 27
+    assert found["marker A"].ends is None and len(found["marker A"].columns) == 2
+
+
+def test_like_stands_beside_like():
+    found = identified().confounding
+    names = [found.names[place] for place in order(np.array(found.cosine))]
+    places = [names.index(name) for name in ("pore_pressure", "overburden_strength")]
+    assert abs(places[0] - places[1]) == 1
+    assert sorted(names) == sorted(found.names)
+
+
+def test_the_largest_hidden_shift_comes_first():
+    bars = hidden_bars(data_of(identified()), "residual_strength_1")
+    sizes = [abs(change) for _, change in bars]
+    assert sizes == sorted(sizes, reverse=True) and sizes[-1] >= 0.5
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0123456, "0.0123"), (99.97, "100"), (-3.0, "−3"), (12345.6, "12346")]
+)
+def test_numbers_are_short(value, text):
+    assert number(value) == text
+
+
+def test_chances_and_spreads_are_short():
+    plain = [chance(p).replace("\N{NO-BREAK SPACE}", " ") for p in (0.0, 0.0042, 0.04, 0.5)]
+    assert plain == ["p < 0.001", "p = 0.0042", "p = 0.04", "p = 0.50"]
+    spread = plus_minus(21.913, 1.49, "kPa").replace("\N{NO-BREAK SPACE}", " ")
+    assert spread == "21.9 ± 1.5 kPa"
