@@ -29,8 +29,16 @@ from geometry.draw import HALO, TEXT_COLOUR
 from inversion.draw_style import new_figure, save_figure, words
 
 HEIGHT, ROW, LEFT = 2.3, 0.32, 0.65
+LOGARITHM = "log10 of "
 WIDE = 30.0
 """Ratio of the outer knots from which on the variable has a logarithmic axis."""
+
+
+def plain_knots(curve: UnknownCurve) -> tuple[list[float], str]:
+    """Places of the knots and their unit; a variable that is a logarithm as what it is of."""
+    if curve.unit.startswith(LOGARITHM):
+        return [10.0**knot for knot in curve.knots], curve.unit.removeprefix(LOGARITHM)
+    return curve.knots, curve.unit
 
 
 def draw_curve(curve: UnknownCurve, path: Path) -> Path:
@@ -42,19 +50,19 @@ def draw_curve(curve: UnknownCurve, path: Path) -> Path:
     bottom = (total - 0.32 - HEIGHT) / total
     ax = figure.add_axes((LEFT / WIDTH, bottom, 1 - (LEFT + 0.15) / WIDTH, HEIGHT / total))
     quiet(ax)
-    ax.fill_between(curve.knots, curve.low, curve.high, color=PALE_AFTER, linewidth=0, zorder=2)
-    ax.plot(curve.knots, curve.multiplier, color=AFTER, linewidth=2.2, marker="o", markersize=6,
+    knots, unit = plain_knots(curve)
+    ax.fill_between(knots, curve.low, curve.high, color=PALE_AFTER, linewidth=0, zorder=2)
+    ax.plot(knots, curve.multiplier, color=AFTER, linewidth=2.2, marker="o", markersize=6,
             markeredgecolor="white", zorder=4)  # fmt: skip
     ax.axhline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=3)
     ax.text(0.99, 1.0, "as the base model ", transform=ax.get_yaxis_transform(), ha="right",
             va="bottom", fontsize=SMALL, path_effects=HALO, zorder=5)  # fmt: skip
-    if curve.knots[0] > 0 and curve.knots[-1] / curve.knots[0] > WIDE:
+    if knots[0] > 0 and knots[-1] / knots[0] > WIDE:
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
         ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_ylim(bottom=0)
-    unit = f" ({curve.unit})" if curve.unit else ""
-    label_x(ax, words(f"{curve.words}{unit}"))
+    label_x(ax, words(f"{curve.words} ({unit})" if unit else curve.words))
     label_y(ax, "strength / base")
     title(ax, "strength that would explain it (band: 68 %)")
     if bars:

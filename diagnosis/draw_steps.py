@@ -49,7 +49,7 @@ def draw_steps(steps: Sequence[Step], path: Path, *, by_hand: Collection[str] = 
     figure, (ax,) = chart([ROW * len(steps)], above=0.12, below=BELOW, left=LEFT, foot=FOOT)
     quiet(ax, grid="x", left=False)
     rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=20, lines=3)
-    fitted = [root_mean_square(s.chi2, s.dof) for s in steps]
+    fitted = [root_mean_square(s.chi2, max(s.dof, 1)) for s in steps]
     held = [
         None if s.held_out_chi2 is None or not s.held_out_n
         else root_mean_square(s.held_out_chi2, s.held_out_n)

@@ -66,7 +66,9 @@ def write_track(
     count = len(steps)
     lead = f"{count} model{'' if count == 1 else 's'} so far."
     if count > 1:
-        fall = [words.root_mean_square(step.chi2, step.dof) for step in (steps[0], steps[-1])]
+        fall = [
+            words.root_mean_square(step.chi2, max(step.dof, 1)) for step in (steps[0], steps[-1])
+        ]
         lead += (
             f" Root mean square misfit of the fitted data: {fall[0]:.1f} standard deviations by "
             f"the first, {fall[1]:.1f} by the last; noise alone has 1."

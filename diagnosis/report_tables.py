@@ -21,7 +21,7 @@ from diagnosis.report_words import (
     spoken,
     test_words,
 )
-from diagnosis.verdict import Step
+from diagnosis.verdict import Stage, Step
 from pipeline.page import KeyNumbers, Table
 
 ONE_LINE = 24
@@ -43,7 +43,7 @@ def key_numbers(data: ReportData) -> KeyNumbers:
             entries.append((name, spoken(one.name), value))
     elif hasattr(document, "alarm"):
         entries.append(("base model", ALARMS[document.alarm], chance(base.p_combined)))
-    entries.append(_fall("misfit, fitted data", off(base), None if final is None else off(final)))
+    entries.append(_fall_of_fit(base, final))
     if base.held_out.n:
         held = None if final is None else off_held_out(final)
         entries.append(_fall("misfit, held-out data", off_held_out(base), held))
@@ -58,6 +58,16 @@ def key_numbers(data: ReportData) -> KeyNumbers:
     runs = document.runs
     entries.append(("forward runs", f"{runs.asked}", f"of {runs.allowed} allowed"))
     return KeyNumbers(entries)
+
+
+def _fall_of_fit(base: Stage, final: Stage | None) -> tuple[str, str, str]:
+    """Root mean square misfit before and after; chi² where no degree of freedom is left."""
+    name, stages = "misfit, fitted data", [base] if final is None else [base, final]
+    if all(stage.dof > 0 for stage in stages):
+        return _fall(name, off(base), None if final is None else off(final))
+    value = " \N{RIGHTWARDS ARROW} ".join(f"chi² {number(stage.chi2)}" for stage in stages)
+    left = ", ".join(str(max(stage.dof, 0)) for stage in stages)
+    return name, value, f"degrees of freedom: {left}"
 
 
 def _fall(name: str, before: float, after: float | None) -> tuple[str, str, str]:

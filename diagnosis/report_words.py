@@ -32,7 +32,10 @@ def explanation(names: list[str]) -> str:
 
 
 def off(stage: Stage) -> float:
-    """How far off a model is on the fitted data, in standard deviations."""
+    """How far off a model is on the fitted data, in standard deviations.
+
+    NaN where there are no more data than parameters: then nothing can be off.
+    """
     return root_mean_square(stage.chi2, stage.dof)
 
 
@@ -145,6 +148,11 @@ def fall_sentence(data: ReportData) -> str:
     if data.final is None:
         return ""
     before, after = data.base, data.final
+    if min(before.dof, after.dof) < 1:
+        return (
+            f"Chi² of the fitted data: {number(before.chi2)} before, {number(after.chi2)} after; "
+            "as many parameters as data, so it says little."
+        )
     told = (
         f"Root mean square misfit of the fitted data: {off(before):.1f} standard deviations "
         f"before, {off(after):.1f} after; noise alone has 1."

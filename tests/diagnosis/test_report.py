@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.draw_confounding import order
+from diagnosis.draw_curve import plain_knots
 from diagnosis.draw_effects import ranked
 from diagnosis.draw_fingerprints import blocks, fingerprints
 from diagnosis.draw_steps import is_by_hand, step_words
@@ -307,6 +308,19 @@ def test_the_largest_hidden_shift_comes_first():
     bars = hidden_bars(data_of(identified()), "residual_strength_1")
     sizes = [abs(change) for _, change in bars]
     assert sizes == sorted(sizes, reverse=True) and sizes[-1] >= 0.5
+
+
+def test_the_knots_of_a_logarithm_are_drawn_as_what_it_is_of():
+    knots, unit = plain_knots(unknown().unknown_curve)
+    assert knots == pytest.approx([0.01, 0.0562, 0.316, 1.778, 10.0], rel=1e-3) and unit == "1/s"
+
+
+def test_a_misfit_without_degrees_of_freedom_is_no_root_mean_square(tmp_path):
+    verdict = identified()
+    stage = verdict.base.model_copy(update={"dof": 0})
+    read = told(page_of(verdict.model_copy(update={"base": stage}), tmp_path))
+    assert "misfit, fitted data chi² 99.7 → chi² 35.6 degrees of freedom: 0, 27" in read
+    assert "as many parameters as data" in read and "nan" not in read
 
 
 @pytest.mark.parametrize(

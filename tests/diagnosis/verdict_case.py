@@ -409,8 +409,8 @@ def unknown() -> Verdict:
         "Unknown effect: the base model fails, and none of the 10 effects tested explains it."
     )
     curve = {
-        "variable": "strain_rate", "words": "rate of shearing", "unit": "1/s",
-        "knots": [0.01, 0.1, 0.5, 2.0, 10.0], "multiplier": [0.7, 0.8, 1.1, 1.6, 1.9],
+        "variable": "strain_rate", "words": "rate of shearing", "unit": "log10 of 1/s",
+        "knots": [-2.0, -1.25, -0.5, 0.25, 1.0], "multiplier": [0.7, 0.8, 1.1, 1.6, 1.9],
         "low": [0.5, 0.7, 1.0, 1.3, 1.2], "high": [1.0, 0.95, 1.25, 2.0, 3.0],
         "chi2": {"strain_rate": 34.0, "overburden": 61.0, "time": 70.5},
         "ln_evidence": {"strain_rate": 12.0, "overburden": 1.0, "time": -2.0},
