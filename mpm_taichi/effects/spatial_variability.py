@@ -47,12 +47,13 @@ def multiplier(
     scene: Scene, position: np.ndarray, amplitude: float, parameters: Mapping[str, float]
 ) -> np.ndarray:
     """Multiplier m = exp(s z(x)) over its mean in the liquefied soil, s^2 = ln(1 + a^2), (N,)."""
+    places, place = np.unique(position[:, 0], return_inverse=True)
     field = gaussian_field(
-        position[:, 0],
+        places,
         correlation_length=parameters["correlation_length_m"],
         seed=round(parameters["seed"]),
     )
-    value = np.exp(np.sqrt(np.log1p(amplitude**2)) * field)
+    value = np.exp(np.sqrt(np.log1p(amplitude**2)) * field)[place]
     inside = np.zeros(len(position), bool)
     for zone in scene.zones:
         if scene.materials[zone.material].liquefied:
