@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
-    """Cap T = (1 - a) T_0, T_0 the uniaxial tensile strength of what is left of the cohesion."""
+    """Cap T = (1 - a) T_0, T_0 = c min(cot(phi), 2) of what is left of the cohesion."""
     if here.liquefied < 0.5:
         open_share = ti.min(here.memory * here.cell / effect.crack_width_m, 1.0)
         soil.cohesion *= 1.0 - effect.amplitude * effect.cohesion_lost * open_share
-        uniaxial = (
-            2.0 * soil.cohesion * (ti.sqrt(1.0 + soil.friction * soil.friction) - soil.friction)
-        )
-        soil.cap = ti.min(soil.cap, (1.0 - effect.amplitude) * uniaxial)
+        whole = 2.0 * soil.cohesion
+        if soil.friction > 0.5:
+            whole = soil.cohesion / soil.friction
+        soil.cap = ti.min(soil.cap, (1.0 - effect.amplitude) * whole)
     return soil
 
 
@@ -39,13 +39,13 @@ def applies(scene: Scene) -> str:
 EFFECT = Effect(
     name="cracking",
     words="the soil that did not liquefy cracks: it holds less tension than its cohesion allows",
-    equation="T = (1 - a) 2 c (sqrt(1 + tan^2 phi) - tan phi), "
-    "c = c_0 (1 - a k min(w / w_c, 1)), w the widest opening of a cell",
+    equation="T = (1 - a) c min(cot(phi), 2), c = c_0 (1 - a k min(w / w_c, 1)), w the widest "
+    "opening of a cell",
     source=(
-        "tension cut-off by Rankine: de Souza Neto, Peric and Owen (2008), ch. 8; saturated clay "
-        "cracks at a small share of its undrained strength: Thusyanthan et al. (2007), "
-        "Geotechnique 57(7); strength lost as a crack opens, scaled by the cell: Hillerborg, "
-        "Modeer and Petersson (1976)"
+        "tension cut-off by Rankine: de Souza Neto, Peric and Owen (2008), ch. 8, counted from the "
+        "apex, or from 2 c where that is lower; saturated clay cracks at a small share of its "
+        "undrained strength: Thusyanthan et al. (2007), Geotechnique 57(7); strength lost over a "
+        "width of opening, not a strain: Hillerborg, Modeer and Petersson (1976)"
     ),
     looks_like=(
         "a cohesive crust breaks up instead of holding together: its blocks part and are carried "
