@@ -4,14 +4,16 @@ The point goes through the functions that the schedules call: effects renew its 
 stress is updated. Nothing else of the solver takes part, so closed forms hold to rounding.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import taichi as ti
 
 from mpm_taichi.effects import Effect, effect
 from mpm_taichi.effects.hooks import effect_functions
-from mpm_taichi.effects.table import CAP, COHESION, LIQUEFIED, OVERBURDEN, TANGENT
+from mpm_taichi.effects.table import CAP, COHESION, LIQUEFIED, OVERBURDEN, TANGENT, EffectTable
 from mpm_taichi.layout import CELL, F32, I32, INDEX, INTEGERS, NUMBERS, VEC4, VEC8
 from mpm_taichi.mohr_coulomb import NO_CAP, material_constants
 from mpm_taichi.point_functions import point_functions
@@ -50,29 +52,11 @@ class Path:
     strength: np.ndarray  # (S, 8) sin phi, k, tension cap, ...
 
 
-def lead(
-    name: str | Effect,
-    amplitude: float,
-    soil: Soil,
-    gradient: np.ndarray,
-    dt: float,
-    *,
-    stress: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
-    cell: float = 1.0,
-    field: float = 0.0,
-    start_time: float = 0.0,
-    **parameters: float,
-) -> Path:
-    """Lead a point through `gradient` (S, 4) [1/s] in steps of `dt` [s] under one effect.
-
-    `amplitude` and `parameters` are in the units of a scene; constants that an effect takes from a
-    scene are given here like parameters.
-    """
-    one = effect(name) if isinstance(name, str) else name
-    start("cpu", 1)
+@cache
+def _compiled(one: Effect, program: object) -> tuple[EffectTable, Callable]:
+    """Columns of an effect, and the kernel that leads a point; `program`: Taichi as it runs now."""
     functions = effect_functions((one,))
     point = point_functions(affine=True, averaged=False, corrected=True, effects=functions)
-    table = functions.table
     renew, strain = functions.renew_strength, point.strain_point
 
     @ti.kernel
@@ -96,6 +80,30 @@ def lead(
                 kept[step] = present[0]
                 now += dt
 
+    return functions.table, run
+
+
+def lead(
+    name: str | Effect,
+    amplitude: float,
+    soil: Soil,
+    gradient: np.ndarray,
+    dt: float,
+    *,
+    stress: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+    cell: float = 1.0,
+    field: float = 0.0,
+    start_time: float = 0.0,
+    **parameters: float,
+) -> Path:
+    """Lead a point through `gradient` (S, 4) [1/s] in steps of `dt` [s] under one effect.
+
+    `amplitude` and `parameters` are in the units of a scene; constants that an effect takes from a
+    scene are given here like parameters.
+    """
+    one = effect(name) if isinstance(name, str) else name
+    start("cpu", 1)
+    table, run = _compiled(one, ti.lang.impl.get_runtime().prog)
     values = [amplitude * one.amplitude.si]
     for parameter in one.parameters:
         values.append(parameters.pop(parameter.name, parameter.default) * parameter.si)
