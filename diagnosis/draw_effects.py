@@ -41,7 +41,7 @@ COUNTS = 6.0
 def ranked(data: ReportData) -> list[CandidateVerdict]:
     """The candidates to draw: the best scores, and every one that was refitted."""
     scored = [c for c in data.candidates if c.expected_drop is not None]
-    scored.sort(key=lambda c: -(c.z if c.z is not None else -math.inf))
+    scored.sort(key=lambda c: (-c.expected_drop, -(c.z or 0.0)))
     kept = [c for n, c in enumerate(scored) if n < MOST or c.refit is not None]
     return kept[:16]
 
@@ -105,7 +105,7 @@ def _told(candidate: CandidateVerdict) -> tuple[str, str]:
     second = "" if candidate.p_family is None else chance(candidate.p_family)
     if candidate.resolved is False:
         second += ", unresolved"
-    if (candidate.z or 0.0) <= 0.0:
+    if not candidate.expected_drop:
         return "makes it no better", ""
     return first, second
 

@@ -276,8 +276,8 @@ def test_rivals_are_told():
 def test_the_best_score_is_on_top_and_refits_stay():
     shown = ranked(data_of(identified()))
     assert shown[0].name == "strain_softening"
-    scores = [c.z for c in shown]
-    assert scores == sorted(scores, reverse=True)
+    drops = [(c.expected_drop, c.z) for c in shown]
+    assert drops == sorted(drops, reverse=True)
     assert "side_shear" not in {c.name for c in shown}
 
 
