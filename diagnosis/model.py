@@ -118,6 +118,23 @@ class Curve:
         return tuple(f"{CURVE}:{self.variable}:{j}" for j in range(len(self.knots)))
 
 
+@dataclass(frozen=True)
+class Proposal:
+    """A measurement that could still be made.
+
+    Attributes:
+        name: of it.
+        words: what, where or when, how well.
+        index: places of its numbers in the answer of `Proposing.propose`.
+        covariance: of the survey's errors, (n, n) for its n numbers.
+    """
+
+    name: str
+    words: str
+    index: tuple[int, ...]
+    covariance: np.ndarray
+
+
 @runtime_checkable
 class Model(Protocol):
     """A model whose missing physics is sought.
@@ -144,4 +161,19 @@ class Model(Protocol):
         All m numbers of `targets` are predicted, held-out and compared ones included. Errors of the
         survey act on the prediction. Two equal states give equal rows.
         """
+        ...
+
+
+@runtime_checkable
+class Proposing(Model, Protocol):
+    """A model that can also say what other measurements would have read.
+
+    Attributes:
+        proposals: measurements that could still be made.
+    """
+
+    proposals: list[Proposal]
+
+    def propose(self, states: Sequence[State]) -> np.ndarray:
+        """Readings of all proposals, (n, their numbers); of runs made before it costs nothing."""
         ...

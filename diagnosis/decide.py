@@ -1,0 +1,70 @@
+"""Step 9: the verdict.
+
+- *adequate*: the base model passes its tests (combined p at least 0.20). Effects may still hide.
+- *identified*: an explanation was accepted, and alone it has 90 % of the probability.
+- *ambiguous*: an explanation was accepted, but it takes several to reach 90 %.
+- *unknown_effect*: the base model fails its tests and nothing passes, or what passes still fails.
+- *suspect*: p between 0.05 and 0.20, and nothing passes.
+
+Probabilities are those of ln Z among all models that were tried. A model that adds to another an
+effect which was not accepted is counted with the smaller one: what it has beyond it was not needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnosis.evidence import credible_set, probabilities
+from diagnosis.options import Options
+from diagnosis.rounds import Adopted, Register, why_not
+from diagnosis.verdict import Verdicts
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What was decided.
+
+    Attributes:
+        verdict: one of five.
+        final: the model of the answer; the base model where there is none.
+        sets: explanations that together reach the wanted probability, most probable first.
+        probability: of every explanation that was tried.
+    """
+
+    verdict: Verdicts
+    final: Adopted
+    sets: dict[tuple[str, ...], float]
+    probability: dict[tuple[str, ...], float]
+
+
+def decide(register: Register, options: Options) -> Decision:
+    """The verdict on a finished register."""
+    final = register.current
+    p_base = register.way[0].adequacy.p_combined
+    probability = probabilities(explanations(register, options))
+    if not final.model.names:
+        if p_base >= options.suspect:
+            verdict: Verdicts = "adequate"
+        else:
+            verdict = "unknown_effect" if p_base < options.alarm else "suspect"
+        alone = {(): probability.get((), 0.0)}
+        return Decision(verdict, final, alone if verdict == "adequate" else {}, probability)
+    sets = credible_set(probability, options.credible)
+    if final.adequacy.p_combined < options.still_failing:
+        return Decision("unknown_effect", final, sets, probability)
+    one = len(sets) == 1 and next(iter(sets)) == final.model.names
+    return Decision("identified" if one else "ambiguous", final, sets, probability)
+
+
+def explanations(register: Register, options: Options) -> dict[tuple[str, ...], float]:
+    """Ln Z of the models that count as explanations of their own."""
+    kept = {}
+    for names, model in register.models.items():
+        smaller = [
+            other
+            for key, other in register.models.items()
+            if key and set(key) < set(names) and names != register.current.model.names
+        ]
+        if all(not why_not(less, model, options) for less in smaller):
+            kept[names] = model.ln_evidence
+    return kept

@@ -1,0 +1,93 @@
+"""What a diagnosis may be asked to do otherwise; the defaults are the method (docs/diagnosis.md).
+
+Every number that decides something stands here, so that it can be read, changed and tested.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """What no fit may see, where the measurement file does not say it itself.
+
+    Attributes:
+        groups: names of whole measurements.
+        blocks: measurement -> (from, to): its numbers between are held out, in the unit of its
+            places (x [m] of a profile, time [s] of a history).
+    """
+
+    groups: tuple[str, ...] = ()
+    blocks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a diagnosis.
+
+    Attributes:
+        seed: decides every simulated noise; see `seed_of`.
+        synthetic: the data were simulated, so they hold numerical noise of their own.
+        hold_out: None: by the file, or automatically where it holds out nothing.
+        forbidden: effects that the engineer rules out.
+        effects: the only candidates to test; None: all of the model.
+        priors: effect -> (mean, std) of its amplitude, in place of the model's own.
+        allowance: forward runs that may be asked for.
+        replicates: runs with other jitters of the points, at the fit.
+        transfer: a paired run with the second transfer scheme enters the covariance.
+        resolution_factor: share of the difference to the finer run that counts as bias; 0: the
+            finer run is not asked for.
+        numerical_covariance: False leaves the model's own error out. Ablation.
+        projection: False scores signatures as if no parameter could imitate them. Ablation.
+        finite_amplitudes: False takes signatures at the smallest amplitude alone. Ablation.
+        draws: simulated noises for every null distribution.
+        starts: first guesses of the base calibration.
+        rounds: effects that may be added one after another.
+        alarm: combined p below which the model is inadequate.
+        suspect: combined p below which it is suspect.
+        still_failing: combined p of an accepted model below which its answer does not stand.
+        refitted: candidates that are refitted by their score.
+        inseparable: |cosine| from which two signatures are the same to these data.
+        same_signature: cosine that the signature of a second seed must reach.
+        least_gain: of ln evidence, odds included, before an effect is accepted.
+        least_drop: of chi2.
+        drop_below: an effect whose removal costs less ln evidence is dropped.
+        credible: probability of the set of explanations that is the answer.
+        detectable: |s| at which an effect is found with near certainty.
+    """
+
+    seed: int = 0
+    synthetic: bool = False
+    hold_out: HoldOut | None = None
+    forbidden: tuple[str, ...] = ()
+    effects: tuple[str, ...] | None = None
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    allowance: int = 250
+    replicates: int = 8
+    transfer: bool = True
+    resolution_factor: float = 2.5
+    numerical_covariance: bool = True
+    projection: bool = True
+    finite_amplitudes: bool = True
+    draws: int = 4000
+    starts: int = 3
+    rounds: int = 3
+    alarm: float = 0.05
+    suspect: float = 0.20
+    still_failing: float = 0.01
+    refitted: int = 4
+    inseparable: float = 0.95
+    same_signature: float = 0.9
+    least_gain: float = 2.3
+    least_drop: float = 6.0
+    drop_below: float = 1.0
+    credible: float = 0.9
+    detectable: float = 3.3
+
+
+def seed_of(case: str) -> int:
+    """A seed that follows from the name of a case alone."""
+    return int.from_bytes(hashlib.sha256(case.encode()).digest()[:4], "little")

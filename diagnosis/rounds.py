@@ -1,0 +1,243 @@
+"""Steps 7 to 9: effects are added one after another, rivals are kept, needless ones are dropped.
+
+Every model that was refitted stays in the register with its evidence. A round refits the candidates
+with the best scores and whatever cannot be told from the best of them; from the second round on
+also the best pairs, since one effect may have stood for two. The best is adopted if it is accepted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from diagnosis.adequacy import Adequacy, Judged, Test, assess, judged
+from diagnosis.compare import Comparison
+from diagnosis.explain import Explanation
+from diagnosis.options import Options
+from diagnosis.refit import ANCHORED, Refitted, adopted, refit, weighed
+from diagnosis.scores import Scores, score_all
+from diagnosis.signatures import Signature, take_signatures
+from diagnosis.surface import Surface
+
+#: Pairs that are refitted in a round.
+PAIRS = 2
+
+
+@dataclass
+class Adopted:
+    """A model on the way, with what was found of it.
+
+    Attributes:
+        model: the fit.
+        adequacy: its tests.
+        judged: its residual and noise.
+        scores: of the candidates against it.
+        note: how it came about.
+    """
+
+    model: Refitted
+    adequacy: Adequacy
+    judged: Judged
+    scores: Scores
+    note: str
+
+
+@dataclass
+class Register:
+    """All models that were tried.
+
+    Attributes:
+        models: by their effects.
+        way: adopted models in order, the base model first.
+        first: refits of the first round, by candidate, with the condition each failed.
+    """
+
+    models: dict[tuple[str, ...], Refitted] = field(default_factory=dict)
+    way: list[Adopted] = field(default_factory=list)
+    first: dict[str, tuple[Refitted, str]] = field(default_factory=dict)
+
+    @property
+    def current(self) -> Adopted:
+        """The model adopted last."""
+        return self.way[-1]
+
+
+def why_not(before: Refitted, after: Refitted, options: Options) -> str:
+    """The condition for acceptance that fails; empty if none does."""
+    gain = after.ln_evidence - before.ln_evidence
+    drop = before.fit.total - after.fit.total
+    if drop <= options.least_drop:
+        return f"chi2 falls by {drop:.1f} only; {options.least_drop:g} are asked for"
+    if gain <= options.least_gain:
+        return f"ln evidence rises by {gain:.1f} only; {options.least_gain:g} are asked for"
+    if after.held_out.n and after.held_out.chi2 >= before.held_out.chi2:
+        return f"held-out misfit rises from {before.held_out.chi2:.1f} to {after.held_out.chi2:.1f}"
+    return ""
+
+
+def run_rounds(comparison: Comparison, explanation: Explanation, options: Options) -> Register:
+    """Add effects until the model is adequate, nothing passes, or the rounds are over."""
+    bench = explanation.bench
+    ladders = {name: signature.ladder for name, signature in explanation.signatures.items()}
+    ground = comparison.base.surface.with_ladders(ladders)
+    base = weighed(bench, comparison.base.fit, ground)
+    register = Register({(): base})
+    register.way.append(
+        Adopted(base, explanation.adequacy, comparison.judged, explanation.scores, "base model")
+    )
+    signatures = dict(explanation.signatures)
+    for number in range(options.rounds):
+        now = register.current
+        if now.adequacy.p_combined >= options.suspect:
+            break
+        names = wanted_models(comparison, explanation, now, signatures, options, first=number == 0)
+        tried = _try(register, comparison, explanation, ground, now, names)
+        if number == 0:
+            for after in tried:
+                register.first[after.names[0]] = (after, why_not(now.model, after, options))
+        passing = [after for after in tried if not why_not(now.model, after, options)]
+        if not passing:
+            break
+        best = max(passing, key=lambda after: after.ln_evidence)
+        _adopt(register, comparison, explanation, best, signatures, options)
+        _drop(register, comparison, explanation, ground, signatures, options)
+    return register
+
+
+def wanted_models(
+    comparison: Comparison,
+    explanation: Explanation,
+    now: Adopted,
+    signatures: Mapping[str, Signature],
+    options: Options,
+    *,
+    first: bool,
+) -> list[tuple[str, ...]]:
+    """Models worth a refit: best scores, what looks like the best, and from round two on pairs."""
+    ranked = [name for name in now.scores.ranked if now.scores.best(name).drop > 0.0]
+    chosen = ranked[: options.refitted]
+    if ranked:
+        for name in explanation.alike(ranked[0], options.inseparable):
+            if name not in chosen and name in ranked:
+                chosen.append(name)
+    models = [tuple(sorted((*now.model.names, name))) for name in chosen]
+    if not first:
+        models += best_pairs(comparison, explanation, options, PAIRS)
+    return models
+
+
+def best_pairs(
+    comparison: Comparison, explanation: Explanation, options: Options, count: int
+) -> list[tuple[str, ...]]:
+    """Pairs of candidates whose signatures together take most off the base model's residual.
+
+    Linear in both amplitudes, within their bounds, at all pairs of ladder amplitudes.
+    """
+    residual = comparison.judged.residual
+    scores = explanation.scores
+    every = [(name, score) for name in scores.every for score in scores.every[name]]
+    bounds = {candidate.name: candidate for candidate in explanation.candidates}
+    drops: dict[tuple[str, ...], float] = {}
+    for (first, one), (second, two) in combinations(every, 2):
+        if first == second:
+            continue
+        columns = np.stack([one.projected, two.projected], axis=1)
+        gram = columns.T @ columns
+        if np.linalg.cond(gram) > 1e8:
+            continue
+        most = [
+            (bounds[n].high if s.rung > 0 else bounds[n].low) / s.rung
+            for n, s in ((first, one), (second, two))
+        ]
+        share = np.clip(np.linalg.solve(gram, columns.T @ residual), 0.0, most)
+        drop = float(2.0 * share @ (columns.T @ residual) - share @ gram @ share)
+        key = tuple(sorted((first, second)))
+        drops[key] = max(drops.get(key, 0.0), drop)
+    return sorted(drops, key=lambda key: -drops[key])[:count]
+
+
+def _try(
+    register: Register,
+    comparison: Comparison,
+    explanation: Explanation,
+    ground: Surface,
+    now: Adopted,
+    names: list[tuple[str, ...]],
+) -> list[Refitted]:
+    """Refit models that are not in the register yet; all of them that could be had."""
+    tried = []
+    for key in names:
+        if key not in register.models:
+            within = set(now.model.names) < set(key)
+            surface = now.model.surface if within and now.model.names else ground
+            surface = surface.with_ladders(
+                {n: ground.ladders[n] for n in key if not surface.knows(n)}
+            )
+            seeds = ANCHORED if surface.space.effects else comparison.base.seeds
+            found = refit(explanation.bench, surface, key, seeds=seeds)
+            if found is None:
+                continue
+            register.models[key] = found
+        tried.append(register.models[key])
+    return tried
+
+
+def _adopt(
+    register: Register,
+    comparison: Comparison,
+    explanation: Explanation,
+    chosen: Refitted,
+    signatures: dict[str, Signature],
+    options: Options,
+) -> None:
+    """Make a model the current one: its own derivative, tests, and scores against it."""
+    bench = explanation.bench
+    model = adopted(bench, chosen)
+    register.models[model.names] = model
+    data = comparison.base.data
+    found = judged(data, model.fit, draws=options.draws, seed=options.seed)
+    others = [c for c in explanation.candidates if c.name not in model.names]
+    known = {c.name: signatures[c.name] for c in others}
+    scores = score_all(found, known, others, projection=options.projection)
+    # Signatures were taken without the effects that are now there: the best are taken anew.
+    best = [name for name in scores.ranked if scores.best(name).drop > 0.0][: options.refitted]
+    again = [c for c in others if c.name in best]
+    test = Test("score", scores.largest, scores.p_largest) if known else None
+    adequacy = assess(found, comparison.places, score=test)
+    if adequacy.p_combined < options.suspect and again:
+        anchor = model.surface.space.state(model.surface.x)
+        fresh = take_signatures(bench.runs, anchor, again, finite=options.finite_amplitudes)
+        signatures.update(fresh)
+        ladders = {name: signature.ladder for name, signature in fresh.items()}
+        model = replace(model, surface=model.surface.with_ladders(ladders))
+        register.models[model.names] = model
+        known |= fresh
+        scores = score_all(found, known, others, projection=options.projection)
+        test = Test("score", scores.largest, scores.p_largest)
+        adequacy = assess(found, comparison.places, score=test)
+    note = f"with {', '.join(model.names)}"
+    register.way.append(Adopted(model, adequacy, found, scores, note))
+
+
+def _drop(
+    register: Register,
+    comparison: Comparison,
+    explanation: Explanation,
+    ground: Surface,
+    signatures: dict[str, Signature],
+    options: Options,
+) -> None:
+    """Take out an effect that costs little to remove; refit what is left if need be."""
+    now = register.current
+    if len(now.model.names) < 2:
+        return
+    smaller = [tuple(n for n in now.model.names if n != name) for name in now.model.names]
+    found = _try(register, comparison, explanation, ground, register.way[0], smaller)
+    for less in sorted(found, key=lambda model: -model.ln_evidence):
+        if now.model.ln_evidence - less.ln_evidence < options.drop_below:
+            _adopt(register, comparison, explanation, less, signatures, options)
+            register.current.note = f"without what it does not need: {', '.join(less.names)}"
+            return
