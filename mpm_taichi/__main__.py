@@ -1,4 +1,4 @@
-"""Commands of the material point method: `python -m mpm_taichi run|case|show|export|status`.
+"""Commands: `python -m mpm_taichi run|case|show|export|status|effects`.
 
 Each command is one `_add_...` function, which describes its options, and one handler, which does
 the work; `COMMANDS` lists them.
@@ -15,6 +15,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from mpm_taichi.batch import BatchResult, run_batch
+from mpm_taichi.effects import add_effects_command, add_effects_option, load_given_effects
 from mpm_taichi.trajectory import RunSummary, group_name, list_runs, read_run
 from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_exit
 from pipeline.config import Config, SimulationSettings, load_config
@@ -73,9 +74,11 @@ def add_solver_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--group", type=_positive, metavar="N", help="scenes in memory at once (not in the results)"
     )
+    add_effects_option(parser)
 
 
 def _run(arguments: argparse.Namespace) -> None:
+    load_given_effects(arguments)
     config = load_config(arguments.config, arguments.overrides)
     scenes, settings, name = _chosen_scenes(arguments, config)
     label = f"simulating {name}"
@@ -206,6 +209,7 @@ def _add_case(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--film", choices=FILMS, default="mp4", help="default: mp4")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
     parser.add_argument("--threads", type=_positive, help="CPU threads; default: all")
+    add_effects_option(parser)
     add_common(parser)
     parser.set_defaults(handler=_case)
 
@@ -214,6 +218,7 @@ def _case(arguments: argparse.Namespace) -> None:
     from mpm_taichi import case as history
     from mpm_taichi.video import check_video
 
+    load_given_effects(arguments)
     settings = load_config(arguments.config, arguments.overrides).simulation
     case = history.load_case(
         arguments.folder,
@@ -457,6 +462,7 @@ COMMANDS: tuple[Callable[[argparse._SubParsersAction], None], ...] = (
     _add_show,
     _add_export,
     _add_status,
+    add_effects_command,
 )
 
 if __name__ == "__main__":

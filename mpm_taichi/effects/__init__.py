@@ -18,6 +18,13 @@ from mpm_taichi.effects.base import (
     needs_liquefied_soil,
     ti,
 )
+from mpm_taichi.effects.command import (
+    add_effects_command,
+    add_effects_option,
+    effects_table,
+    effects_text,
+    load_given_effects,
+)
 from mpm_taichi.effects.registry import (
     LIBRARY,
     acting_scene,
@@ -40,14 +47,19 @@ __all__ = [
     "Effect",
     "Parameter",
     "acting_scene",
+    "add_effects_command",
+    "add_effects_option",
     "always",
     "effect",
     "effects",
     "effects_on",
+    "effects_table",
+    "effects_text",
     "kernel_effects",
     "key_of_effects",
     "liquefied_zones",
     "load_effects_file",
+    "load_given_effects",
     "needs_liquefied_soil",
     "ti",
     "user_effects",

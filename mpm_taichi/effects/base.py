@@ -159,8 +159,16 @@ class Effect:
     until: Callable[[Scene, float, Numbers], float] | None = None
     applies: Callable[[Scene], str] = always
 
-    DEVICE_HOOKS = ("strength", "dilation", "acceleration", "resistance", "ground", "memory")
-    """Hooks on points and nodes."""
+    HOOK_ARGUMENTS = {
+        "strength": ("effect", "soil", "here"),
+        "dilation": ("effect", "here"),
+        "acceleration": ("effect", "node"),
+        "resistance": ("effect", "here"),
+        "ground": ("effect", "base", "node"),
+        "memory": ("effect", "here"),
+    }
+    """Hooks on points and nodes, and what each is given."""
+    DEVICE_HOOKS = tuple(HOOK_ARGUMENTS)
 
     @property
     def on_device(self) -> bool:

@@ -22,8 +22,8 @@ EFFECT = Effect(
         "and Stark (2002), Can. Geotech. J. 39(3). sigma'_v0 is that of the settled section"
     ),
     looks_like=(
-        "thin soil near the old toe is weaker and runs far and thin, the soil under the crest holds "
-        "back: thickness near the old toe says it, the toe alone does not"
+        "thin soil near the old toe is weaker and runs far and thin, the soil under the crest "
+        "holds back: thickness near the old toe says it, the toe alone does not"
     ),
     amplitude=Amplitude(
         unit="",

@@ -228,11 +228,11 @@ def load_effects_file(path: str | Path) -> list[Effect]:
 
 def _module(path: Path, name: str) -> Any:
     """The file as a module; the same content is run once."""
+    if path.suffix != ".py":
+        raise InputError(f"{path}: is no Python file (.py)")
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{path}: is no Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:

@@ -30,10 +30,11 @@ def until(scene: Scene, amplitude: float, parameters: Numbers) -> float:
 EFFECT = Effect(
     name="shaking",
     words="the ground went on shaking while the soil flowed",
-    equation="a_g = A cos(2 pi f (t - t_m)) sin^2(pi (t - t_0) / D), t_m = t_0 + D / 2; soil: -a_g",
+    equation="a_g = A cos(2 pi f (t - t_m)) sin^2(pi (t - t_0) / D), t_m = t_0 + D/2; soil: -a_g",
     source=(
-        "inertia in the frame of the ground, as in Newmark (1965), Geotechnique 15(2); the pulse is "
-        "a Hann-windowed wave, which leaves the ground at rest where it was if f D is whole, >= 2"
+        "inertia in the frame of the ground, as in Newmark (1965), Geotechnique 15(2); the pulse "
+        "is a wave in a Hann window: where f D is whole and at least 2, the ground ends at rest "
+        "and where it was"
     ),
     looks_like=(
         "longer runout on both sides and a lower crest, with the square of the amplitude and more "
