@@ -1,0 +1,146 @@
+"""What is asked of a diagnosis: `diagnosis.yaml` of a case folder, all of it optional.
+
+In: the document. Out: a checked `DiagnosisQuestion`. What is calibrated stands in `inversion.yaml`,
+what was measured in `measurements.yaml`; here stands what an engineer knows of the effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from diagnosis.options import HoldOut
+from geometry.scene import Document, document_error
+from pipeline.cli import InputError
+from pipeline.files import read_yaml
+
+FILE_NAME = "diagnosis.yaml"
+
+
+class AmplitudePrior(Document):
+    """What is known of an amplitude beforehand, as a normal distribution."""
+
+    mean: float = Field(description="most likely amplitude, in the effect's unit")
+    std: float = Field(gt=0, description="its standard deviation")
+
+
+class HoldOutChoice(Document):
+    """What no fit may see; takes the place of the flags in measurements.yaml."""
+
+    groups: list[str] = Field(default_factory=list, description="names of whole measurements")
+    blocks: dict[str, tuple[float, float]] = Field(
+        default_factory=dict, description="measurement -> [from, to], x in m or time in s"
+    )
+
+    @field_validator("blocks")
+    @classmethod
+    def _ascending(cls, blocks: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        for name, (first, last) in blocks.items():
+            if last <= first:
+                raise ValueError(f"{name}: from {first:g} to {last:g} must ascend")
+        return blocks
+
+
+class DiagnosisQuestion(Document):
+    """The whole of `diagnosis.yaml`."""
+
+    forbid: dict[str, str] = Field(
+        default_factory=dict, description="effects that are ruled out -> why; or a list of names"
+    )
+    effects: list[str] | None = Field(
+        None, min_length=1, description="the only effects to test; null: all that can act here"
+    )
+    priors: dict[str, AmplitudePrior] = Field(
+        default_factory=dict, description="effect -> what is known of its amplitude"
+    )
+    parameters: dict[str, dict[str, float]] = Field(
+        default_factory=dict, description="effect -> its further numbers, as in a scene"
+    )
+    hold_out: HoldOutChoice | None = Field(
+        None,
+        description="null, or automatic: what measurements.yaml holds out, or, where that is nothing, a "
+        "block of each long series and one of several measurements of a kind",
+    )
+    spacing_m: float | None = Field(
+        None, gt=0, description="of material points; null: that of the back-analysis"
+    )
+    duration_s: float | None = Field(
+        None, gt=0, description="motion simulated; null: that of the back-analysis"
+    )
+    replicates: int | None = Field(
+        None, ge=2, description="jitters that measure the model's noise; null: as configured"
+    )
+    transfer: bool = Field(True, description="a run by the second transfer scheme enters C")
+    resolution_factor: float | None = Field(
+        None,
+        ge=0,
+        description="share of the difference to finer cells that counts as bias; 0: none; null: as "
+        "configured",
+    )
+    synthetic: bool = Field(
+        False, description="the measurements were simulated, and hold numerical noise of their own"
+    )
+    transfer_check: str | None = Field(
+        None, description="case folder of a second section or event that judges the answer"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_forms(cls, document: Any) -> Any:
+        """`forbid: [shaking]` says no reason; `hold_out: automatic` is the default in words."""
+        if not isinstance(document, Mapping):
+            return document
+        given = dict(document)
+        if isinstance(given.get("forbid"), list):
+            given["forbid"] = {str(name): "" for name in given["forbid"]}
+        if given.get("hold_out") == "automatic":
+            given["hold_out"] = None
+        return given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> DiagnosisQuestion:
+        for name in self.effects or ():
+            if name in self.forbid:
+                raise ValueError(f"effects: {name!r} is also under forbid")
+        return self
+
+    @property
+    def held_out(self) -> HoldOut | None:
+        """The choice as the statistics take it; None: automatic."""
+        if self.hold_out is None:
+            return None
+        return HoldOut(tuple(self.hold_out.groups), dict(self.hold_out.blocks))
+
+    @property
+    def named_effects(self) -> dict[str, list[str]]:
+        """Key of the document -> effects it names."""
+        return {
+            "forbid": list(self.forbid),
+            "effects": list(self.effects or ()),
+            "priors": list(self.priors),
+            "parameters": list(self.parameters),
+        }
+
+
+def load_diagnosis_question(folder: str | Path) -> DiagnosisQuestion:
+    """Read `diagnosis.yaml` of a case folder; the defaults where there is none.
+
+    Raises:
+        InputError: no YAML, or a document that does not hold together; one line.
+    """
+    path = Path(folder) / FILE_NAME
+    if not path.is_file():
+        return DiagnosisQuestion()
+    document = read_yaml(path)
+    if document is None:
+        return DiagnosisQuestion()
+    if not isinstance(document, Mapping):
+        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
+    try:
+        return DiagnosisQuestion.model_validate(document)
+    except ValidationError as error:
+        text = document_error(error, str(path))
+        raise InputError(text.replace("docs/geometry.md", "docs/diagnosis.md")) from None

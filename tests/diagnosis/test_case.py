@@ -1,0 +1,129 @@
+"""A case folder made into a question: what is read, and what is refused in one line."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+
+from diagnosis.case import load_diagnosis
+from diagnosis.options import HoldOut
+from inversion.run_store import RunStore
+from pipeline.cli import InputError
+from pipeline.config import Config, load_config
+
+
+def write(folder, document: dict | str) -> None:
+    text = document if isinstance(document, str) else yaml.safe_dump(document)
+    (folder / "diagnosis.yaml").write_text(text)
+
+
+def model_and_options(folder, config: Config | None = None):
+    case = load_diagnosis(folder, config or Config())
+    model = case.model(RunStore(None, threads=1))
+    return case, model, case.options(model)
+
+
+def test_the_defaults(embankment):
+    (embankment / "diagnosis.yaml").unlink()
+    case, model, options = model_and_options(embankment)
+    assert case.scene.spacing == 1.0
+    assert options.hold_out is None and not options.synthetic and options.effects is None
+    assert options.allowance == 250 and options.replicates == 8
+    names = [candidate.name for candidate in model.candidates]
+    assert {"overburden_strength", "weak_base", "datum_shift", "datum_tilt"} <= set(names)
+    assert "there is no water" in case.left_out(model)["pore_pressure"]
+    assert all(role == "fitted" for role in model.targets.roles)
+
+
+def test_what_an_engineer_knows_reaches_the_statistics(embankment):
+    write(embankment, {
+        "forbid": {"shaking": "there was no earthquake", "pore_pressure": "it is dry"},
+        "effects": ["weak_base", "overburden_strength", "water_drag"],
+        "priors": {"weak_base": {"mean": 0.3, "std": 0.1}, "pool_level": {"mean": 0, "std": 1}},
+        "parameters": {"strain_softening": {"reference_strain": 0.5}},
+        "hold_out": {"groups": ["toe"], "blocks": {"surface": [10.0, 25.0]}},
+        "spacing_m": 2.0, "duration_s": 12.0, "replicates": 4, "transfer": False,
+        "resolution_factor": 0.0, "synthetic": True,
+    })  # fmt: skip
+    case, model, options = model_and_options(embankment)
+    # Effects that cannot act here are not put to the statistics, which know of none.
+    assert options.forbidden == ("shaking",)
+    assert options.effects == ("weak_base", "overburden_strength")
+    assert options.priors == {"weak_base": (0.3, 0.1)}
+    assert options.hold_out == HoldOut(("toe",), {"surface": (10.0, 25.0)})
+    assert (options.replicates, options.transfer, options.resolution_factor) == (4, False, 0.0)
+    assert options.synthetic
+    assert case.scene.spacing == 2.0 and case.setup.settings.duration_s == 12.0
+    assert model.numbers == {"strain_softening": {"reference_strain": 0.5}}
+    left_out = case.left_out(model)
+    assert left_out["shaking"] == "ruled out by the engineer: there was no earthquake"
+    assert left_out["pore_pressure"] == "ruled out by the engineer: it is dry"
+
+
+def test_a_list_of_vetoes_has_no_reasons(embankment):
+    write(embankment, {"forbid": ["shaking"], "hold_out": "automatic"})
+    case, model, options = model_and_options(embankment)
+    assert options.forbidden == ("shaking",)
+    assert case.left_out(model)["shaking"] == "ruled out by the engineer"
+
+
+def test_what_the_case_holds_out_replaces_the_flags_of_the_survey(embankment):
+    path = embankment / "measurements.yaml"
+    path.write_text(
+        path.read_text().replace("type: toe_runout,", "type: toe_runout, held_out: true,")
+    )
+    roles = dict(zip(*[getattr(load_diagnosis(embankment, Config()).setup.targets, name)
+                       for name in ("names", "roles")], strict=True))  # fmt: skip
+    assert roles["toe"] == "held out"
+    write(embankment, {"hold_out": {"groups": []}})
+    targets = load_diagnosis(embankment, Config()).setup.targets
+    assert set(targets.roles) == {"fitted"}
+
+
+def test_spacing_of_the_command_of_the_case_and_of_the_configuration(embankment):
+    config = load_config(None, ["diagnosis.spacing_factor=2"])
+    assert load_diagnosis(embankment, config).scene.spacing == 2.0
+    assert load_diagnosis(embankment, config, spacing_m=1.5).scene.spacing == 1.5
+    write(embankment, {"spacing_m": 1.25})
+    assert load_diagnosis(embankment, Config()).scene.spacing == 1.25
+
+
+def test_constructed_data_enter_nothing(root):
+    case = load_diagnosis(root / "case_histories" / "lower_san_fernando", Config(), spacing_m=4)
+    roles = dict(zip(case.setup.targets.names, case.setup.targets.roles, strict=True))
+    assert roles["upstream toe"] == "fitted"
+    assert {role for name, role in roles.items() if name.startswith("profile")} == {"constructed"}
+
+
+@pytest.mark.parametrize(
+    ("document", "complaint"),
+    [
+        ("[1, 2]", "must be a mapping of keys, not list"),
+        ({"forbidden": ["shaking"]}, "forbidden: unknown key; the keys are listed in docs/diagn"),
+        ({"forbid": ["shakign"]}, "forbid: no effect 'shakign'; there are boundary|cracking"),
+        ({"effects": ["gravity"]}, "effects: no effect 'gravity'"),
+        ({"effects": []}, "effects: List should have at least 1 item"),
+        ({"effects": ["shaking"], "forbid": ["shaking"]}, "'shaking' is also under forbid"),
+        ({"priors": {"weak_base": {"mean": 0.3, "std": 0}}}, "std: Input should be greater than 0"),
+        ({"priors": {"mud": {"mean": 0.3, "std": 1}}}, "priors: no effect 'mud'"),
+        ({"parameters": {"shaking": {"colour": 1.0}}}, "'colour' is unknown; known are"),
+        ({"parameters": {"mud": {"colour": 1.0}}}, "parameters: no effect 'mud'"),
+        ({"parameters": {"strain_softening": {"reference_strain": 1e9}}}, "allowed are 0.001 to"),
+        ({"hold_out": {"groups": ["tow"]}}, "hold_out: no measurement 'tow'; there are marker 1"),
+        ({"hold_out": {"blocks": {"surface": [3.0, 1.0]}}}, "from 3 to 1 must ascend"),
+        ({"hold_out": {"blocks": {"surface": [90.0, 99.0]}}}, "no number between 90 and 99"),
+        ({"hold_out": "everything"}, "hold_out"),
+        ({"spacing_m": -1.0}, "spacing_m: Input should be greater than 0"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(embankment, document, complaint):
+    write(embankment, document)
+    with pytest.raises(InputError, match=complaint) as caught:
+        model_and_options(embankment)
+    assert str(caught.value).startswith(str(embankment / "diagnosis.yaml"))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_is_none(tmp_path):
+    with pytest.raises(InputError, match="no such folder; a case has scene.yaml, measurements"):
+        load_diagnosis(tmp_path / "nowhere", Config())
