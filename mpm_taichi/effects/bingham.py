@@ -30,7 +30,7 @@ EFFECT = Effect(
         unit="kPa s",
         low=0.0,
         high=100.0,
-        ladder=(2.0, 5.0, 12.0),
+        ladder=(2.0, 7.0, 25.0),
         meaning="viscosity eta",
         si=KPA,
     ),
