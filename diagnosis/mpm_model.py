@@ -22,7 +22,7 @@ from inversion.parameters import Parameters
 from inversion.predictions import Targets, read
 from inversion.question import ZoneBoundary
 from inversion.run_store import KeptRun, RunStore
-from mpm_taichi.effects import Effect, effects, liquefied_zones
+from mpm_taichi.effects import Effect, acting_scene, effects, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
@@ -170,8 +170,13 @@ class MPMModel:
         return self.setup.settings
 
     def setup_of(self, state: State) -> Setup:
-        """What a run of the state is read with: its scene, and the foot it counts from."""
+        """What a run of the state is read with: its scene, and the foot it counts from.
+
+        Raises:
+            InputError: there is no such section, an effect is unknown or out of its range.
+        """
         scene = self.scene(state)
+        acting_scene(scene, effects_on(scene))  # an effect may ask for what there is no section for
         # The survey measured from the foot of the section: where the foot moves, so does its zero.
         own = self.setup
         foot = {side: x + scene.foot(side) - own.scene.foot(side) for side, x in own.foot.items()}

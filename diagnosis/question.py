@@ -61,7 +61,7 @@ class DiagnosisQuestion(Document):
     )
     hold_out: HoldOutChoice | None = Field(
         None,
-        description="null, or automatic: what measurements.yaml holds out, or, where that is nothing, a "
+        description="null or automatic: what measurements.yaml holds out; where that is nothing, a "
         "block of each long series and one of several measurements of a kind",
     )
     spacing_m: float | None = Field(
