@@ -14,7 +14,7 @@ import taichi as ti
 from mpm_taichi.effects import Effect, effect
 from mpm_taichi.effects.hooks import effect_functions
 from mpm_taichi.effects.table import CAP, COHESION, LIQUEFIED, OVERBURDEN, TANGENT, EffectTable
-from mpm_taichi.layout import CELL, F32, I32, INDEX, INTEGERS, NUMBERS, VEC4, VEC8
+from mpm_taichi.layout import CELL, F32, I32, INDEX, INTEGERS, MEAN_OVERBURDEN, NUMBERS, VEC4, VEC8
 from mpm_taichi.mohr_coulomb import NO_CAP, material_constants
 from mpm_taichi.point_functions import point_functions
 from mpm_taichi.runtime import start
@@ -22,7 +22,7 @@ from mpm_taichi.runtime import start
 
 @dataclass(frozen=True)
 class Soil:
-    """Of the point, in SI; `overburden` is what it carried before failure [Pa]."""
+    """Of the point, in SI; before failure it carried `overburden`, liquefied soil the mean [Pa]."""
 
     friction: float = 0.0  # tan(phi)
     cohesion: float = 0.0
@@ -30,6 +30,7 @@ class Soil:
     youngs_modulus: float = 30e6
     poisson_ratio: float = 0.3
     overburden: float = 0.0
+    mean_overburden: float = 0.0
 
     @property
     def shear_modulus(self) -> float:
@@ -117,6 +118,7 @@ def lead(
         facts[0, column] = field
     numbers = np.zeros((1, NUMBERS), np.float32)
     numbers[0, CELL] = cell
+    numbers[0, MEAN_OVERBURDEN] = soil.mean_overburden
     elastic, strength, edges = material_constants(
         friction_angle=float(np.arctan(soil.friction)), cohesion=soil.cohesion,
         youngs_modulus=soil.youngs_modulus, poisson_ratio=soil.poisson_ratio,
