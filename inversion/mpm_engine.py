@@ -127,7 +127,7 @@ def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
     return Deposit(
         position=(run.final if last else run.initial).astype(float),
         initial_position=run.initial.astype(float),
-        volume=setup.scene.spacing**2,
+        volume=run.volume if last and run.volume is not None else setup.scene.spacing**2,
         spacing=setup.scene.spacing,
         foot=setup.foot,
         ground=np.asarray(setup.scene.ground.points, dtype=float),

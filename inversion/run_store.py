@@ -21,6 +21,7 @@ from numpy.lib import format as npy
 
 from inversion.history_readings import HistoryReader, Reading
 from mpm_taichi.batch import run_key
+from mpm_taichi.effects import changes_volume
 from pipeline.files import atomic_path
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ _DAMAGE = (
     OSError, KeyError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
 )  # fmt: skip
 
+_ARRAYS = {
+    "initial", "final", "zone", "vertical_stress", "volume", "status", "reason", "numbers"
+}  # fmt: skip
 # Names of the arrays of a reading begin so.
 _READ, _TROUBLE = "reading_", "trouble_"
 
@@ -49,6 +53,7 @@ class KeptRun:
         final: positions after it, (N, 2) float32 [m].
         zone: (N,) int32, place in the scene's zones.
         vertical_stress: effective, before failure, compression positive, (N,) float32 [Pa].
+        volume: of the points after the slide, (N,) float64 [m2]; None: as it was.
         status: "finished" or "failed"; reason: why.
         end_s: simulated motion [s]; at_rest: it stopped of itself.
         wall_time_s: computing time when it was computed [s].
@@ -65,6 +70,7 @@ class KeptRun:
     at_rest: bool
     wall_time_s: float
     readings: dict[str, Reading] = field(default_factory=dict)
+    volume: np.ndarray | None = None
 
 
 class RunStore:
@@ -177,6 +183,7 @@ def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
         at_rest=run.came_to_rest,
         wall_time_s=run.wall_time_s,
         readings={name: found for reader in readers for name, found in reader.read(run).items()},
+        volume=run.bulk_volume if changes_volume(run.scene) else None,
     )
 
 
@@ -191,6 +198,8 @@ def save_kept(path: Path, run: KeptRun) -> None:
         "reason": np.array(run.reason),
         "numbers": np.array([run.end_s, float(run.at_rest), run.wall_time_s]),
     }
+    if run.volume is not None:
+        arrays["volume"] = run.volume
     for name in sorted(run.readings):
         arrays[f"{_READ}{name}"] = run.readings[name].values
         arrays[f"{_TROUBLE}{name}"] = np.array(run.readings[name].trouble)
@@ -203,6 +212,8 @@ def load_kept(path: Path) -> KeptRun | None:
         # Opened here: numpy leaves a damaged file open.
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
+        if any(not name.startswith((_READ, _TROUBLE)) for name in set(arrays) - _ARRAYS):
+            return None
         end, at_rest, wall_time = (float(value) for value in arrays.pop("numbers"))
         return KeptRun(
             **{name: arrays.pop(name) for name in ("initial", "final", "zone", "vertical_stress")},
@@ -211,6 +222,7 @@ def load_kept(path: Path) -> KeptRun | None:
             end_s=end,
             at_rest=bool(at_rest),
             wall_time_s=wall_time,
+            volume=arrays.pop("volume", None),
             readings={
                 name.removeprefix(_READ): Reading(
                     values, str(arrays[_TROUBLE + name.removeprefix(_READ)])

@@ -21,6 +21,7 @@ import h5py
 import numpy as np
 
 from mpm_taichi import PHYSICS_VERSION
+from mpm_taichi.effects import changes_volume
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 from pipeline.manifest import code_version
@@ -125,6 +126,17 @@ class Run:
             return False
         frame_time = float(self.time[1] - self.time[0])
         return bool(self.time[-1] < self.settings.duration_s - 0.501 * frame_time)
+
+    @property
+    def bulk_volume(self) -> np.ndarray | float:
+        """Volume of the points as a survey of the deposit sees it [m2].
+
+        One number, the volume they began with: what a point gains elastically is no soil. Where an
+        effect lets soil dilate or contract, (N,) float64, what each has at the end.
+        """
+        if changes_volume(self.scene):
+            return self.volume.astype(float)
+        return self.scene.spacing**2
 
     @property
     def end_time_s(self) -> float:

@@ -28,6 +28,7 @@ from mpm_taichi.effects.command import (
 from mpm_taichi.effects.registry import (
     LIBRARY,
     acting_scene,
+    changes_volume,
     effect,
     effects,
     effects_on,
@@ -50,6 +51,7 @@ __all__ = [
     "add_effects_command",
     "add_effects_option",
     "always",
+    "changes_volume",
     "effect",
     "effects",
     "effects_on",

@@ -158,6 +158,18 @@ def acting_scene(scene: Scene, active: tuple[Active, ...]) -> Scene:
     return scene
 
 
+def changes_volume(scene: Scene) -> bool:
+    """True where an effect that is on lets soil change its volume as it shears.
+
+    An effect that is not known here, such as a user's whose file was not loaded, counts as none.
+    """
+    dilating = {one.name for one in (*library(), *user_effects()) if one.dilation is not None}
+    return any(
+        name in dilating and (entry["amplitude"] if isinstance(entry, Mapping) else entry) != 0.0
+        for name, entry in scene.effects.items()
+    )
+
+
 def key_of_effects(scene: Scene) -> dict[str, Any]:
     """What a run's key holds of the effects that are on; empty where none is.
 

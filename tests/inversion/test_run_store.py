@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,6 +32,15 @@ def kept() -> KeptRun:
         at_rest=True,
         wall_time_s=0.3,
     )
+
+
+def test_volumes_are_kept_where_soil_has_changed_its_own(tmp_path, kept):
+    path = tmp_path / "run.npz"
+    save_kept(path, kept)
+    assert load_kept(path).volume is None
+    swollen = replace(kept, volume=np.linspace(1.0, 1.1, 50))
+    save_kept(path, swollen)
+    assert np.array_equal(load_kept(path).volume, swollen.volume)
 
 
 def test_a_flipped_byte_is_noticed_or_does_no_harm(tmp_path, kept):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from geometry.observables import surface_profile
 from geometry.scene import scene_from_mapping
 from mpm_taichi.effects import effect
 from mpm_taichi.simulate import simulate
@@ -93,6 +94,21 @@ def test_what_has_sheared_has_grown_by_half_amplitude_times_critical_strain():
         growth = np.median(run.volume[sheared] / 0.25 - 1.0)
         calm = np.median(base.volume[sheared] / 0.25 - 1.0)
         assert growth - calm == pytest.approx(0.5 * amplitude * 0.3, rel=0.1)
+
+
+def test_a_survey_sees_the_volume_that_soil_has_gained():
+    settings = SimulationSettings(duration_s=3.0)
+    base, swollen = simulate([column({}), column({"dilatancy": 0.3})], settings, threads=1)
+    assert base.bulk_volume == 0.25
+    assert np.array_equal(swollen.bulk_volume, swollen.volume.astype(float))
+    x = np.arange(-10.0, 41.0, 0.5)
+    area = [
+        surface_profile(run.positions[-1], volume, x, spacing=0.5).sum() * 0.5
+        for run, volume in ((base, 0.25), (swollen, 0.25), (swollen, swollen.bulk_volume))
+    ]
+    assert area[1] == pytest.approx(area[0], rel=2e-3), "of the mass"
+    assert area[2] - area[0] == pytest.approx(swollen.volume.sum() - 160.0, rel=0.1)
+    assert area[2] > area[0] + 1.0
 
 
 def test_needs_frictional_soil():
