@@ -253,6 +253,36 @@ class DiagnosisSettings(Settings):
     refitted: int = Field(4, ge=1, description="candidates that are refitted in a round")
 
 
+class PackSettings(Settings):
+    """How trajectories are packed for the learned simulator."""
+
+    valid_share: float = Field(
+        0.1, ge=0, lt=1, description="share of the runs of each template that choose a model"
+    )
+    test_share: float = Field(
+        0.1, ge=0, lt=1, description="share of the runs of each template that judge it"
+    )
+    seed: int = Field(0, ge=0, description="decides which runs these are")
+    runs_per_shard: int = Field(100, gt=0, description="runs in one file")
+
+    @model_validator(mode="after")
+    def _some_are_left(self) -> PackSettings:
+        if self.valid_share + self.test_share >= 1.0:
+            raise ValueError(
+                f"valid_share {self.valid_share:g} and test_share {self.test_share:g} leave no "
+                "run to learn from; their sum is below 1"
+            )
+        return self
+
+
+class GnsSettings(Settings):
+    """The learned simulator."""
+
+    pack: PackSettings = Field(
+        default_factory=PackSettings, description="from trajectories to what a training reads"
+    )
+
+
 class ScaleSettings(Settings):
     """One family of random scenes and its simulations (paper, Table 1)."""
 
@@ -324,6 +354,7 @@ class Config(Settings):
     inversion: InversionSettings = Field(
         default_factory=InversionSettings, description="how strengths are found from measurements"
     )
+    gns: GnsSettings = Field(default_factory=GnsSettings, description="the learned simulator")
     diagnosis: DiagnosisSettings = Field(
         default_factory=DiagnosisSettings, description="how missing physics is sought"
     )
