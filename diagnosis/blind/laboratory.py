@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
@@ -46,6 +47,13 @@ class Request:
     transfer: str | None = None
     courant: float | None = None
 
+    @property
+    def key(self) -> tuple:
+        """All of it, hashable."""
+        effects = json.dumps(dict(self.effects), sort_keys=True)
+        own = (self.values, self.spacing_factor, self.jitter, self.seed)
+        return (*own, self.transfer, self.courant, effects)
+
 
 class Laboratory:
     """Simulates a section.
@@ -59,6 +67,7 @@ class Laboratory:
         self.settings = settings
         self.threads = threads
         self.runs = 0
+        self._kept: dict[tuple, Deposit | None] = {}
 
     def scene(self, section: Section, request: Request) -> Scene:
         """The scene of a request."""
@@ -73,8 +82,20 @@ class Laboratory:
     def deposits(self, section: Section, requests: Sequence[Request]) -> list[Deposit | None]:
         """The deposits of requests; None where a run failed or was cut off.
 
-        Runs that share their settings go to the solver as one batch.
+        Runs that share their settings go to the solver as one batch; those of the base model are
+        remembered until `forget`.
         """
+        keys = [(section.name, *request.key) for request in requests]
+        new = {key: one for key, one in zip(keys, requests, strict=True) if key not in self._kept}
+        found = dict(zip(new, self._simulate(section, list(new.values())), strict=True))
+        self._kept |= {key: found[key] for key, one in new.items() if not one.effects}
+        return [found[key] if key in found else self._kept[key] for key in keys]
+
+    def forget(self) -> None:
+        """Let go of what was remembered."""
+        self._kept.clear()
+
+    def _simulate(self, section: Section, requests: list[Request]) -> list[Deposit | None]:
         from mpm_taichi.simulate import simulate
 
         found: list[Deposit | None] = [None] * len(requests)
@@ -104,13 +125,14 @@ def _deposit(section: Section, run: Run) -> Deposit | None:
     return Deposit(
         position=run.positions[-1].astype(float),
         initial_position=run.positions[0].astype(float),
-        volume=run.scene.spacing**2,
+        volume=run.bulk_volume,
         spacing=run.scene.spacing,
         foot={side: section.scene.foot(side) for side in ("left", "right")},
         ground=np.asarray(run.scene.ground.points, dtype=float),
         positions=run.positions.astype(float),
         time=run.time,
         at_rest=True,
+        initial_volume=run.scene.spacing**2,
     )
 
 

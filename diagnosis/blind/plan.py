@@ -53,7 +53,9 @@ class Deck(Generic[Card]):
         self._cards, self._stream, self._left = list(cards), stream, []
 
     def deal(self) -> Card:
-        """The next card."""
+        """The next card; ValueError of an empty deck."""
+        if not self._cards:
+            raise ValueError("the deck is empty: there is nothing to hide")
         if not self._left:
             self._left = list(self._cards)
         return self._left.pop(self._stream.integer(0, len(self._left) - 1))

@@ -14,24 +14,20 @@ from typing import Any
 import numpy as np
 
 from diagnosis.blind import surveys
-from diagnosis.blind.detectability import BINS, detectability, find_amplitude, middle_of
+from diagnosis.blind.detectability import BINS, middle_of
 from diagnosis.blind.laboratory import Entry, Laboratory, Request
 from diagnosis.blind.plan import Planned
 from diagnosis.blind.seal import SALT, salt_of
 from diagnosis.blind.sections import Section, normal
-from diagnosis.covariance import covariance
-from geometry.measured import Deposit
+from diagnosis.blind.sight import JITTER, Sight
 from geometry.random_numbers import Stream, number_of
-from mpm_taichi.effects import effect as effect_of
 
-#: Spacing of the slide over that of the judge, between these; its Courant number; its jitter.
-FINER, COURANT, JITTER = (0.75, 0.85), 0.2, 0.5
-#: Runs with other jitters behind the detectability; the second transfer scheme; the finer cells.
-REPLICATES, TRANSFER, RESOLUTION = 8, "flip", 1.5
-#: Steps of the derivative, in fitted units.
-STEP = 0.25
+#: Spacing of the slide over that of the judge, between these; its Courant number.
+FINER, COURANT = (0.75, 0.85), 0.2
+#: What runs less far is no flow slide [m].
+LEAST_RUNOUT = 8.0
 #: Drawings of parameters before a case is given up.
-DRAWS = 4
+DRAWS = 3
 
 
 @dataclass(frozen=True)
@@ -69,13 +65,14 @@ class Maker:
         """Make a case; None where nothing that can be seen comes of several drawings."""
         stream = Stream(self.seed, number_of(planned.name))
         for _ in range(DRAWS):
+            self.laboratory.forget()
             values = section.draw(stream)
             amplitudes, seen = {}, 0.0
             if planned.effects:
-                scene = _Sight.at(self.laboratory, section, planned.survey, values)
-                if scene is None:
+                sight = Sight.at(self.laboratory, section, planned.survey, values)
+                if sight is None:
                     continue
-                amplitudes, seen = self._amplitudes(planned, scene, stream)
+                amplitudes, seen = self._amplitudes(planned, sight, stream)
                 if not BINS[0] <= seen <= BINS[-1]:
                     continue
             made = self._slide(planned, section, values, amplitudes, seen, stream)
@@ -84,7 +81,7 @@ class Maker:
         return None
 
     def _amplitudes(
-        self, planned: Planned, sight: _Sight, stream: Stream
+        self, planned: Planned, sight: Sight, stream: Stream
     ) -> tuple[dict[str, Entry], float]:
         """Entries of the scene by name, and lambda of all of them together."""
         wanted, found, seen = middle_of(planned.bin), {}, 0.0
@@ -95,17 +92,19 @@ class Maker:
         }
         for name in planned.effects:
             found[name], seen = sight.amplitude(name, wanted, stream, more.get(name, {}))
-        if len(found) > 1:
-            for _ in range(3):
-                (seen,) = sight.lambdas([found])
-                if np.isfinite(seen) and seen <= BINS[-1]:
-                    break
-                found = {name: 0.7 * a for name, a in found.items()}
         found = {name: float(f"{a:.6g}") for name, a in found.items()}
-        joined = {
-            name: {"amplitude": a, **more[name]} if name in more else a for name, a in found.items()
-        }
-        return joined, seen if np.isfinite(seen) else 0.0
+        for _ in range(4):
+            entries = {
+                name: {"amplitude": a, **more[name]} if name in more else a
+                for name, a in found.items()
+            }
+            seen = sight.seen_for_good(entries)
+            if not np.isfinite(seen):
+                return entries, 0.0
+            if seen <= BINS[-1]:
+                break
+            found = {name: float(f"{0.7 * a:.6g}") for name, a in found.items()}
+        return entries, seen
 
     def _slide(
         self,
@@ -128,7 +127,10 @@ class Maker:
         (deposit,) = self.laboratory.deposits(section, [request])
         if deposit is None:
             return None
-        places = surveys.profile_places(section, surveys.toe_of(section, deposit))
+        toe = surveys.toe_of(section, deposit)
+        if abs(toe - deposit.foot[section.survey.side]) < LEAST_RUNOUT:
+            return None
+        places = surveys.profile_places(section, toe)
         entries = surveys.with_values(section, planned.survey, places, None)
         try:
             exact = surveys.reading(entries, deposit)
@@ -156,109 +158,3 @@ class Maker:
         documents = surveys.documents(section, planned.survey, measured, places)
         profile = np.column_stack([places, measured[: len(places)]])
         return Made(truth, documents, profile)
-
-
-@dataclass
-class _Sight:
-    """What a judge with perfect luck would see at a base state.
-
-    Attributes:
-        base, steps: deposits without effects at the parameters and one step of each.
-        replicates: deposits with other jitters; transfer, plain_fine: for the model's own error.
-    """
-
-    laboratory: Laboratory
-    section: Section
-    survey: str
-    values: np.ndarray
-    base: Deposit
-    steps: list[Deposit]
-    replicates: list[Deposit]
-    transfer: Deposit | None
-    finer: Deposit | None
-
-    @classmethod
-    def at(
-        cls, laboratory: Laboratory, section: Section, survey: str, values: np.ndarray
-    ) -> _Sight | None:
-        """Simulate what is needed at `values` (p,); None where the section cannot be simulated."""
-        own, parameters = tuple(values.tolist()), section.parameters
-        fitted = parameters.to_fitted(values)
-        moved = [
-            tuple(parameters.to_values(fitted + STEP * unit).tolist())
-            for unit in np.eye(len(values))
-        ]
-        requests = [
-            Request(own),
-            *(Request(there) for there in moved),
-            Request(own, transfer=TRANSFER),
-            Request(own, spacing_factor=1.0 / RESOLUTION),
-            *(Request(own, jitter=JITTER, seed=k) for k in range(1, REPLICATES + 1)),
-        ]
-        base, *rest = laboratory.deposits(section, requests)
-        steps = rest[: len(values)]
-        if base is None or any(step is None for step in steps):
-            return None
-        transfer, finer, *replicates = rest[len(values) :]
-        kept = [deposit for deposit in replicates if deposit is not None]
-        return cls(laboratory, section, survey, values, base, steps, kept, transfer, finer)
-
-    def amplitude(
-        self, name: str, wanted: float, stream: Stream, more: dict[str, float]
-    ) -> tuple[float, float]:
-        """The amplitude of an effect that gives lambda `wanted`, and the lambda it gives."""
-        scale = effect_of(name).amplitude
-        signs = [1.0]
-        if scale.two_signed:
-            first = 1.0 if stream.unit() < 0.5 else -1.0
-            signs = [first, -first]
-        best = (0.0, 0.0)
-        for sign in signs:
-            highest = scale.high if sign > 0 else -scale.low
-            magnitude, seen = find_amplitude(
-                lambda sizes, sign=sign: self.lambdas(
-                    [{name: {"amplitude": sign * a, **more}} for a in sizes]
-                ),
-                scale.ladder,
-                highest,
-                wanted,
-            )
-            best = (sign * magnitude, seen)
-            if BINS[0] <= seen <= BINS[-1]:
-                break
-        return best
-
-    def lambdas(self, effects: Sequence[dict[str, Entry]]) -> list[float]:
-        """What can be seen of each set of effects; NaN where its run failed."""
-        requests = [Request(tuple(self.values.tolist()), one) for one in effects]
-        return [
-            np.nan if deposit is None else self._lambda(deposit)
-            for deposit in self.laboratory.deposits(self.section, requests)
-        ]
-
-    def _lambda(self, deposit: Deposit) -> float:
-        entries = surveys.entries_of(
-            self.section, self.survey, surveys.toe_of(self.section, deposit)
-        )
-        try:
-            change = surveys.reading(entries, deposit) - surveys.reading(entries, self.base)
-            here = surveys.reading(entries, self.base)
-            derivative = np.column_stack(
-                [(surveys.reading(entries, step) - here) / STEP for step in self.steps]
-            )
-            others = [surveys.reading(entries, one) for one in self.replicates]
-            differences = [
-                None if one is None else surveys.reading(entries, one) - here
-                for one in (self.transfer, self.finer)
-            ]
-        except ValueError:
-            return np.nan
-        total = covariance(
-            surveys.covariance_of(entries),
-            replicates=np.array(others),
-            synthetic=True,
-            transfer=differences[0],
-            finer=differences[1],
-        ).total
-        known = self.section.parameters.has_prior
-        return detectability(change, derivative, total, np.eye(len(known))[known])

@@ -1,0 +1,204 @@
+"""The score: what a judge said of sealed cases, held against what is true.
+
+In: truths and digests of verdicts, in pairs. Out: a `Score`, every figure a share with its Wilson
+interval or a median. A case whose truth cannot be seen well is not left out: figures are binned by
+its detectability lambda.
+
+*Named* means one single name, the right one, of a verdict `identified`. It is asked for where the
+truth's signature differs from every rival's (largest |cosine| below 0.95); elsewhere success is a
+90 % set of at most three explanations that holds the truth. Both are told.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from diagnosis.blind.detectability import BINS, bin_of
+from diagnosis.blind.digest import Digest
+from diagnosis.blind.intervals import Share
+
+#: |cosine| from which two effects are the same to the data; most explanations of a useful set.
+INSEPARABLE, MOST = 0.95, 3
+#: Verdicts that attribute the misfit to effects.
+ATTRIBUTED = ("identified", "ambiguous")
+#: Verdicts that say that something is missing.
+ALARMS = ("identified", "ambiguous", "unknown_effect")
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A truth and what was said of it.
+
+    Attributes:
+        truth: the opened document.
+        digest: of the verdict.
+        curve_found: of a strength law outside the library: its curve was recovered; None: no law,
+            or no curve was asked for.
+    """
+
+    truth: Mapping[str, Any]
+    digest: Digest
+    curve_found: bool | None = None
+
+    @property
+    def hidden(self) -> frozenset[str]:
+        """Names of what was hidden."""
+        return frozenset(self.truth["effects"])
+
+    @property
+    def named(self) -> str | None:
+        """The single effect that the verdict names, or None."""
+        names = list(self.digest.effects)
+        return names[0] if self.digest.verdict == "identified" and len(names) == 1 else None
+
+    @property
+    def right(self) -> bool:
+        """One effect was hidden, and it alone was named."""
+        return self.named is not None and self.hidden == {self.named}
+
+    @property
+    def set_holds(self) -> bool:
+        """The 90 % set holds exactly what was hidden."""
+        return any(set(names) == self.hidden for names in self.digest.set_90)
+
+    @property
+    def useful_set(self) -> bool:
+        """It does, and has at most three explanations."""
+        return self.set_holds and len(self.digest.set_90) <= MOST
+
+    @property
+    def separable(self) -> bool:
+        """No rival looks like what was hidden; of one effect."""
+        (name,) = self.hidden
+        return self.digest.nearest.get(name, 0.0) < INSEPARABLE
+
+    @property
+    def seen(self) -> float:
+        """Lambda."""
+        return float(self.truth["lambda"])
+
+    @property
+    def bin(self) -> int:
+        """Bin of lambda; of a case at the very end of the last, that."""
+        found = bin_of(self.seen)
+        return len(BINS) - 2 if found is None else found
+
+    def strength_error(self, stage: str) -> float:
+        """Ln of the first parameter over the truth, of the `base` or the `final` model."""
+        name = next(iter(self.truth["parameters"]))
+        found = getattr(self.digest, stage).values[name]
+        return math.log(found / self.truth["parameters"][name])
+
+    @property
+    def strength_within(self) -> bool:
+        """The truth lies within two standard deviations of the final first parameter."""
+        name = next(iter(self.truth["parameters"]))
+        final = self.digest.final
+        return abs(final.values[name] - self.truth["parameters"][name]) <= 2.0 * final.std[name]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Figures of a benchmark; see `FIGURES` for what each is and what is asked of it.
+
+    Attributes:
+        shares: name -> share.
+        medians: name -> median, None of nothing.
+        bins: name -> share in each bin of lambda.
+        counts: cases of each kind.
+    """
+
+    shares: dict[str, Share]
+    medians: dict[str, float | None]
+    bins: dict[str, list[Share]]
+    counts: dict[str, int]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "counts": self.counts,
+            "shares": {name: share.document for name, share in self.shares.items()},
+            "medians": self.medians,
+            "bins": {
+                name: [share.document for share in shares] for name, shares in self.bins.items()
+            },
+        }
+
+
+def score(judged: Sequence[Judged]) -> Score:
+    """Every figure of a row of judged cases."""
+    kinds = {
+        kind: [one for one in judged if one.truth["kind"] == kind]
+        for kind in ("single", "null", "pair", "outside")
+    }
+    singles, nulls, pairs, outside = kinds.values()
+    clear = [one for one in singles if one.separable]
+    alike = [one for one in singles if not one.separable]
+    answered = [one for one in singles if one.digest.verdict in ATTRIBUTED]
+    right = [one for one in singles if one.right]
+    named = [one for one in (*singles, *nulls) if one.named is not None]
+    laws = [one.curve_found for one in outside if one.curve_found is not None]
+    shares = {
+        "false_attribution": Share.of(one.digest.verdict in ATTRIBUTED for one in nulls),
+        "false_alarm": Share.of(one.digest.verdict in ALARMS for one in nulls),
+        "precision": Share.of(one.right for one in named),
+        "precision_all_kinds": Share.of(one.right for one in judged if one.named is not None),
+        "named_25": _share(clear, lambda one: one.right, 25.0),
+        "named_60": _share(clear, lambda one: one.right, 60.0),
+        "set_of_three_25": _share(alike, lambda one: one.useful_set, 25.0),
+        "set_holds_truth": Share.of(one.set_holds for one in answered),
+        "held_out_falls": Share.of(
+            one.digest.final.held_out_chi2 < one.digest.base.held_out_chi2 for one in right
+        ),
+        "strength_within_2_std": Share.of(one.strength_within for one in right),
+        "strength_within_2_std_all": Share.of(one.strength_within for one in judged),
+        "pair_exact": Share.of(set(one.digest.effects) == one.hidden for one in pairs),
+        "pair_half": Share.of(bool(set(one.digest.effects) & one.hidden) for one in pairs),
+        "explained_away": Share.of(one.digest.verdict in ATTRIBUTED for one in outside),
+        "curve_recovered": Share.of(laws),
+    }
+    medians = {
+        "strength_error_base": _median(abs(one.strength_error("base")) for one in right),
+        "strength_error_final": _median(abs(one.strength_error("final")) for one in right),
+        "held_out_base": _median(_per_number(one, "base") for one in right),
+        "held_out_final": _median(_per_number(one, "final") for one in right),
+        "set_size": _median(float(len(one.digest.set_90)) for one in answered),
+        "runs": _median(float(one.digest.runs) for one in judged),
+        "seconds": _median(one.digest.seconds for one in judged),
+    }
+    bins = {
+        "named": _binned(clear, lambda one: one.right),
+        "set_of_three": _binned(alike, lambda one: one.useful_set),
+        "named_or_set": _binned(
+            singles, lambda one: one.right if one.separable else one.useful_set
+        ),
+        "alarm": _binned(singles, lambda one: one.digest.verdict in ALARMS),
+        "wrong_name": _binned(singles, lambda one: one.named is not None and not one.right),
+    }
+    counts = {kind: len(members) for kind, members in kinds.items()}
+    return Score(shares, medians, bins, counts)
+
+
+def _per_number(one: Judged, stage: str) -> float:
+    part = getattr(one.digest, stage)
+    return part.held_out_chi2 / max(part.held_out_n, 1)
+
+
+def _share(cases: Sequence[Judged], test: Callable[[Judged], bool], least: float) -> Share:
+    return Share.of(test(one) for one in cases if one.seen >= least)
+
+
+def _binned(cases: Sequence[Judged], test: Callable[[Judged], bool]) -> list[Share]:
+    return [
+        Share.of(test(one) for one in cases if one.bin == number) for number in range(len(BINS) - 1)
+    ]
+
+
+def _median(values: Any) -> float | None:
+    known = [float(value) for value in values]
+    return round(statistics.median(known), 5) if known else None
