@@ -35,6 +35,7 @@ class Deposit:
         positions: all frames (T, N, 2) [m]; None: only the last is known, so no histories.
         time: of the frames, (T,) ascending [s].
         at_rest: the soil stays where it is after the last frame.
+        initial_volume: before the slide, where that is another than `volume`; None: the same.
     """
 
     position: np.ndarray
@@ -46,6 +47,7 @@ class Deposit:
     positions: np.ndarray | None = None
     time: np.ndarray | None = None
     at_rest: bool = True
+    initial_volume: np.ndarray | float | None = None
 
 
 @dataclass(frozen=True)

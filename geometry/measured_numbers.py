@@ -80,6 +80,7 @@ class CrestSettlement(SingleLength):
             deposit.volume,
             spacing=deposit.spacing,
             x=self.x_m,
+            initial_volume=deposit.initial_volume,
             derivative=derivative,
         )
 

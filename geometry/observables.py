@@ -86,6 +86,7 @@ def crest_settlement(
     *,
     spacing: float,
     x: float,
+    initial_volume: np.ndarray | float | None = None,
     derivative: bool = False,
 ) -> float | tuple[float, np.ndarray]:
     """Drop of the surface at the initial crest's place, downward positive.
@@ -96,12 +97,14 @@ def crest_settlement(
         volume: (N,) or one number [m2 per m].
         spacing: distance between material points [m].
         x: place of the initial crest [m].
+        initial_volume: before the slide, where that is another; None: `volume`.
         derivative: return also the derivative with respect to `position`.
 
     Returns:
         Settlement [m], or with `derivative` (settlement, (N, 2)).
     """
-    before = surface_profile(initial_position, volume, x, spacing=spacing)
+    first = volume if initial_volume is None else initial_volume
+    before = surface_profile(initial_position, first, x, spacing=spacing)
     now = surface_profile(position, volume, x, spacing=spacing, derivative=derivative)
     if derivative:
         return float(before - now[0]), -now[1]

@@ -82,13 +82,14 @@ class HistoryReader:
         deposit = Deposit(
             position=run.positions[-1].astype(float),
             initial_position=run.positions[0].astype(float),
-            volume=run.scene.spacing**2,
+            volume=run.bulk_volume,
             spacing=run.scene.spacing,
             foot=self.foot,
             ground=np.asarray(run.scene.ground.points, dtype=float),
             positions=run.positions,
             time=run.time,
             at_rest=run.came_to_rest,
+            initial_volume=run.scene.spacing**2,
         )
         return {
             key: _read(entry, deposit, run.reason if run.status == "failed" else "")

@@ -132,6 +132,7 @@ def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
         foot=setup.foot,
         ground=np.asarray(setup.scene.ground.points, dtype=float),
         at_rest=run.at_rest or not last,
+        initial_volume=setup.scene.spacing**2,
     )
 
 

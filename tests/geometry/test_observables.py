@@ -256,6 +256,13 @@ def test_derivative_of_columns_and_profile():
     check_derivative(lambda p: surface_profile(p, 1.1, x, spacing=1.0, ground=2.0), points, change)
 
 
+def test_crest_of_soil_that_has_swollen_is_measured_from_where_it_was():
+    before = np.stack(np.meshgrid(np.arange(0.5, 40), np.arange(0.5, 5)), axis=-1).reshape(-1, 2)
+    volume = np.full(len(before), 1.1)
+    sunk = crest_settlement(before, before, volume, spacing=1.0, x=20.0, initial_volume=1.0)
+    assert sunk == pytest.approx(-0.5, rel=1e-3)
+
+
 def test_derivative_of_crest_settlement():
     before, points = heap(2), heap(3) - [0.0, 0.5]
     value, change = crest_settlement(points, before, 1.0, spacing=1.0, x=0.5, derivative=True)

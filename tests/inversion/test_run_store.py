@@ -106,6 +106,7 @@ def sliding(monkeypatch):
                 place,
                 SimpleNamespace(
                     scene=one,
+                    bulk_volume=one.spacing**2,
                     positions=before[None] - way[:, None, None] * np.array([1, 0], np.float32),
                     time=time,
                     zone=np.zeros(len(before), np.int32),
