@@ -9,6 +9,7 @@ import numpy as np
 
 from geometry.fill import contains
 from mpm_taichi.effects.base import Amplitude, Effect, Parameter, needs_liquefied_soil
+from pipeline.cli import InputError
 
 if TYPE_CHECKING:
     from geometry.scene import Scene
@@ -47,11 +48,16 @@ def multiplier(
     scene: Scene, position: np.ndarray, amplitude: float, parameters: Mapping[str, float]
 ) -> np.ndarray:
     """Multiplier m = exp(s z(x)) over its mean in the liquefied soil, s^2 = ln(1 + a^2), (N,)."""
+    seed = parameters["seed"]
+    if seed != round(seed):
+        raise InputError(
+            f"{scene.name}: effects: spatial_variability: seed {seed:g}: allowed are whole numbers"
+        )
     places, place = np.unique(position[:, 0], return_inverse=True)
     field = gaussian_field(
         places,
         correlation_length=parameters["correlation_length_m"],
-        seed=round(parameters["seed"]),
+        seed=round(seed),
     )
     value = np.exp(np.sqrt(np.log1p(amplitude**2)) * field)[place]
     inside = np.zeros(len(position), bool)

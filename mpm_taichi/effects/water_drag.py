@@ -27,12 +27,9 @@ def constants(scene: Scene, amplitude: float, parameters: Mapping[str, float]) -
     """Extent of the pool [m] and rho_w / (2 L) [kg/m4]."""
     pool = pool_of(scene)
     area, height = soil_in_pool(scene, pool)
-    return {
-        "level": pool.level,
-        "left": pool.left,
-        "right": pool.right,
-        "factor": 0.5 * WATER_DENSITY * height / area,
-    }
+    # Another effect may have drawn the pool down to below all soil.
+    factor = 0.5 * WATER_DENSITY * height / area if area > 0.0 else 0.0
+    return {"level": pool.level, "left": pool.left, "right": pool.right, "factor": factor}
 
 
 def applies(scene: Scene) -> str:

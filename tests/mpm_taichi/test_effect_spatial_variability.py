@@ -120,6 +120,12 @@ def test_it_breaks_the_symmetry_of_a_slump_as_its_seed_says():
     assert np.abs(np.subtract(ends[1], ends[2])).max() > 0.5
 
 
+def test_a_seed_is_a_whole_number():
+    scene = strip(40.0, amplitude=0.3, seed=1.5)
+    with pytest.raises(InputError, match=r"seed 1.5: allowed are whole numbers"):
+        simulate([scene], SimulationSettings(duration_s=1.0))
+
+
 def test_needs_liquefied_soil():
     scene = strip(40.0).model_dump()
     scene["materials"]["soft"]["liquefied"] = False

@@ -76,6 +76,11 @@ def test_dry_soil_and_soil_outside_the_pool_are_not_braked():
     assert "no pool" in effect("water_drag").applies(falling(0.1, level=None))
     low = falling(0.1, level=62.0)
     assert soil_in_pool(low, pool_of(low)) == (pytest.approx(8.0), pytest.approx(62.0))
+    drained = low.changed(effects={"water_drag": 0.1, "pool_level": -5.0})
+    (run,) = simulate([drained], SETTINGS.model_copy(update={"duration_s": 1.0}), threads=1)
+    assert run.positions[-1, :, 1].mean() - 62.0 == pytest.approx(
+        -0.5 * GRAVITY * run.time[-1] ** 2, rel=0.01
+    )
     one, other = simulate(
         [falling(0.1, level=61.0, velocity=(0.0, 30.0)), falling(None, level=61.0,
                                                                 velocity=(0.0, 30.0))],
