@@ -37,14 +37,14 @@ EFFECT = Effect(
         "and where it was"
     ),
     looks_like=(
-        "longer runout on both sides and a lower crest, with the square of the amplitude and more "
-        "for slow waves; the two signs differ little; strong soil that would stand moves as well"
+        "the crest and what remains of it sink and their slopes flatten, strong soil that would "
+        "stand moves as well; the toe moves less; more for slow waves; the two signs differ little"
     ),
     amplitude=Amplitude(
         unit="g",
         low=-2.0,
         high=2.0,
-        ladder=(0.1, 0.2, 0.4),
+        ladder=(0.15, 0.3, 0.6),
         meaning="A, peak acceleration of the ground, to the right in the middle of the shaking",
         two_signed=True,
         si=STANDARD_GRAVITY,

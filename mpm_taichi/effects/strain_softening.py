@@ -23,14 +23,14 @@ EFFECT = Effect(
         "that the energy of a shear band stays: Pietruszczak and Mroz (1981), IJNME 17"
     ),
     looks_like=(
-        "the slide starts late or partly: shorter runout with a higher remnant crest; once a band "
-        "has softened it slides on it, so blocks travel farther than their surroundings"
+        "shorter runout and a higher remnant; shear gathers in bands, so that the mass breaks into "
+        "blocks; with a large peak part of the section does not start at all"
     ),
     amplitude=Amplitude(
         unit="",
         low=0.0,
         high=20.0,
-        ladder=(0.3, 1.0, 3.0),
+        ladder=(0.2, 0.6, 1.5),
         meaning="S_p / S_r - 1: how much stronger than S_r the soil is before it has sheared",
     ),
     parameters=(

@@ -44,7 +44,7 @@ EFFECT = Effect(
         unit="",
         low=0.0,
         high=1.0,
-        ladder=(0.2, 0.4, 0.8),
+        ladder=(0.03, 0.08, 0.2),
         meaning="share of its strength that the base lacks; at 1 it is smooth",
     ),
     parameters=(
