@@ -1,4 +1,4 @@
-"""Where a pool stands in a section; what effects of free water share. No effect itself."""
+"""Where water stands in a section; what effects of water share. No effect itself."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scene import Scene, Zone
 
 FAR = 1e9
 """Stands for an end of the section beyond which nothing changes [m]."""
@@ -41,6 +41,21 @@ def pool_of(scene: Scene) -> Pool | None:
     left = -FAR if full[0] == 0 else float(line[full[0], 0])
     right = FAR if full[-1] == len(line) - 1 else float(line[full[-1], 0])
     return Pool(level, left, right)
+
+
+def soaked_area(scene: Scene, zone: Zone) -> float:
+    """Area of a zone below the phreatic line [m2]."""
+    from shapely.geometry import Polygon
+
+    if scene.water_level is None:
+        return 0.0
+    left, right = -FAR, FAR
+    line = [(left, scene.water_level), (right, scene.water_level)]
+    if scene.phreatic_line is not None:
+        inner = [tuple(point) for point in scene.phreatic_line]
+        line = [(left, inner[0][1]), *inner, (right, inner[-1][1])]
+    below = Polygon([*line, (right, -FAR), (left, -FAR)])
+    return float(Polygon(zone.polygon).intersection(below).area)
 
 
 def soil_in_pool(scene: Scene, pool: Pool) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpm_taichi.effects.base import Amplitude, Effect, Parameter, ti
+from mpm_taichi.effects.free_water import soaked_area
 
 if TYPE_CHECKING:
     from geometry.scene import Scene
@@ -34,8 +35,7 @@ def applies(scene: Scene) -> str:
         return "there is no water"
     for zone in scene.zones:
         if scene.materials[zone.material].friction_deg > 0.0:
-            x, y = np.asarray(zone.polygon, dtype=float).T
-            if (y < scene.phreatic_level(x)).any():
+            if soaked_area(scene, zone) > 0.5 * scene.spacing**2:
                 return ""
     return "no soil with friction lies below the phreatic line"
 

@@ -95,3 +95,6 @@ def test_scenes_without_frictional_soil_under_water_are_left_out():
     assert applies(sheet({})) == ""
     assert "no water" in applies(sheet({}).changed(water_level=None))
     assert "phreatic line" in applies(sheet({}).changed(water_level=-1.0))
+    # A line that rises into the sand between two of its corners.
+    mound = [(0.0, -1.0), (30.0, -1.0), (40.0, 0.8), (50.0, -1.0), (160.0, -1.0)]
+    assert applies(sheet({}).changed(phreatic_line=mound)) == ""
