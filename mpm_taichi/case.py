@@ -74,7 +74,8 @@ class Reading:
     """One line of the table; in the measurement's unit.
 
     A reading by eye has no measurement beside it. A profile is one line: the root mean square of
-    its differences, which has no single measured value.
+    its differences, which has no single measured value. What cannot be read is NaN, and `trouble`
+    says why.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Reading:
     measurement: Anything | None = None
     measured: float | None = None
     part: str = ""  # of a measurement that is several values
+    trouble: str = ""
 
     @property
     def unit(self) -> str:
@@ -93,12 +95,14 @@ class Reading:
     @property
     def difference(self) -> float | None:
         """Simulated minus measured, in `unit`."""
-        return None if self.measured is None else self.simulated - self.measured
+        if self.measured is None or self.trouble:
+            return None
+        return self.simulated - self.measured
 
     @property
     def difference_in_std(self) -> float | None:
         """The same in standard deviations of the survey."""
-        return None if self.measured is None else self.difference / self.measurement.std
+        return None if self.difference is None else self.difference / self.measurement.std
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -193,7 +197,11 @@ def read_deposit(case: Case, run: Run) -> list[Reading]:
             if not measurement.constructed:
                 readings.append(_profile_reading(measurement, end, start))
             continue
-        simulated, at_start = (measurement.observe(deposit) for deposit in (end, start))
+        try:
+            simulated, trouble = measurement.observe(end), ""
+        except ValueError as error:  # such as a duration of a run that was cut off in motion
+            simulated, trouble = np.full(len(measurement.values), np.nan), str(error)
+        at_start = measurement.observe(start)
         for place, part in enumerate(measurement.parts):
             readings.append(
                 Reading(
@@ -204,6 +212,7 @@ def read_deposit(case: Case, run: Run) -> list[Reading]:
                     measurement,
                     float(measurement.values[place]),
                     part,
+                    trouble,
                 )
             )
         if isinstance(measurement, ToeRunout):
@@ -235,13 +244,14 @@ def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
     return Deposit(
         position=positions[-1],
         initial_position=positions[0],
-        volume=case.scene.spacing**2,
+        volume=run.bulk_volume if moved else case.scene.spacing**2,
         spacing=case.scene.spacing,
         foot={side: case.foot(side) for side in ("left", "right")},
         ground=np.asarray(case.scene.ground.points, dtype=float),
         positions=positions,
         time=run.time if moved else run.time[[0, -1]],
         at_rest=not moved or run.came_to_rest,
+        initial_volume=case.scene.spacing**2,
     )
 
 
@@ -297,11 +307,11 @@ def table(case: Case, readings: list[Reading]) -> str:
             [
                 label(reading),
                 *known,
-                f"{reading.simulated:.1f}",
+                "not read" if reading.trouble else f"{reading.simulated:.1f}",
                 "" if reading.difference is None else f"{reading.difference:+.1f}",
                 "" if reading.difference is None else f"{reading.difference_in_std:+.1f}",
                 f"{reading.at_start:.1f}",
-                trust,
+                reading.trouble or trust,
             ]
         )
     for measurement in case.measured:
@@ -358,7 +368,7 @@ def write_observables(path: Path, readings: list[Reading]) -> None:
             m = reading.measurement
             known = ["", "", ""] if m is None else [m.std, m.std_is, m.confidence]
             numbers = [
-                reading.simulated,
+                None if reading.trouble else reading.simulated,
                 reading.at_start,
                 reading.difference,
                 reading.difference_in_std,

@@ -269,12 +269,13 @@ def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> N
         m = reading.measurement
         if m is None or reading.measured is None:
             continue
+        off = reading.difference_in_std
         rows.append(
             (
                 label(reading),
                 f"{reading.measured:g} ± {m.std:g} {m.unit}",
-                f"{reading.simulated:.1f} {m.unit}",
-                f"{reading.difference_in_std:+.1f}",
+                "not read" if off is None else f"{reading.simulated:.1f} {m.unit}",
+                "" if off is None else f"{off:+.1f}",
             )
         )
     for line, row in enumerate(rows):

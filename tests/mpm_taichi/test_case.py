@@ -36,7 +36,10 @@ def simulated(folder):
 def test_readings_of_a_coarse_slide(simulated):
     case, run = simulated
     readings = {r.type: r for r in history.read_deposit(case, run)}
-    assert set(readings) == {"toe_runout", "naked_eye_toe", "crest_settlement", "freeboard"}
+    assert set(readings) == {
+        "toe_runout", "naked_eye_toe", "crest_settlement", "freeboard", "slide_duration"
+    }  # fmt: skip
+    assert 5 < readings["slide_duration"].simulated < run.time[-1]
     assert 20 < readings["toe_runout"].simulated < 110
     assert readings["toe_runout"].simulated < readings["naked_eye_toe"].simulated
     assert readings["toe_runout"].at_start < -4  # a gentle foot reads short, and is not hidden
@@ -72,6 +75,8 @@ def test_the_command_writes_all(folder, tmp_path, capsys):
     main(["case", str(folder), "--out", str(tmp_path), "--spacing", "4", *SHORT])
     out = capsys.readouterr().out
     assert out.startswith("Lower San Fernando: liquefied hydraulic fill S_r 21.5 kPa; water at")
+    assert "slide duration [s]" in out
+    assert "not read" in out and "duration: the run was stopped in motion at 2" in out
     assert "stopped after 2.0 s" in out and f"Picture: {tmp_path / 'runout.png'}" in out
     assert {path.name for path in tmp_path.iterdir()} == {
         "runout.png",
@@ -84,8 +89,9 @@ def test_the_command_writes_all(folder, tmp_path, capsys):
     with (tmp_path / "observables.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["type"] for row in rows] == [
-        "toe_runout", "naked_eye_toe", "crest_settlement", "freeboard",
+        "toe_runout", "naked_eye_toe", "crest_settlement", "freeboard", "slide_duration",
     ]  # fmt: skip
+    assert rows[-1]["simulated"] == rows[-1]["difference"] == ""
     toe = rows[0]
     assert (toe["measured"], toe["low"], toe["std"], toe["std_is"], toe["unit"]) == (
         "53.0", "42.0", "5.75", "assumed", "m",
