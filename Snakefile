@@ -3,6 +3,7 @@
 #   snakemake simulate_coarse        300 scenes at 2 m spacing: minutes on two cores
 #   snakemake simulate_large         2,500 scenes (paper, Table 1); also simulate_small
 #   snakemake geometry_large         the scenes alone, with a gallery
+#   snakemake pack_coarse            its runs as a learned simulator reads them
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
 #   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
 #   snakemake verify                 the verification suite, with its pictures
@@ -26,6 +27,7 @@ report: "report/workflow.rst"
 include: "rules/common.smk"
 include: "rules/geometry.smk"
 include: "rules/simulation.smk"
+include: "rules/gns.smk"
 include: "rules/cases.smk"
 include: "rules/inversion.smk"
 include: "rules/verification.smk"
@@ -47,6 +49,7 @@ rule everything:
         [gallery(scale) for scale in SETTINGS.scales],
         [statistics(scale) for scale in SETTINGS.scales],
         [batch_files(scale, "trajectories", "h5") for scale in SETTINGS.scales],
+        [dataset(scale) for scale in SETTINGS.scales],
         [simulated_case(case) for case in CASES],
         [inverted_case(case) for case in QUESTIONS],
     message:

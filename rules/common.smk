@@ -56,6 +56,7 @@ RESULTS = SETTINGS.results_folder
 CONFIG_FILE = write_settings()
 PHYSICS = {package: physics_version(package) for package in ("geometry", "mpm_taichi")}
 INVERSION_PHYSICS = {**PHYSICS, "inversion": physics_version("inversion")}
+GNS_PHYSICS = {**PHYSICS, "gns": physics_version("gns")}
 
 CASE_FOLDER = Path(workflow.basedir) / "case_histories"
 CASES = sorted(path.parent.name for path in CASE_FOLDER.glob("*/scene.yaml"))
@@ -85,6 +86,10 @@ def gallery(scale):
 
 def statistics(scale):
     return f"{RESULTS}/{scale}/runs.csv"
+
+
+def dataset(scale):
+    return f"{RESULTS}/{scale}/dataset/metadata.json"
 
 
 def batch_files(scale, folder, suffix):

@@ -60,6 +60,19 @@ else:
     print("toe_runout 53 m")
 '''
 
+GNS = '''
+"""Stand-in for gns: lists what it was told to pack."""
+import sys
+from pathlib import Path
+place = sys.argv.index("--scale")
+files, options = sys.argv[2:place], sys.argv[place:]
+arguments = dict(zip(options[::2], options[1::2]))
+out = Path(arguments["--out"])
+out.mkdir(parents=True, exist_ok=True)
+left_out = Path(arguments["--leave-out"]).read_text()
+(out / "metadata.json").write_text(f"{arguments['--scale']} {len(files)} files\\n{left_out}")
+'''
+
 INVERSION = '''
 """Stand-in for inversion: writes what it was told."""
 import sys
@@ -76,6 +89,9 @@ else:
     print("S_r 26 kPa")
 '''
 
+# Rules that only collect what others make.
+COLLECTING = r"everything$|all$|(geometry|simulate|pack|invert)_(?!batch|case|trajectories)"
+
 
 class Workbench:
     """The folder with the copy, and Snakemake in it."""
@@ -88,7 +104,12 @@ class Workbench:
                 shutil.copytree(source, folder / name, symlinks=True)
             else:
                 shutil.copy(source, folder / name)
-        programs = {"geometry": GEOMETRY, "mpm_taichi": MPM_TAICHI, "inversion": INVERSION}
+        programs = {
+            "geometry": GEOMETRY,
+            "mpm_taichi": MPM_TAICHI,
+            "gns": GNS,
+            "inversion": INVERSION,
+        }
         for package, program in programs.items():
             (folder / package).mkdir()
             (folder / package / "__main__.py").write_text(program)
@@ -142,7 +163,7 @@ class Workbench:
         return {
             name: int(count)
             for name, count in jobs.items()
-            if not re.match(r"everything$|all$|(geometry|simulate|invert)_(?!batch|case)", name)
+            if not re.match(COLLECTING, name)
         }
 
     def path(self, name: str) -> Path:

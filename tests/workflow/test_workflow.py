@@ -18,6 +18,12 @@ def test_targets_work_as_typed(bench):
         "list_runs": 1,
     }
     assert bench.planned("geometry_small") == {"sample_scenes": 25, "draw_gallery": 1}
+    assert bench.planned("pack_large") == {
+        "sample_scenes": 25,
+        "simulate_batch": 25,
+        "list_runs": 1,
+        "pack_trajectories": 1,
+    }
     assert bench.planned("simulate_lsfd") == {"simulate_case": 1}
     assert bench.planned("simulate_lower_san_fernando") == {"simulate_case": 1}
     for target in ("invert_lsfd", "invert_lower_san_fernando"):
@@ -39,6 +45,9 @@ def test_everything_is_made_once(bench):
         "1\ts_1, seed 7, at 4.5 s: energy out of balance\n"
     )
     assert bench.path("small/failed.txt").read_text() == ""
+    assert bench.path("large/dataset/metadata.json").read_text() == (
+        "large 2 files\n1\ts_1, seed 7, at 4.5 s: energy out of balance\n"
+    ), "what failed is left out by name"
     settings = yaml.safe_load(bench.path("config.yaml").read_text())
     assert set(settings) == set(Config.model_fields)
     assert bench.planned("everything") == {}
@@ -76,6 +85,19 @@ def test_what_is_made_again(bench):
     del bench.settings["geometry"]["seed"]
     bench.settings["scales"]["large"]["duration_s"] = 3.0
     assert bench.planned(*targets) == {}, "another scale is another matter"
+
+
+def test_what_is_packed_again(bench):
+    bench.snakemake("pack_coarse")
+    bench.settings["gns"]["pack"]["seed"] = 5
+    assert bench.planned("pack_coarse") == {"pack_trajectories": 1}
+    del bench.settings["gns"]["pack"]["seed"]
+    bench.set_physics("gns", 2)
+    assert bench.planned("pack_coarse", "simulate_coarse") == {"pack_trajectories": 1}
+    bench.set_physics("gns", 1)
+    bench.settings["simulation"]["courant"] = 0.2
+    again = {"simulate_batch": 2, "list_runs": 1, "pack_trajectories": 1}
+    assert bench.planned("pack_coarse") == again
 
 
 def test_when_strengths_are_sought_again(bench):
