@@ -160,11 +160,7 @@ class Workbench:
             assert "Nothing to be done" in text
             return {}
         jobs = dict(line.split() for line in table[1].splitlines())
-        return {
-            name: int(count)
-            for name, count in jobs.items()
-            if not re.match(COLLECTING, name)
-        }
+        return {name: int(count) for name, count in jobs.items() if not re.match(COLLECTING, name)}
 
     def path(self, name: str) -> Path:
         return self.folder / "results" / name
