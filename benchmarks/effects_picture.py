@@ -96,7 +96,7 @@ def simulated(scenes: list[Scene], threads: int | None) -> list[Run]:
 def deposit(run: Run, x: np.ndarray) -> Deposit:
     """What a survey sees at the end."""
     scene = run.scene
-    position, volume = run.positions[-1].astype(float), scene.spacing**2
+    position, volume = run.positions[-1].astype(float), run.bulk_volume
     ground = np.asarray(scene.ground.points, dtype=float)
     surface = surface_profile(position, volume, x, spacing=scene.spacing, ground=ground)
     toe = toe_runout(
