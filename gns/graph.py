@@ -73,7 +73,7 @@ def graph_by_tree(positions: Tensor, radius: float) -> Graph:
     if count == 0:
         nothing = np.zeros(0, np.int64)
         return _graph(nothing, np.zeros(1, np.int64), positions.device)
-    # A tree that is neither balanced nor tightened is built in a tenth of the time and read as fast.
+    # Neither balanced nor tightened, a tree is built in a tenth of the time and read as fast.
     tree = cKDTree(places, balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(radius * (1.0 + RADIUS_SLACK), output_type="ndarray")
     one, other = pairs[:, 0], pairs[:, 1]
