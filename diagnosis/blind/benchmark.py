@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pydantic import Field, ValidationError
 
-from diagnosis.blind.plan import Planned, plan
+from diagnosis.blind.plan import Planned, Reach, plan
 from diagnosis.blind.sections import Section, load_section
 from diagnosis.blind.surveys import SURVEYS
 from geometry.scene import Document, document_error
@@ -62,24 +62,16 @@ class Benchmark:
     library: list[str]
     outside: list[str]
 
-    def cases(self) -> list[Planned]:
+    def cases(self, reach: Reach) -> list[Planned]:
         """The row of cases."""
-        where = {"": list(self.sections)}
-        for name in (*self.library, *self.outside):
-            places = [
-                section.name
-                for section in self.sections.values()
-                if not effects()[name].applies(section.scene)
-            ]
-            if places:
-                where[name] = places
         return plan(
             self.plan.cases,
             seed=self.plan.seed,
-            effects=[name for name in self.library if name in where],
-            outside=[name for name in self.outside if name in where],
-            where=where,
+            effects=self.library,
+            outside=self.outside,
+            sections=list(self.sections),
             surveys=self.plan.surveys,
+            reach=reach,
         )
 
 
@@ -140,6 +132,11 @@ class Places:
     def skipped(self) -> Path:
         """What was planned and could not be made."""
         return self.out / "skipped.json"
+
+    @property
+    def reach(self) -> Path:
+        """How well each effect can be seen at all."""
+        return self.out / "reach.json"
 
     def case(self, name: str) -> Path:
         """Folder of what a diagnosis sees."""

@@ -13,7 +13,8 @@ import yaml
 
 from diagnosis.blind.benchmark import Benchmark, Places
 from diagnosis.blind.laboratory import Laboratory
-from diagnosis.blind.plan import Planned
+from diagnosis.blind.plan import Planned, Reach
+from diagnosis.blind.reach import measure_reach
 from diagnosis.blind.seal import seal
 from diagnosis.blind.sections import Section
 from diagnosis.blind.surveys import PROFILE_FILE
@@ -44,7 +45,7 @@ def make(
         part: (k, n): every n-th case from the k-th on, for several jobs side by side.
         on_case: told of each case.
     """
-    row = benchmark.cases()
+    row = benchmark.cases(reach_of(benchmark, places, laboratory, on_case))
     maker = Maker(laboratory, benchmark.plan.seed, benchmark.plan.other_realisation)
     mine = row[part[0] :: part[1]]
     for number, planned in enumerate(mine, start=1):
@@ -54,6 +55,18 @@ def make(
         on_case(number, len(mine), f"{planned.name}: {words}")
     if all(_is_there(places, planned) for planned in row):
         seal_all(row, places)
+
+
+def reach_of(
+    benchmark: Benchmark, places: Places, laboratory: Laboratory, on_case: OnCase
+) -> Reach:
+    """How well each effect can be seen, measured once."""
+    if not places.reach.is_file():
+        reach = measure_reach(benchmark, laboratory, lambda words: on_case(0, 0, words))
+        write_json(
+            places.reach, [{"of": key, "lambda": round(seen, 3)} for key, seen in reach.items()]
+        )
+    return {tuple(entry["of"]): entry["lambda"] for entry in read_json(places.reach)}
 
 
 def seal_all(row: Sequence[Planned], places: Places) -> None:

@@ -9,11 +9,12 @@ detectability are dealt from shuffled decks: all cards before any comes again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
-from diagnosis.blind.detectability import BINS
+from diagnosis.blind.detectability import BINS, middle_of
 from geometry.random_numbers import Stream, number_of
 
 Kind = Literal["single", "null", "pair", "outside"]
@@ -61,62 +62,107 @@ class Deck(Generic[Card]):
         return self._left.pop(self._stream.integer(0, len(self._left) - 1))
 
 
+Reach = Mapping[tuple[str, str, str], float]
+"""(effect, section, survey) -> the largest lambda that its amplitudes give."""
+
+
 def plan(
     number: int,
     *,
     seed: int,
     effects: Sequence[str],
     outside: Sequence[str],
-    where: dict[str, Sequence[str]],
+    sections: Sequence[str],
     surveys: Sequence[str],
+    reach: Reach,
     bins: int = len(BINS) - 1,
 ) -> list[Planned]:
     """The first `number` cases of a benchmark.
+
+    The bin of a case is dealt first, then an effect that reaches it: bins are full evenly, and an
+    effect that is faint whatever its amplitude fills the low ones alone.
 
     Args:
         number: of cases.
         seed: of all drawings.
         effects: of the library.
         outside: effects outside the library.
-        where: effect -> sections in which it can do something; under "" all sections.
+        sections: of the benchmark.
         surveys: sets of measurements.
+        reach: what is not in it cannot act there.
         bins: number of bins of detectability.
+
+    Raises:
+        ValueError: no effect reaches any bin.
     """
     stream = Stream(seed, number_of("plan"))
-    kinds_of_effect = {"single": list(effects), "pair": list(effects), "outside": list(outside)}
-    names = {kind: Deck(cards, stream) for kind, cards in kinds_of_effect.items()}
-    places = {name: Deck(_joined(where[name], surveys), stream) for name in (*effects, *outside)}
-    nulls = Deck(_joined(where[""], surveys), stream)
-    pairs = Deck(surveys, stream)
-    rungs = {name: Deck(range(bins), stream) for name in (*effects, *outside)}
-    # A pair is hopeless where each of the two is barely visible.
-    high = Deck(range(bins // 2, bins), stream)
-    kinds = Deck(ROUND, stream)
+    dealer = _Dealer(stream, reach, bins)
+    everywhere = [(section, survey) for section in sections for survey in surveys]
+    nulls, kinds = Deck(everywhere, stream), Deck(ROUND, stream)
     found = []
     for k in range(number):
         kind = kinds.deal()
         if kind == "null":
             chosen, (section, survey), rung = (), nulls.deal(), 0
         elif kind == "pair":
-            chosen, section = _pair(names["pair"], where, stream)
-            survey, rung = pairs.deal(), high.deal()
+            chosen, (section, survey), rung = dealer.pair(effects)
         else:
-            name = names[kind].deal()
-            chosen, (section, survey), rung = (name,), places[name].deal(), rungs[name].deal()
+            chosen, (section, survey), rung = dealer.single(
+                kind, effects if kind == "single" else outside
+            )
         found.append(Planned(f"case_{k + 1:04d}", kind, chosen, section, survey, rung))
     return found
 
 
-def _joined(sections: Sequence[str], surveys: Sequence[str]) -> list[tuple[str, str]]:
-    return [(section, survey) for section in sections for survey in surveys]
+class _Dealer:
+    """Deals bins, effects that reach them, and places where they do."""
 
+    def __init__(self, stream: Stream, reach: Reach, bins: int) -> None:
+        self.stream = stream
+        self.bins = bins
+        self.reach = reach
+        self._decks: dict[tuple, Deck] = {}
+        self._used: Counter[tuple[str, str]] = Counter()
 
-def _pair(
-    deck: Deck[str], where: dict[str, Sequence[str]], stream: Stream
-) -> tuple[tuple[str, ...], str]:
-    """Two different effects that can both act in one section, and that section."""
-    while True:
-        first, second = deck.deal(), deck.deal()
-        common = [section for section in where[first] if section in where[second]]
-        if first != second and common:
-            return tuple(sorted((first, second))), common[stream.integer(0, len(common) - 1)]
+    def single(
+        self, kind: str, names: Sequence[str]
+    ) -> tuple[tuple[str, ...], tuple[str, str], int]:
+        """An effect with its place and bin; of those that reach the bin the one used least."""
+        reached = [b for b in range(self.bins) if any(self._places(n, b) for n in names)]
+        rung = self._deck((kind, "bin"), reached).deal()
+        able = [name for name in names if self._places(name, rung)]
+        least = min(self._used[kind, name] for name in able)
+        rarest = [name for name in able if self._used[kind, name] == least]
+        name = rarest[self.stream.integer(0, len(rarest) - 1)]
+        self._used[kind, name] += 1
+        return (name,), self._deck((kind, name, rung), self._places(name, rung)).deal(), rung
+
+    def pair(self, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, str], int]:
+        """Two effects, each of which could be seen alone: a pair is hopeless otherwise."""
+        rung = self._deck(("pair", "bin"), range(self.bins // 2, self.bins)).deal()
+        while rung >= 0:
+            places = {name: self._places(name, rung) for name in names}
+            couples = [
+                (one, other)
+                for k, one in enumerate(names)
+                for other in names[k + 1 :]
+                if set(places[one]) & set(places[other])
+            ]
+            if couples:
+                one, other = self._deck(("pair", rung), couples).deal()
+                common = [place for place in places[one] if place in places[other]]
+                place = common[self.stream.integer(0, len(common) - 1)]
+                return tuple(sorted((one, other))), place, rung
+            rung -= 1
+        raise ValueError("no two effects can be seen in the same place")
+
+    def _places(self, name: str, rung: int) -> list[tuple[str, str]]:
+        """Where an effect reaches the middle of a bin."""
+        return [
+            (section, survey)
+            for (effect, section, survey), seen in self.reach.items()
+            if effect == name and seen >= middle_of(rung)
+        ]
+
+    def _deck(self, key: tuple, cards: Sequence) -> Deck:
+        return self._decks.setdefault(key, Deck(cards, self.stream))

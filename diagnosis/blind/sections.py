@@ -38,6 +38,9 @@ class SurveyPlan(Document):
     profile: ProfilePlan = Field(description="of the final surface")
     markers_m: list[Point] = Field(min_length=1, description="places before the slide")
     history_times_s: list[float] = Field(min_length=1, description="at which the toe is seen")
+    runouts_m: tuple[float, float] = Field(
+        description="least and largest runout of a truth [m]: what runs less is no flow slide"
+    )
     strengths_kpa: dict[str, tuple[float, float]] = Field(
         description="parameter without prior -> range of the truths, drawn in the logarithm"
     )
@@ -79,6 +82,17 @@ class Section:
             else:
                 drawn = spec.prior.mean + spec.prior.std * normal(stream)
                 values.append(float(np.clip(drawn, spec.low, spec.high)))
+        return np.array(values)
+
+    def typical(self, level: float) -> np.ndarray:
+        """Parameters (p,): priors at their means, the others at a share of their range."""
+        values = []
+        for spec in self.question.parameters:
+            if spec.prior is None:
+                low, high = self.survey.strengths_kpa[spec.name]
+                values.append(float(low ** (1.0 - level) * high**level))
+            else:
+                values.append(spec.prior.mean)
         return np.array(values)
 
 

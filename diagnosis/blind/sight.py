@@ -115,36 +115,44 @@ class Sight:
         return best
 
     def lambdas(self, effects: Sequence[Mapping[str, Entry]]) -> list[float]:
-        """What can be seen of each set of effects; NaN where its run failed."""
+        """What can be seen of each set of effects; NaN where its run failed or is no flow slide."""
+        return [
+            np.nan if one is None else self.seen(one, self.survey) for one in self.slides(effects)
+        ]
+
+    def slides(self, effects: Sequence[Mapping[str, Entry]]) -> list[Deposit | None]:
+        """Deposits with each set of effects; None where a run failed or is no flow slide."""
         requests = [Request(tuple(self.values.tolist()), one) for one in effects]
-        deposits = self.laboratory.deposits(self.section, requests)
-        return [np.nan if one is None else self._seen(one) for one in deposits]
+        return [
+            one if one is not None and is_slide(self.section, one) else None
+            for one in self.laboratory.deposits(self.section, requests)
+        ]
+
+    def seen(self, deposit: Deposit, survey: str) -> float:
+        """Lambda of a deposit by a survey; NaN where it cannot be read."""
+        found = self._calibrated(deposit, survey)
+        return np.nan if found is None else found[1]
 
     def seen_for_good(self, effects: Mapping[str, Entry]) -> float:
         """The same of one set, with the model's error at the calibrated state."""
-        request = Request(tuple(self.values.tolist()), effects)
-        (deposit,) = self.laboratory.deposits(self.section, [request])
-        if deposit is None:
-            return np.nan
-        fitted = self._calibrated(deposit, self.around)
-        if fitted is None:
+        (deposit,) = self.slides([effects])
+        fitted = None if deposit is None else self._calibrated(deposit, self.survey)
+        if deposit is None or fitted is None:
             return np.nan
         around = look_around(self.laboratory, self.section, fitted[0])
-        return np.nan if around is None else replace(self, around=around)._seen(deposit)
+        if around is None:
+            return np.nan
+        return replace(self, around=around).seen(deposit, self.survey)
 
-    def _seen(self, deposit: Deposit) -> float:
-        found = self._calibrated(deposit, self.around)
-        return np.nan if found is None else found[1]
-
-    def _calibrated(self, deposit: Deposit, around: Around) -> tuple[np.ndarray, float] | None:
+    def _calibrated(self, deposit: Deposit, survey: str) -> tuple[np.ndarray, float] | None:
         """Parameters that bring the base model nearest to a deposit, and lambda there."""
         toe = surveys.toe_of(self.section, deposit)
-        entries = surveys.entries_of(self.section, self.survey, toe)
+        entries = surveys.entries_of(self.section, survey, toe)
         parameters = self.section.parameters
         prior = parameters.to_fitted(parameters.prior_mean)
         rows = np.eye(len(prior))[parameters.has_prior]
         try:
-            target, total = surveys.reading(entries, deposit), around.covariance(entries)
+            target, total = surveys.reading(entries, deposit), self.around.covariance(entries)
         except ValueError:
             return None
         x = parameters.to_fitted(self.values)
@@ -189,6 +197,13 @@ class Sight:
             return None if deposit is None else surveys.reading(entries, deposit)
         except ValueError:
             return None
+
+
+def is_slide(section: Section, deposit: Deposit) -> bool:
+    """The toe has run as far as a flow slide of this section may."""
+    way = abs(surveys.toe_of(section, deposit) - deposit.foot[section.survey.side])
+    least, most = section.survey.runouts_m
+    return least <= way <= most
 
 
 def look_around(laboratory: Laboratory, section: Section, values: np.ndarray) -> Around | None:

@@ -19,15 +19,13 @@ from diagnosis.blind.laboratory import Entry, Laboratory, Request
 from diagnosis.blind.plan import Planned
 from diagnosis.blind.seal import SALT, salt_of
 from diagnosis.blind.sections import Section, normal
-from diagnosis.blind.sight import JITTER, Sight
+from diagnosis.blind.sight import JITTER, Sight, is_slide
 from geometry.random_numbers import Stream, number_of
 
 #: Spacing of the slide over that of the judge, between these; its Courant number.
 FINER, COURANT = (0.75, 0.85), 0.2
-#: What runs less far is no flow slide [m].
-LEAST_RUNOUT = 8.0
 #: Drawings of parameters before a case is given up.
-DRAWS = 3
+DRAWS = 5
 
 
 @dataclass(frozen=True)
@@ -125,12 +123,9 @@ class Maker:
             courant=COURANT,
         )
         (deposit,) = self.laboratory.deposits(section, [request])
-        if deposit is None:
+        if deposit is None or not is_slide(section, deposit):
             return None
-        toe = surveys.toe_of(section, deposit)
-        if abs(toe - deposit.foot[section.survey.side]) < LEAST_RUNOUT:
-            return None
-        places = surveys.profile_places(section, toe)
+        places = surveys.profile_places(section, surveys.toe_of(section, deposit))
         entries = surveys.with_values(section, planned.survey, places, None)
         try:
             exact = surveys.reading(entries, deposit)

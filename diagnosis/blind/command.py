@@ -1,0 +1,176 @@
+"""`python -m diagnosis blind make|run|score`: the benchmark of hidden effects."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+from diagnosis.blind.run import METHOD, VARIANTS, Part
+from pipeline.cli import InputError, add_common
+from pipeline.config import Config, load_config
+from pipeline.progress import Progress
+
+FOLDER = "hidden_effects"
+RECORD = "results.json"
+
+
+def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
+    """Add the command."""
+    parser = commands.add_parser(
+        "blind",
+        help="the benchmark of hidden effects: make it, run it, score it",
+        description="Hide effects in simulated slides, seal what is true, diagnose the surveys, "
+        "and hold the verdicts against the truths (docs/hidden-effects.md).",
+    )
+    parser.add_argument(
+        "step",
+        choices=("make", "run", "score"),
+        help="make: simulate and seal the cases; run: diagnose them; score: open the seals",
+    )
+    parser.add_argument(
+        "--benchmark",
+        metavar="DIR",
+        default=FOLDER,
+        help=f"folder of the benchmark; default: {FOLDER}",
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder of its files; default: results/<benchmark>"
+    )
+    parser.add_argument(
+        "--part",
+        metavar="K/N",
+        default="1/1",
+        help="make, run: the K-th of N shares of the cases, for several jobs; default: 1/1",
+    )
+    parser.add_argument(
+        "--variants",
+        metavar="NAME,...",
+        default=METHOD,
+        help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}",
+    )
+    parser.add_argument(
+        "--page",
+        metavar="FILE",
+        help="score: the page between whose markers the score is written, beside its pictures",
+    )
+    parser.add_argument(
+        "--record",
+        metavar="FILE",
+        help="score: where truths and verdicts are kept; given without --out's verdicts, it is "
+        f"read instead; default: <out>/{RECORD}",
+    )
+    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+    return add_common(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Make, run or score."""
+    config = load_config(arguments.config, arguments.overrides)
+    step = {"make": _make, "run": _run, "score": _score}[arguments.step]
+    return step(arguments, config)
+
+
+def part_of(text: str) -> Part:
+    """The share of the cases that is written as K/N.
+
+    Raises:
+        InputError: it is not.
+    """
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise InputError(f"--part: {text!r}: allowed is K/N with K from 1 to N")
+    return Part(int(found[1]) - 1, int(found[2]))
+
+
+def variants_of(text: str) -> list[str]:
+    """The variants that are named.
+
+    Raises:
+        InputError: one does not exist.
+    """
+    names = list(VARIANTS) if text == "all" else [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in VARIANTS:
+            raise InputError(f"--variants: {name!r}: allowed are all, {', '.join(VARIANTS)}")
+    return names
+
+
+def _out(arguments: argparse.Namespace, config: Config) -> Path:
+    if arguments.out is not None:
+        return Path(arguments.out)
+    return Path(config.results_folder) / Path(arguments.benchmark).resolve().name
+
+
+def _make(arguments: argparse.Namespace, config: Config) -> int:
+    from diagnosis.blind.benchmark import Places, load_benchmark
+    from diagnosis.blind.laboratory import Laboratory
+    from diagnosis.blind.make import make
+
+    benchmark = load_benchmark(arguments.benchmark)
+    settings = config.simulation.model_copy(update={"duration_s": benchmark.plan.duration_s})
+    laboratory = Laboratory(settings, threads=arguments.threads)
+    part = part_of(arguments.part)
+    total = len(range(part.k, benchmark.plan.cases, part.n))
+    with Progress(total, "making hidden effects", quiet=arguments.quiet) as progress:
+        make(
+            benchmark,
+            Places(_out(arguments, config)),
+            laboratory,
+            part=(part.k, part.n),
+            on_case=lambda done, _, words: progress.advance(1 if done else 0, words),
+        )
+    return 0
+
+
+def _run(arguments: argparse.Namespace, config: Config) -> int:
+    from diagnosis.blind.benchmark import Places
+    from diagnosis.blind.make import sealed_cases
+    from diagnosis.blind.run import run as run_cases
+
+    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    total = len(sealed_cases(places)[part.k :: part.n])
+    with Progress(total, "diagnosing blind", quiet=arguments.quiet) as progress:
+        run_cases(
+            places,
+            config,
+            variants=variants_of(arguments.variants),
+            part=part,
+            threads=arguments.threads,
+            on_case=lambda done, _, words: progress.advance(1, words),
+        )
+    return 0
+
+
+def _score(arguments: argparse.Namespace, config: Config) -> int:
+    from diagnosis.blind.benchmark import Places, load_benchmark
+    from diagnosis.blind.opened import judged, load_rows, open_truths, save_rows
+    from diagnosis.blind.page import ASKED, generated, table, write_page
+    from diagnosis.blind.score import score
+    from pipeline.files import write_json
+
+    out = _out(arguments, config)
+    places = Places(out)
+    record = Path(arguments.record) if arguments.record else out / RECORD
+    if places.sealed.is_file():
+        rows = open_truths(places, list(VARIANTS))
+        save_rows(rows, record)
+    else:
+        rows = load_rows(record)
+    if not rows:
+        raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
+    benchmark = load_benchmark(arguments.benchmark)
+    by_variant = {name: judged(rows, benchmark, name) for name in VARIANTS}
+    scores = {name: score(cases) for name, cases in by_variant.items() if cases}
+    write_json(out / "score.json", {name: one.document for name, one in scores.items()})
+    method = scores[METHOD]
+    lines = [(one.words, method.shares[one.name].words, one.bound) for one in ASKED]
+    print(table(("figure", "measured", "asked"), lines))
+    if arguments.page is not None:
+        from diagnosis.blind.draw import draw_all
+
+        page = Path(arguments.page)
+        pictures = page.parent / "images" / page.stem
+        draw_all(pictures, method, by_variant[METHOD])
+        write_page(page, generated(scores, by_variant[METHOD], f"images/{page.stem}"))
+    return 0

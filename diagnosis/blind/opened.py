@@ -1,0 +1,92 @@
+"""Truths and verdicts together: seals are checked, then everything is kept in one small table.
+
+The table is the benchmark's record: a line per case with what was hidden, what was said by the
+method and by each ablation, and the hash that was told before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from diagnosis.blind.benchmark import Benchmark, Places
+from diagnosis.blind.curves import recovered
+from diagnosis.blind.digest import Digest, load_digest
+from diagnosis.blind.make import sealed_cases
+from diagnosis.blind.run import METHOD
+from diagnosis.blind.score import Judged
+from diagnosis.blind.seal import is_sealed
+from pipeline.cli import InputError
+from pipeline.config import validate_settings
+from pipeline.files import read_json, write_text
+
+Row = dict[str, Any]
+"""`truth`, `sha256`, and `verdicts`: variant -> digest."""
+
+
+def open_truths(places: Places, variants: Sequence[str]) -> list[Row]:
+    """The cases that the method has judged, with their truths.
+
+    Raises:
+        InputError: a truth is not the one that was sealed.
+    """
+    rows = []
+    for sealed in sealed_cases(places):
+        name = sealed["name"]
+        if not places.verdict(name, METHOD).is_file():
+            continue
+        truth = read_json(places.truth(name))
+        if not is_sealed(truth, sealed["sha256"]):
+            raise InputError(f"{places.truth(name)}: is not the truth that was sealed")
+        verdicts = {
+            variant: load_digest(places.verdict(name, variant)).model_dump(mode="json")
+            for variant in variants
+            if places.verdict(name, variant).is_file()
+        }
+        rows.append({"truth": truth, "sha256": sealed["sha256"], "verdicts": verdicts})
+    return rows
+
+
+def save_rows(rows: Sequence[Row], path: str | Path) -> None:
+    """Write the record, one line for each case."""
+    import json
+
+    lines = [json.dumps(row, separators=(",", ":"), allow_nan=False) for row in rows]
+    write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
+
+
+def load_rows(path: str | Path) -> list[Row]:
+    """Read a record; the seals of its truths are checked again.
+
+    Raises:
+        InputError: no such file, or a truth that does not match its hash.
+    """
+    rows = read_json(path)
+    for row in rows:
+        if not is_sealed(row["truth"], row["sha256"]):
+            raise InputError(f"{path}: {row['truth'].get('name')}: is not what was sealed")
+    return rows
+
+
+def judged(rows: Sequence[Row], benchmark: Benchmark, variant: str) -> list[Judged]:
+    """What the score takes, of the cases that a variant has judged."""
+    found = []
+    for row in rows:
+        if variant in row["verdicts"]:
+            digest = validate_settings(Digest, row["verdicts"][variant], origin="record")
+            found.append(Judged(row["truth"], digest, _curve(row["truth"], digest, benchmark)))
+    return found
+
+
+def _curve(truth: Mapping[str, Any], digest: Digest, benchmark: Benchmark) -> bool | None:
+    """Whether the curve of a strength law outside the library was recovered; None: no law."""
+    if truth["kind"] != "outside":
+        return None
+    (name,) = truth["effects"]
+    law = benchmark.plan.laws.get(name)
+    if law is None:
+        return None
+    section = benchmark.sections[truth["section"]]
+    scene = section.scene.changed(effects=dict(truth["effects"]))
+    return recovered(digest.curve, scene, name, law)

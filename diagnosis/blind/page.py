@@ -1,0 +1,216 @@
+"""The generated page of a benchmark: what was asked, what was reached, every miss.
+
+In: the record's rows. Out: Markdown between two markers of `docs/hidden-effects.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from diagnosis.blind.detectability import BINS
+from diagnosis.blind.intervals import Share
+from diagnosis.blind.run import METHOD
+from diagnosis.blind.score import Judged, Score
+from pipeline.cli import InputError
+from pipeline.files import write_text
+
+MARKERS = ("<!-- score: begin -->", "<!-- score: end -->")
+#: Medians are asked to fall at least by this factor.
+STRENGTH_FACTOR = 3.0
+VARIANT_WORDS = {
+    METHOD: "the method",
+    "no_model_error": "without the model's own error (C_num)",
+    "no_projection": "without projection",
+    "tangent_only": "smallest amplitude alone (tangent)",
+}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A figure and what is asked of it.
+
+    Attributes:
+        name: of the share; words: what it is; limit: its bound; least: at least, or at most.
+    """
+
+    name: str
+    words: str
+    limit: float | None
+    least: bool = True
+
+    def verdict(self, share: Share) -> str:
+        """Met, missed, or nothing where nothing is asked or known."""
+        if self.limit is None or share.value is None:
+            return ""
+        met = share.value >= self.limit if self.least else share.value <= self.limit
+        return "met" if met else "**missed**"
+
+    @property
+    def bound(self) -> str:
+        """What is asked, in words."""
+        if self.limit is None:
+            return ""
+        return f"{'at least' if self.least else 'at most'} {100 * self.limit:.0f} %"
+
+
+ASKED = (
+    Asked("false_attribution", "nulls to which an effect is attributed", 0.03, least=False),
+    Asked("false_alarm", "nulls with an alarm", 0.08, least=False),
+    Asked("precision", "right, when one effect is named (singles and nulls)", 0.90),
+    Asked("precision_all_kinds", "the same with pairs and strangers, which one name cannot "
+          "describe", None),
+    Asked("named_25", "named at lambda 25 and more, where no rival looks alike", 0.80),
+    Asked("named_60", "named at lambda 60 and more, where no rival looks alike", 0.90),
+    Asked("set_of_three_25", "look-alikes at lambda 25 and more: a 90 % set of at most three "
+          "holds the truth", None),
+    Asked("set_holds_truth", "the 90 % set holds the truth, when effects are attributed", 0.90),
+    Asked("held_out_falls", "held-out error falls, where the name is right", 0.90),
+    Asked("strength_within_2_std", "S_r within two standard deviations, where the name is right",
+          0.85),
+    Asked("strength_within_2_std_all", "the same in all cases", None),
+    Asked("pair_exact", "pairs found exactly", 0.50),
+    Asked("pair_half", "pairs of which at least one effect is found", None),
+    Asked("explained_away", "strangers explained away by effects of the library", 0.30,
+          least=False),
+    Asked("curve_recovered", "strangers that are a strength law: its curve recovered", None),
+)  # fmt: skip
+
+
+def write_page(page: Path, text: str) -> None:
+    """Put the generated text between the markers of a page.
+
+    Raises:
+        InputError: the page has no markers.
+    """
+    whole = page.read_text(encoding="utf-8")
+    begin, end = (whole.find(marker) for marker in MARKERS)
+    if not 0 <= begin < end:
+        raise InputError(f"{page}: the lines {MARKERS[0]} and {MARKERS[1]} are missing")
+    write_text(page, f"{whole[: begin + len(MARKERS[0])]}\n{text}{whole[end:]}")
+
+
+def generated(scores: Mapping[str, Score], judged: Sequence[Judged], pictures: str) -> str:
+    """All of it.
+
+    Args:
+        scores: variant -> its score; the method is among them.
+        judged: cases as the method judged them.
+        pictures: folder of the pictures, as the page sees it.
+    """
+    method = scores[METHOD]
+    counts = method.counts
+    parts = [
+        f"{sum(counts.values())} cases: {counts['single']} with one effect, {counts['null']} with "
+        f"none, {counts['pair']} with two, {counts['outside']} with a stranger to the library. "
+        f"Median of {method.medians['runs']:.0f} forward runs a case. Intervals: 95 %, Wilson.",
+        "### What was asked", _asked(method),
+        f"![Named and alarmed over detectability]({pictures}/detectability.png)",
+        "### By detectability", _bins(method),
+        f"![What was hidden and what was said]({pictures}/confusion.png)",
+        "### By effect", _effects(judged),
+        f"![Error of S_r before and after]({pictures}/strength.png)",
+        "### Ablations", _ablations(scores),
+        "### Every miss", _misses(judged),
+    ]  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+def _asked(method: Score) -> str:
+    rows = [
+        (one.words, method.shares[one.name].words, one.bound,
+         one.verdict(method.shares[one.name]))
+        for one in ASKED
+    ]  # fmt: skip
+    before, after = (method.medians[f"strength_error_{stage}"] for stage in ("base", "final"))
+    if before is not None and after is not None:
+        factor = before / max(after, 1e-9)
+        met = "met" if factor >= STRENGTH_FACTOR else "**missed**"
+        rows.append(
+            ("median error of ln S_r before and after, where the name is right",
+             f"{before:.3f} -> {after:.3f}, {factor:.1f} times less",
+             f"at least {STRENGTH_FACTOR:.0f} times less", met)
+        )  # fmt: skip
+    held = [method.medians[f"held_out_{stage}"] for stage in ("base", "final")]
+    if None not in held:
+        rows.append(("median of held-out chi2 per number, before and after",
+                     f"{held[0]:.2f} -> {held[1]:.2f}", "", ""))  # fmt: skip
+    return table(("figure", "measured", "asked", ""), rows)
+
+
+def _bins(method: Score) -> str:
+    words = {
+        "alarm": "alarm",
+        "named": "named, where no rival looks alike",
+        "set_of_three": "look-alikes: set of at most three holds the truth",
+        "named_or_set": "either of the two, as it applies",
+        "wrong_name": "a wrong name alone",
+    }
+    ends = [f"lambda {low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
+    rows = [(words[name], *(share.words for share in method.bins[name])) for name in words]
+    return table(("singles", *ends), rows)
+
+
+def _effects(judged: Sequence[Judged]) -> str:
+    singles = [one for one in judged if one.truth["kind"] == "single"]
+    rows = []
+    for name in sorted({min(one.hidden) for one in singles}):
+        own = [one for one in singles if one.hidden == {name}]
+        seen = [one for one in own if one.seen >= BINS[2]]
+        wrong = [min(one.digest.effects) for one in own if one.named is not None and not one.right]
+        nearest = max(one.digest.nearest.get(name, 0.0) for one in own)
+        rows.append(
+            (name, str(len(own)), f"{sum(one.right for one in own)}",
+             f"{sum(one.right for one in seen)} of {len(seen)}",
+             f"{sum(one.set_holds for one in own)}", f"{nearest:.2f}",
+             ", ".join(sorted(set(wrong))) or "none")
+        )  # fmt: skip
+    header = ("hidden", "cases", "named", "named at lambda >= 25", "set holds it",
+              "largest cosine to a rival", "wrong names")  # fmt: skip
+    return table(header, rows)
+
+
+def _ablations(scores: Mapping[str, Score]) -> str:
+    chosen = ("false_attribution", "false_alarm", "precision", "named_25", "set_holds_truth")
+    words = {one.name: one.words for one in ASKED}
+    rows = [
+        (VARIANT_WORDS.get(variant, variant), *(found.shares[name].words for name in chosen))
+        for variant, found in scores.items()
+    ]
+    return table(("", *(words[name] for name in chosen)), rows)
+
+
+def _misses(judged: Sequence[Judged]) -> str:
+    tests: dict[str, Callable[[Judged], bool]] = {
+        "null": lambda one: one.digest.verdict in ("identified", "ambiguous", "unknown_effect"),
+        "single": lambda one: (
+            one.seen >= BINS[2]
+            and not (one.right if one.separable else one.useful_set)
+            or (one.named is not None and not one.right)
+        ),
+        "pair": lambda one: set(one.digest.effects) != one.hidden,
+        "outside": lambda one: one.digest.verdict in ("identified", "ambiguous"),
+    }
+    rows = [
+        (one.truth["name"], one.truth["section"], one.truth["survey"],
+         " + ".join(sorted(one.hidden)) or "nothing", f"{one.seen:.0f}",
+         one.digest.verdict.replace("_", " "), " + ".join(sorted(one.digest.effects)) or "none",
+         "; ".join(" + ".join(names) or "none" for names in one.digest.set_90[:3]))
+        for one in judged
+        if tests[one.truth["kind"]](one)
+    ]  # fmt: skip
+    header = ("case", "section", "survey", "hidden", "lambda", "verdict", "effects", "90 % set")
+    note = (
+        "Nulls with an alarm; singles that bear a wrong name, and from lambda 25 on those that "
+        "were neither named nor held by a useful set; pairs not found exactly; strangers "
+        "explained away."
+    )
+    return f"{note}\n\n{table(header, rows)}" if rows else "None."
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in row) + " |"
+                     for row in lines)  # fmt: skip

@@ -1,0 +1,64 @@
+"""How well each effect can be seen at all: what of it a refitted base model cannot imitate.
+
+Some effects are faint whatever their amplitude: a resistance that grows everywhere is a strength to
+a surveyor who sees the final surface alone. What can be reached is measured before cases are
+planned, so that none is planned that cannot be made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from diagnosis.blind.benchmark import Benchmark
+from diagnosis.blind.laboratory import Laboratory
+from diagnosis.blind.plan import Reach
+from diagnosis.blind.sight import Sight
+from diagnosis.blind.surveys import SURVEYS
+from mpm_taichi.effects import effect as effect_of
+
+#: Strengths at which it is measured, as shares of the logarithm of the range of truths.
+LEVELS = (0.4,)
+#: Amplitudes between the middle rung of the ladder and the largest allowed.
+AMPLITUDES = 3
+
+
+def measure_reach(
+    benchmark: Benchmark,
+    laboratory: Laboratory,
+    on_effect: Callable[[str], None] = lambda words: None,
+) -> Reach:
+    """Largest lambda of each effect in each section and survey; absent where it cannot act."""
+    found: dict[tuple[str, str, str], float] = {}
+    for section in benchmark.sections.values():
+        names = [
+            name
+            for name in dict.fromkeys((*benchmark.library, *benchmark.outside))
+            if not effect_of(name).applies(section.scene)
+        ]
+        for level in LEVELS:
+            laboratory.forget()
+            sight = Sight.at(laboratory, section, SURVEYS[0], section.typical(level))
+            if sight is None:
+                continue
+            for name in names:
+                for survey, seen in _seen(sight, name, benchmark.plan.surveys).items():
+                    key = (name, section.name, survey)
+                    found[key] = max(found.get(key, 0.0), seen)
+                on_effect(f"{section.name}: {name}")
+    return found
+
+
+def _seen(sight: Sight, name: str, surveys: list[str]) -> dict[str, float]:
+    """Largest lambda over the amplitudes, by survey; what stops the slide does not count."""
+    scale = effect_of(name).amplitude
+    sizes = np.geomspace(scale.ladder[1], scale.high, AMPLITUDES)
+    signs = (1.0, -1.0) if scale.two_signed else (1.0,)
+    entries = [{name: float(max(sign * size, scale.low))} for sign in signs for size in sizes]
+    largest = dict.fromkeys(surveys, 0.0)
+    for deposit in sight.slides(entries):
+        for survey in surveys:
+            value = 0.0 if deposit is None else sight.seen(deposit, survey)
+            largest[survey] = max(largest[survey], value if np.isfinite(value) else 0.0)
+    return largest
