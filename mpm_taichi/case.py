@@ -29,6 +29,7 @@ from geometry.measurements import (
 )
 from geometry.observables import naked_eye_toe
 from geometry.scene import Material, Scene, load_scene, scene_from_mapping
+from mpm_taichi.effects import effects_on
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import SimulationSettings
@@ -274,7 +275,7 @@ def heading(case: Case, run: Run) -> str:
     water = "no water"
     if scene.has_water:
         water = f"water at {scene.water_level:g} m ({run.settings.water.replace('_', ' ')})"
-    details = [*strengths, water]
+    details = [*strengths, water, *(f"with {one.label}" for one in effects_on(scene))]
     rest = "at rest" if run.came_to_rest else "stopped"
     return (
         f"{case.title}: {'; '.join(details)}\n"

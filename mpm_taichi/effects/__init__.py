@@ -38,7 +38,12 @@ from mpm_taichi.effects.registry import (
     user_effects,
 )
 
+PHYSICS_VERSION = 1
+"""Raised whenever a scene with an effect of the library gives other numbers than before; part of
+the key of every run with an effect on. The effects share their kernels, so they share this."""
+
 __all__ = [
+    "PHYSICS_VERSION",
     "DEGREE",
     "KPA",
     "LIBRARY",

@@ -133,7 +133,8 @@ class Effect:
         looks_like: what it does to measurements.
         amplitude: how strong, and the values to try.
         parameters: further numbers.
-        version: raised with every change of its numbers; of a user's effect the content's hash.
+        version: of a user's effect, the hash of its file, set where that is loaded; of the
+            library's, nothing: they share `mpm_taichi.effects.PHYSICS_VERSION`.
         internal: part of the tool, no candidate.
     """
 
@@ -144,7 +145,7 @@ class Effect:
     looks_like: str
     amplitude: Amplitude
     parameters: tuple[Parameter, ...] = ()
-    version: int | str = 1
+    version: str = ""
     internal: bool = False
     strength: Callable | None = None
     dilation: Callable | None = None
@@ -189,6 +190,12 @@ class Active:
     effect: Effect
     amplitude: float
     parameters: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """Name and amplitude in words: `shaking 0.2 g`."""
+        unit = f" {self.effect.amplitude.unit}" if self.effect.amplitude.unit else ""
+        return f"{self.effect.name.replace('_', ' ')} {self.amplitude:g}{unit}"
 
     def numbers(self, scene: Scene) -> list[float]:
         """Its numbers in the order of `Effect.columns`, in SI."""

@@ -44,10 +44,6 @@ LIBRARY = (
 """Names of the library's effects, each a module of this package with an `EFFECT`. The order is that
 in which several effects act on the same number."""
 
-KERNELS_VERSION = 1
-"""Raised when numbers of scenes with effects change although no single effect's version does: the
-effects of the library share their kernels, which another effect may make round otherwise."""
-
 MOST_ON_DEVICE = 31
 """Effects with hooks on points or nodes that kernels can tell apart, the library's included."""
 
@@ -175,6 +171,8 @@ def key_of_effects(scene: Scene) -> dict[str, Any]:
 
     However a scene writes the same numbers, the key is the same.
     """
+    from mpm_taichi.effects import PHYSICS_VERSION
+
     active = effects_on(scene)
     if not active:
         return {}
@@ -186,7 +184,7 @@ def key_of_effects(scene: Scene) -> dict[str, Any]:
         }
         for one in active
     }
-    return {"effects": numbers, "kernels": KERNELS_VERSION}
+    return {"effects": numbers, "library": PHYSICS_VERSION}
 
 
 # --- files of users ---
