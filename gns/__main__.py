@@ -11,9 +11,7 @@ from importlib import import_module
 
 from pipeline.cli import base_parser, main_exit
 
-COMMANDS = (
-    "gns.pack_command",
-)
+COMMANDS = ("gns.pack_command",)
 """Modules of the commands, in the order of the help."""
 
 
