@@ -4,16 +4,22 @@ from collections import Counter
 
 import pytest
 
+from diagnosis.blind.detectability import middle_of
 from diagnosis.blind.plan import ROUND, plan
 
 EFFECTS = ["softening", "rate", "pool"]
-WHERE = {"": ["dam", "tailings"], "softening": ["dam", "tailings"], "rate": ["dam", "tailings"],
-         "pool": ["dam"], "lens": ["tailings"]}  # fmt: skip
+SECTIONS, SURVEYS = ["dam", "tailings"], ["profile", "markers"]
+REACH = {
+    **{(name, section, survey): 500.0 for name in ("softening", "lens") for section in SECTIONS
+       for survey in SURVEYS},
+    **{("rate", section, survey): 12.0 for section in SECTIONS for survey in SURVEYS},
+    **{("pool", "dam", survey): 500.0 for survey in SURVEYS},
+}  # fmt: skip
 
 
 def row(number, seed=3):
-    return plan(number, seed=seed, effects=EFFECTS, outside=["lens"], where=WHERE,
-                surveys=["profile", "markers"])  # fmt: skip
+    return plan(number, seed=seed, effects=EFFECTS, outside=["lens"], sections=SECTIONS,
+                surveys=SURVEYS, reach=REACH)  # fmt: skip
 
 
 def test_each_round_has_its_kinds():
@@ -30,29 +36,34 @@ def test_another_seed_is_another_row():
     assert row(24) != row(24, seed=4)
 
 
-def test_effects_hide_where_they_can_act():
+def test_effects_hide_where_they_can_be_seen():
     for case in row(240):
-        assert all(case.section in WHERE[name] for name in case.effects)
+        for name in case.effects:
+            assert REACH[name, case.section, case.survey] >= middle_of(case.bin)
         assert len(case.effects) == {"single": 1, "null": 0, "pair": 2, "outside": 1}[case.kind]
         assert len(set(case.effects)) == len(case.effects)
 
 
 def test_singles_are_balanced():
-    singles = [case for case in row(288) if case.kind == "single"]  # 120: 40 of each effect
-    assert Counter(case.effects[0] for case in singles) == dict.fromkeys(EFFECTS, 40)
-    for name in EFFECTS:
-        own = [case for case in singles if case.effects == (name,)]
-        assert set(Counter(case.bin for case in own).values()) == {10}
-    assert set(
-        Counter((c.section, c.survey) for c in singles if c.effects == ("rate",)).values()
-    ) == {10}
+    singles = [case for case in row(288) if case.kind == "single"]  # 120
+    assert set(Counter(case.bin for case in singles).values()) == {30}
+    used = Counter(case.effects[0] for case in singles)
+    assert used == {"rate": 30, "softening": 45, "pool": 45}  # the faint one has all low bins
+    assert {case.bin for case in singles if case.effects == ("rate",)} == {0}
+
+
+def test_nulls_are_everywhere():
+    nulls = [case for case in row(288) if case.kind == "null"]
+    assert set(Counter((case.section, case.survey) for case in nulls).values()) == {30}
 
 
 def test_pairs_are_not_hidden_where_they_cannot_be_seen():
-    assert {case.bin for case in row(240) if case.kind == "pair"} == {2, 3}
+    pairs = [case for case in row(240) if case.kind == "pair"]
+    assert {case.bin for case in pairs} == {2, 3}
+    assert {case.effects for case in pairs} == {("pool", "softening")}
 
 
-def test_names_say_nothing_of_the_kind():
+def test_the_order_of_kinds_says_nothing():
     cases = row(120)
     places = [Counter(case.kind for case in cases[k::12])["null"] for k in range(12)]
     assert max(places) < 10  # no place of a round is always a null
@@ -60,5 +71,6 @@ def test_names_say_nothing_of_the_kind():
 
 
 def test_nothing_to_hide_is_an_error():
-    with pytest.raises(ValueError, match="empty range|randrange|deck"):
-        plan(12, seed=0, effects=[], outside=["lens"], where=WHERE, surveys=["profile"])
+    with pytest.raises(ValueError, match="nothing to hide|no two effects"):
+        plan(12, seed=0, effects=[], outside=["lens"], sections=SECTIONS, surveys=SURVEYS,
+             reach=REACH)  # fmt: skip
