@@ -99,6 +99,21 @@ def simulate_each(
         yield from _simulate_group(members, settings, device, kernels, on_frame)
 
 
+def _compile(slots: Slots) -> None:
+    """Have the kernels compiled; where a user's effect cannot be, say so in one line."""
+    table = slots.kernels.table
+    users = [one for one in (table.effects if table else ()) if one.version]
+    try:
+        slots.compile()
+    except Exception as error:
+        if not users:
+            raise
+        names = ", ".join(repr(one.name) for one in users)
+        # The end of Taichi's message says what is wrong, the rest where in its own pieces.
+        words = " ".join(word for word in str(error).split() if set(word) - set("^~"))
+        raise InputError(f"effect {names}: does not compile: ... {words[-300:]}") from error
+
+
 def _simulate_group(
     scenes: Sequence[tuple[int, Scene]], settings: SimulationSettings, device: str, kernels: object,
     on_frame: OnFrame | None,
@@ -164,7 +179,7 @@ def _make_room(
     larger = kind(number, points + points // 8, nodes + nodes // 4, CHUNK,
                    device=device, kernels=kernels)  # fmt: skip
     if slots is None:
-        larger.compile()
+        _compile(larger)
     else:
         slots.fetch()
     for slot in flying:

@@ -10,13 +10,16 @@ the solver compiles them (`effects.hooks`). The hooks on the host are ordinary f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
 
+from pipeline.cli import InputError
+
+if TYPE_CHECKING:
     from geometry.scene import Scene
 
 
@@ -171,6 +174,19 @@ class Effect:
     """Hooks on points and nodes, and what each is given."""
     DEVICE_HOOKS = tuple(HOOK_ARGUMENTS)
 
+    @contextmanager
+    def blamed(self, hook: str) -> Iterator[None]:
+        """What goes wrong in a user's hook is an `InputError` that names the effect; one line."""
+        try:
+            yield
+        except Exception as error:
+            if isinstance(error, InputError) or not self.version:
+                raise
+            words = " ".join(str(error).split())
+            raise InputError(
+                f"effect {self.name!r}: {hook}: {type(error).__name__}: {words}"
+            ) from error
+
     @property
     def on_device(self) -> bool:
         """True where the kernels must know the effect."""
@@ -203,15 +219,36 @@ class Active:
         own = [self.amplitude * effect.amplitude.si]
         own += [self.parameters[p.name] * p.si for p in effect.parameters]
         if effect.constants is not None:
-            derived = effect.constants(scene, self.amplitude, self.parameters)
-            own += [float(derived[name]) for name in effect.constant_names]
+            with effect.blamed("constants"):
+                derived = effect.constants(scene, self.amplitude, self.parameters)
+                own += [float(derived[name]) for name in effect.constant_names]
+                if not all(map(math.isfinite, own)):
+                    raise ValueError("a constant is not a finite number")
         return own
+
+    def field_of(self, scene: Scene, position: np.ndarray) -> np.ndarray:
+        """Its fixed number for each point, (N,), at `position` (N, 2) [m]."""
+        with self.effect.blamed("field"):
+            values = np.asarray(
+                self.effect.field(scene, position, self.amplitude, self.parameters), dtype=float
+            )
+            if values.shape != (len(position),) or not np.isfinite(values).all():
+                raise ValueError(f"shape {values.shape}: {len(position)} finite numbers are needed")
+        return values
+
+    def acting_scene(self, scene: Scene) -> Scene:
+        """The scene that is simulated in place of `scene`."""
+        if self.effect.scene is None:
+            return scene
+        with self.effect.blamed("scene"):
+            return self.effect.scene(scene, self.amplitude, self.parameters)
 
     def until(self, scene: Scene) -> float:
         """Time before which a run may not be ended for resting [s]."""
         if self.effect.until is None:
             return 0.0
-        return self.effect.until(scene, self.amplitude, self.parameters)
+        with self.effect.blamed("until"):
+            return float(self.effect.until(scene, self.amplitude, self.parameters))
 
 
 def liquefied_zones(scene: Scene) -> list[str]:

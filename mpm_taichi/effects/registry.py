@@ -100,7 +100,8 @@ def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
             raise InputError(f"{source or scene.name}: {error}") from None
         active = _read(one, entry, f"{where}{name}: ")
         if active.amplitude != 0.0:
-            reason = one.applies(scene)
+            with one.blamed("applies"):
+                reason = one.applies(scene)
             if reason:
                 raise InputError(f"{where}{name}: can do nothing in this scene: {reason}")
             found[name] = active
@@ -149,8 +150,7 @@ def kernel_effects(scene: Scene) -> tuple[Effect, ...]:
 def acting_scene(scene: Scene, active: tuple[Active, ...]) -> Scene:
     """The scene that is simulated: as changed by the effects that act on it before the run."""
     for one in active:
-        if one.effect.scene is not None:
-            scene = one.effect.scene(scene, one.amplitude, one.parameters)
+        scene = one.acting_scene(scene)
     return scene
 
 

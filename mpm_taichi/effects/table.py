@@ -94,6 +94,5 @@ class EffectTable:
         for one in active:
             if one.effect.field is not None and one.effect.on_device:
                 column = self.field[self.effects.index(one.effect)]
-                values = one.effect.field(scene, position, one.amplitude, one.parameters)
-                facts[:, column] = values
+                facts[:, column] = one.field_of(scene, position)
         return facts

@@ -374,6 +374,33 @@ def test_files_that_are_not_there_or_no_python(users, tmp_path):
         load_effects_file(tmp_path / "mine.txt")
 
 
+HOSTS = {
+    "until": ("return 5.0 * parameters", "return 1 / 0 * parameters", "until: ZeroDivisionError: "),
+    "applies": ("applies=needs_liquefied_soil", "applies=lambda scene: scene.nothing",
+                "applies: AttributeError: "),
+    "constants": ("    until=until,", "    constant_names=('k',), constants=lambda s, a, p: {},",
+                  "constants: KeyError: "),
+    "field": ("    until=until,", "    field=lambda s, x, a, p: x,", "field: ValueError: shape ("),
+    "scene": ("    until=until,", "    scene=lambda s, a, p: s.changed(spacing=-1),",
+              "scene: ValidationError: "),
+    "compile": ("1.0 - ti.exp(", "1.0 - here.nothing * ti.exp(", "does not compile: "),
+    "return": ("    return soil\n", "    soil.cohesion += 0.0\n", "does not compile: "),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", HOSTS)
+def test_a_hook_that_fails_is_named_in_one_line(users, tmp_path, kind):
+    old, new, message = HOSTS[kind]
+    path = tmp_path / "mine.py"
+    assert old in EXAMPLE.read_text()
+    path.write_text(EXAMPLE.read_text().replace(old, new))
+    load_effects_file(path)
+    with pytest.raises(InputError) as error:
+        simulate([slump({"strength_regain": 1.0})], SHORT)
+    assert str(error.value).startswith(f"effect 'strength_regain': {message}")
+    assert "\n" not in str(error.value)
+
+
 def command(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "mpm_taichi", *map(str, arguments)],
