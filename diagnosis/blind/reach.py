@@ -19,9 +19,9 @@ from diagnosis.blind.surveys import SURVEYS
 from mpm_taichi.effects import effect as effect_of
 
 #: Strengths at which it is measured, as shares of the logarithm of the range of truths.
-LEVELS = (0.4,)
-#: Amplitudes between the middle rung of the ladder and the largest allowed.
-AMPLITUDES = 3
+LEVELS = (0.1, 0.6)
+#: Amplitudes from half the lowest rung of the ladder up to below the largest allowed.
+AMPLITUDES = 4
 
 
 def measure_reach(
@@ -53,7 +53,7 @@ def measure_reach(
 def _seen(sight: Sight, name: str, surveys: list[str]) -> dict[str, float]:
     """Largest lambda over the amplitudes, by survey; what stops the slide does not count."""
     scale = effect_of(name).amplitude
-    sizes = np.geomspace(scale.ladder[1], scale.high, AMPLITUDES)
+    sizes = np.geomspace(0.5 * scale.ladder[0], scale.high, AMPLITUDES + 1)[:-1]
     signs = (1.0, -1.0) if scale.two_signed else (1.0,)
     entries = [{name: float(max(sign * size, scale.low))} for sign in signs for size in sizes]
     largest = dict.fromkeys(surveys, 0.0)
