@@ -253,6 +253,20 @@ class DiagnosisSettings(Settings):
     refitted: int = Field(4, ge=1, description="candidates that are refitted in a round")
 
 
+class HiddenEffectsSettings(Settings):
+    """The blind benchmark of the diagnosis. What is hidden is in the document it names."""
+
+    benchmark: str = Field(
+        "hidden_effects", min_length=1, description="what is to be made: a file, or its folder"
+    )
+    shares: int = Field(20, ge=1, le=999, description="jobs among which the cases are divided")
+    variants: list[Literal["method", "no_model_error", "no_projection", "tangent_only"]] = Field(
+        ["method", "no_model_error", "no_projection", "tangent_only"],
+        min_length=1,
+        description="how every case is judged: the method, and without one of its parts",
+    )
+
+
 class PackSettings(Settings):
     """How trajectories are packed for the learned simulator."""
 
@@ -357,6 +371,9 @@ class Config(Settings):
     gns: GnsSettings = Field(default_factory=GnsSettings, description="the learned simulator")
     diagnosis: DiagnosisSettings = Field(
         default_factory=DiagnosisSettings, description="how missing physics is sought"
+    )
+    hidden_effects: HiddenEffectsSettings = Field(
+        default_factory=HiddenEffectsSettings, description="the blind benchmark of the diagnosis"
     )
 
     def scale(self, name: str) -> ScaleSettings:

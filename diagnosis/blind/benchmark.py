@@ -75,14 +75,23 @@ class Benchmark:
         )
 
 
-def load_benchmark(folder: str | Path) -> Benchmark:
-    """Read a benchmark's folder; effects outside the library are loaded from its file.
+def benchmark_file(text: str | Path) -> Path:
+    """The document of a benchmark that is named by it or by its folder."""
+    path = Path(text)
+    return path / FILE_NAME if path.is_dir() else path
+
+
+def load_benchmark(text: str | Path) -> Benchmark:
+    """Read a benchmark; effects outside the library are loaded from the file that it names.
+
+    Args:
+        text: the document, or its folder.
 
     Raises:
         InputError: a file that is missing or does not hold together; one line.
     """
-    folder = Path(folder)
-    path = folder / FILE_NAME
+    path = benchmark_file(text)
+    folder = path.parent
     document = read_yaml(path)
     if not isinstance(document, Mapping):
         raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")

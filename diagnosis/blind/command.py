@@ -1,15 +1,20 @@
-"""`python -m diagnosis blind make|run|score`: the benchmark of hidden effects."""
+"""`python -m diagnosis blind plan|make|run|score`: the benchmark of hidden effects."""
 
 from __future__ import annotations
 
 import argparse
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from diagnosis.blind.run import METHOD, VARIANTS, Part
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
 from pipeline.progress import Progress
+
+if TYPE_CHECKING:
+    from diagnosis.blind.benchmark import Benchmark
+    from diagnosis.blind.laboratory import Laboratory
 
 FOLDER = "hidden_effects"
 RECORD = "results.json"
@@ -25,17 +30,18 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "step",
-        choices=("make", "run", "score"),
-        help="make: simulate and seal the cases; run: diagnose them; score: open the seals",
+        choices=("plan", "make", "run", "score"),
+        help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
+        "run: diagnose them; score: open the seals",
     )
     parser.add_argument(
         "--benchmark",
-        metavar="DIR",
+        metavar="FILE",
         default=FOLDER,
-        help=f"folder of the benchmark; default: {FOLDER}",
+        help=f"what is to be made, or its folder; default: {FOLDER}",
     )
     parser.add_argument(
-        "--out", metavar="DIR", help="folder of its files; default: results/<benchmark>"
+        "--out", metavar="DIR", help=f"folder of its files; default: results/{FOLDER}"
     )
     parser.add_argument(
         "--part",
@@ -67,7 +73,8 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
 def run(arguments: argparse.Namespace) -> int:
     """Make, run or score."""
     config = load_config(arguments.config, arguments.overrides)
-    step = {"make": _make, "run": _run, "score": _score}[arguments.step]
+    steps = {"plan": _plan, "make": _make, "run": _run, "score": _score}
+    step = steps[arguments.step]
     return step(arguments, config)
 
 
@@ -97,19 +104,39 @@ def variants_of(text: str) -> list[str]:
 
 
 def _out(arguments: argparse.Namespace, config: Config) -> Path:
-    if arguments.out is not None:
-        return Path(arguments.out)
-    return Path(config.results_folder) / Path(arguments.benchmark).resolve().name
+    return Path(config.results_folder) / FOLDER if arguments.out is None else Path(arguments.out)
 
 
-def _make(arguments: argparse.Namespace, config: Config) -> int:
-    from diagnosis.blind.benchmark import Places, load_benchmark
+def _workshop(arguments: argparse.Namespace, config: Config) -> tuple[Benchmark, Laboratory]:
+    from diagnosis.blind.benchmark import load_benchmark
     from diagnosis.blind.laboratory import Laboratory
-    from diagnosis.blind.make import make
 
     benchmark = load_benchmark(arguments.benchmark)
     settings = config.simulation.model_copy(update={"duration_s": benchmark.plan.duration_s})
-    laboratory = Laboratory(settings, threads=arguments.threads)
+    return benchmark, Laboratory(settings, threads=arguments.threads)
+
+
+def _plan(arguments: argparse.Namespace, config: Config) -> int:
+    from diagnosis.blind.benchmark import Places
+    from diagnosis.blind.make import reach_of
+
+    benchmark, laboratory = _workshop(arguments, config)
+    total = len(benchmark.sections) * len((*benchmark.library, *benchmark.outside))
+    with Progress(total, "looking at effects", quiet=arguments.quiet) as progress:
+        reach_of(
+            benchmark,
+            Places(_out(arguments, config)),
+            laboratory,
+            lambda done, _, words: progress.advance(1, words),
+        )
+    return 0
+
+
+def _make(arguments: argparse.Namespace, config: Config) -> int:
+    from diagnosis.blind.benchmark import Places
+    from diagnosis.blind.make import make
+
+    benchmark, laboratory = _workshop(arguments, config)
     part = part_of(arguments.part)
     total = len(range(part.k, benchmark.plan.cases, part.n))
     with Progress(total, "making hidden effects", quiet=arguments.quiet) as progress:

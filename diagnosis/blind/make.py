@@ -28,13 +28,17 @@ OnCase = Callable[[int, int, str], None]
 """Called with (cases done, cases in all, what was made)."""
 
 
+def _told_nobody(done: int, total: int, words: str) -> None:
+    """Tell nobody."""
+
+
 def make(
     benchmark: Benchmark,
     places: Places,
     laboratory: Laboratory,
     *,
     part: tuple[int, int] = (0, 1),
-    on_case: OnCase = lambda done, total, words: None,
+    on_case: OnCase = _told_nobody,
 ) -> None:
     """Make the cases of a benchmark that are not there yet; seal them when all are.
 
@@ -58,7 +62,7 @@ def make(
 
 
 def reach_of(
-    benchmark: Benchmark, places: Places, laboratory: Laboratory, on_case: OnCase
+    benchmark: Benchmark, places: Places, laboratory: Laboratory, on_case: OnCase = _told_nobody
 ) -> Reach:
     """How well each effect can be seen, measured once."""
     if not places.reach.is_file():
@@ -109,12 +113,14 @@ def _make_one(maker: Maker, planned: Planned, section: Section, places: Places) 
             "section": planned.section, "survey": planned.survey, "skipped": True,
         })  # fmt: skip
         return "skipped: what was to be hidden cannot be seen, or sees no end"
-    write_case(section, planned, made, places)
+    write_case(section, planned, made, places, maker.laboratory.settings.duration_s)
     write_json(places.truth(planned.name), made.truth)
     return "made"
 
 
-def write_case(section: Section, planned: Planned, made: Made, places: Places) -> None:
+def write_case(
+    section: Section, planned: Planned, made: Made, places: Places, duration_s: float
+) -> None:
     """Write what a diagnosis sees: section, survey and question, with first guesses put in."""
     folder = places.case(planned.name)
     guesses = [
@@ -133,6 +139,7 @@ def write_case(section: Section, planned: Planned, made: Made, places: Places) -
         "sets": {planned.survey: made.entries},
     })  # fmt: skip
     question = section.question.model_dump(mode="json", exclude_defaults=True)
+    question["duration_s"] = duration_s
     _write_yaml(places, planned, "inversion.yaml", question)
     _write_yaml(places, planned, "diagnosis.yaml", {"synthetic": True})
 
