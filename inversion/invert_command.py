@@ -12,6 +12,7 @@ from inversion.files import save_all
 from inversion.load import case_folder, load_case
 from inversion.run_store import RunStore
 from inversion.summary import summary
+from mpm_taichi.effects import add_effects_option, load_given_effects
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
 
@@ -50,11 +51,13 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     )
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+    add_effects_option(parser)
     return add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Find the answer, write it, print it."""
+    load_given_effects(arguments)
     config = _config(arguments)
     _check_numbers(arguments)
     case = load_case(

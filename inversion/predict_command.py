@@ -14,6 +14,7 @@ from inversion.predict import envelope, predict
 from inversion.prediction_case import PredictionCase, load_prediction_case
 from inversion.prediction_document import document_of, summary
 from inversion.run_store import RunStore
+from mpm_taichi.effects import add_effects_option, load_given_effects
 from pipeline.cli import InputError, add_common
 from pipeline.config import load_config
 from pipeline.files import write_json
@@ -48,11 +49,13 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     parser.add_argument("--out", metavar="DIR", help="default: results/<case>/prediction")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+    add_effects_option(parser)
     return add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Predict, write, print."""
+    load_given_effects(arguments)
     _check(arguments)
     config = load_config(arguments.config, arguments.overrides)
     read = [parse_strength(text, arguments.distribution) for text in arguments.strengths]
