@@ -11,7 +11,10 @@ from importlib import import_module
 
 from pipeline.cli import base_parser, main_exit
 
-COMMANDS = ("gns.pack_command",)
+COMMANDS = (
+    "gns.pack_command",
+    "gns.baselines_command",
+)
 """Modules of the commands, in the order of the help."""
 
 

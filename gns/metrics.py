@@ -44,7 +44,7 @@ class Score:
         position_error_m: root mean square over points and frames.
         final_position_error_m: the same in the last frame.
         side: on which the simulation travelled the farther.
-        travel_m: how far its toe travelled there, `runout_error`.
+        travel_m: how far its toe travelled there, `farther_side`.
         runout_error_m: signed, rollout minus simulation; positive: too far.
         runout_error_spacings, runout_error_percent: of travel, if that is over LEAST_TRAVEL.
         profile_error_m: mean difference of the final surfaces over where either lies.
@@ -105,7 +105,8 @@ def score(
     if predicted.shape != simulated.shape:
         raise ValueError(f"a rollout of {predicted.shape} for a simulation of {simulated.shape}")
     finite = bool(np.all(np.isfinite(predicted)))
-    side, travel, error = runout_error(predicted[-1], simulated[-1], simulated[0], facts)
+    side, travel, reached = farther_side(simulated[-1], simulated[0], facts)
+    error = runout(predicted[-1], simulated[0], facts, side) - reached
     thickness, share = profile_error(predicted[-1], simulated[-1], facts)
     kinetic, released = energy_errors(predicted, simulated, facts)
     enough = travel > LEAST_TRAVEL * facts.spacing
@@ -213,29 +214,28 @@ def runout(positions: np.ndarray, start: np.ndarray, facts: SceneFacts, side: Si
     return float(outward * place - foot)
 
 
-def runout_error(
-    predicted: np.ndarray, simulated: np.ndarray, start: np.ndarray, facts: SceneFacts
+def farther_side(
+    simulated: np.ndarray, start: np.ndarray, facts: SceneFacts
 ) -> tuple[Side, float, float]:
-    """Side on which the simulation travelled the farther, its travel there, the rollout's error.
+    """Side on which a simulation travelled the farther, its travel and its runout there [m].
 
     Travel is the runout less what the toe reads at t = 0: the smoothed column of a steep face ends
     about two spacings beyond it, which nothing has travelled.
 
     Args:
-        predicted: final positions (N, 2) [m].
-        simulated: the simulation's.
+        simulated: final positions (N, 2) [m].
         start: positions at t = 0.
         facts: of the scene.
 
     Returns:
-        side, travel [m], error [m]; NaN where the simulation itself left no deposit.
+        side, travel, runout; NaN where the simulation left no deposit.
     """
     found = {side: runout(simulated, start, facts, side) for side in SIDES}
     if not all(map(math.isfinite, found.values())):
         return "right", math.nan, math.nan
     travel = {side: found[side] - _reading_at_rest(start, facts, side) for side in SIDES}
     side: Side = "left" if travel["left"] > travel["right"] else "right"
-    return side, travel[side], runout(predicted, start, facts, side) - found[side]
+    return side, travel[side], found[side]
 
 
 def _reading_at_rest(start: np.ndarray, facts: SceneFacts, side: Side) -> float:
@@ -326,7 +326,7 @@ COLUMNS: tuple[tuple[str, Callable[[Sequence[Score]], float]], ...] = (
     ("position, d", lambda scores: _median(s.position_error_m / s.spacing_m for s in scores)),
     ("runout, m", lambda scores: _median(abs(s.runout_error_m) for s in scores)),
     ("runout, d", lambda scores: _median(abs(s.runout_error_spacings) for s in scores)),
-    ("90 %, d", lambda scores: _quantile((abs(s.runout_error_spacings) for s in scores), 0.9)),
+    ("90 %, d", lambda scores: quantile((abs(s.runout_error_spacings) for s in scores), 0.9)),
     ("runout, % of travel", lambda scores: _median(abs(s.runout_error_percent) for s in scores)),
     ("profile, % of area", lambda scores: 100 * _median(s.profile_error_share for s in scores)),
     ("kinetic, % of peak", lambda scores: 100 * _median(s.kinetic_error for s in scores)),
@@ -373,10 +373,10 @@ def _root_mean_square(values: np.ndarray) -> float:
 
 
 def _median(values: Iterable[float]) -> float:
-    return _quantile(values, 0.5)
+    return quantile(values, 0.5)
 
 
-def _quantile(values: Iterable[float], share: float) -> float:
+def quantile(values: Iterable[float], share: float) -> float:
     """Of those that mean something (not NaN); infinite ones count. NaN where none does."""
     known = sorted(value for value in values if not math.isnan(value))
     if not known:
