@@ -69,14 +69,18 @@ class MessagePassing(nn.Module):
         self.edge = Perceptron(3 * width, width, width)
         self.point = Perceptron(2 * width, width, width)
 
+    def share_weights(self) -> tuple[Tensor, Tensor]:
+        """Matrix (2 C, C), bias (2 C,) of what a point brings to messages: as sender, receiver."""
+        width, first = self.width, self.edge.first
+        matrix = torch.cat([first.weight[:, width : 2 * width], first.weight[:, 2 * width :]])
+        return matrix, torch.cat([torch.zeros_like(first.bias), first.bias])
+
     def forward(
         self, points: Tensor, edges: Tensor, graph: Graph, *, fading: Tensor | None, last: bool
     ) -> tuple[Tensor, Tensor | None]:
         """Latents of points (N, C) and edges (E, C) after the step; edges: None after the last."""
-        width, first = self.width, self.edge.first
-        # Shares of the points in the first layer of a message: [sender | receiver + bias].
-        matrix = torch.cat([first.weight[:, width : 2 * width], first.weight[:, 2 * width :]])
-        bias = torch.cat([torch.zeros_like(first.bias), first.bias])
+        width = self.width
+        matrix, bias = self.share_weights()
         shares = functional.linear(points, matrix, bias).reshape(len(points), 2, width)
         edges, sums = edge_update(
             edges, shares, self.edge.edge_weights(width), graph, fading=fading, last=last
