@@ -1,4 +1,4 @@
-"""The machinery of effects: off is off, what is refused, users' files, both schedules, the words.
+"""The machinery of effects: off is off, what is refused, both schedules, the words.
 
 After a change of an effect's words or numbers, the table of docs/effects.md is written anew by
 
@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from geometry.scene import load_scene, save_scene, scene_from_mapping
+from geometry.scene import load_scene, save_scene
 from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_batch, run_key
 from mpm_taichi.effects import (
@@ -22,52 +22,16 @@ from mpm_taichi.effects import (
     effects,
     effects_on,
     effects_table,
-    load_effects_file,
-    registry,
 )
 from mpm_taichi.effects.registry import LIBRARY, faults, kernel_effects, library
-from mpm_taichi.initial_state import prepare
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
+from tests.mpm_taichi.effects_slump import SHORT, slump
 
 ROOT = Path(__file__).resolve().parents[2]
-EXAMPLE = ROOT / "docs" / "examples" / "my_effect.py"
 TABLE = re.compile(r"(<!-- table: .*? -->\n).*?(<!-- end of table -->)", re.DOTALL)
-SHORT = SimulationSettings(duration_s=2.0, early_stop=False)
-
-
-def slump(effects=None, **changes):
-    """Liquefied soil (S_r 5 kPa) under sand, 20 m x 8 m, in a pool on the left; 160 points."""
-    document = {
-        "name": "slump",
-        "domain": {"x_min": 0, "x_max": 60, "y_max": 20, "walls": "closed"},
-        "ground": {"points": [[0, 0], [60, 0]]},
-        "zones": [
-            {"name": "a", "material": "silt", "polygon": [[20, 0], [40, 0], [40, 6], [20, 6]]},
-            {"name": "b", "material": "sand", "polygon": [[20, 6], [40, 6], [40, 8], [20, 8]]},
-        ],
-        "materials": {
-            "silt": {"friction_deg": 0, "cohesion_kpa": 5, "liquefied": True},
-            "sand": {"friction_deg": 30, "cohesion_kpa": 5},
-        },
-        "water_level": 7.0,
-        "phreatic_line": [[0, 7], [30, 7], [40, 2], [60, 2]],
-        "spacing": 1.0,
-        "effects": effects or {},
-    }
-    return scene_from_mapping({**document, **changes})
-
-
-@pytest.fixture
-def users():
-    """No user effects before, and none left behind."""
-    registry._users.clear()
-    yield registry._users
-    registry._users.clear()
-
-
 ON = {"strain_softening": 1.0, "shaking": 0.2, "weak_base": 0.3}
 
 
@@ -291,139 +255,6 @@ def test_effects_survive_the_file_of_a_scene(tmp_path):
     for name in ("scene.yaml", "scene.json"):
         save_scene(scene, tmp_path / name)
         assert load_scene(tmp_path / name) == scene
-
-
-# --- users' files ---
-
-
-def test_the_example_of_the_document_runs_and_is_its_law(users):
-    (regain,) = load_effects_file(EXAMPLE)
-    assert list(effects())[-1] == "strength_regain" == regain.name
-    entry = {"amplitude": 2.0, "time_s": 0.5}
-    settings = SHORT.model_copy(update={"duration_s": 4.0})
-    base, held = simulate([slump(), slump({"strength_regain": entry})], settings)
-    assert held.status == "finished"
-    travel = [np.ptp(run.positions[-1, :, 0]) - 20.0 for run in (base, held)]
-    assert 0.0 < travel[1] < 0.7 * travel[0]
-    rest = slump({"strength_regain": {"amplitude": 5.0, "time_s": 2.0}},
-                 materials={"silt": {"friction_deg": 0, "cohesion_kpa": 200, "liquefied": True},
-                            "sand": {"friction_deg": 30, "cohesion_kpa": 200}})  # fmt: skip
-    (run,) = simulate([rest], SimulationSettings(duration_s=20.0))
-    assert run.time[-1] > 10.0, "five times T, though it rests from the start"
-    assert prepare(rest, SHORT).busy_until == 10.0
-
-
-def test_a_user_effect_changes_no_bits_of_others(users):
-    before = simulate([slump(ON)], SHORT)[0]
-    load_effects_file(EXAMPLE)
-    after, with_it = simulate([slump(ON), slump({**ON, "strength_regain": 1.0})], SHORT)
-    assert np.array_equal(before.positions, after.positions)
-    assert not np.array_equal(before.positions, with_it.positions)
-
-
-def test_the_key_holds_the_content_of_the_file(users, tmp_path):
-    scene = slump({"strength_regain": 1.0})
-    load_effects_file(EXAMPLE)
-    key, base = run_key(scene, SHORT, "cpu"), run_key(slump(), SHORT, "cpu")
-    changed = tmp_path / "mine.py"
-    changed.write_text(EXAMPLE.read_text().replace("1.0 - ti.exp", "1.01 - ti.exp"))
-    load_effects_file(changed)
-    assert run_key(scene, SHORT, "cpu") != key
-    assert run_key(slump(), SHORT, "cpu") == base
-    load_effects_file(EXAMPLE)
-    assert run_key(scene, SHORT, "cpu") == key
-
-
-BROKEN = {
-    "nothing": ("x = 1\n", "defines no Effect; see docs/your-own-effect.md"),
-    "syntax": ("def (:\n", "does not load: SyntaxError"),
-    "import": ("import nothing_of_that_name\n", "does not load: ModuleNotFoundError"),
-    "taken": (
-        ('name="strength_regain"', 'name="shaking"'),
-        "'shaking': the library has an effect of this name",
-    ),
-    "name": (('name="strength_regain"', 'name="Strength regain"'), "a name is lower-case letters"),
-    "ladder": (("(0.25, 0.5, 1.0)", "(0.5, 0.25, 1.0)"), "ladder (0.5, 0.25, 1.0): three positive"),
-    "sign": (("low=0.0", "low=-1.0"), "low -1: 0, or below it exactly where two_signed"),
-    "default": (("10.0, 0.1", "10.0, 20.0"), "parameter time_s: default must lie between"),
-    "arguments": (("strength(effect, soil, here)", "strength(effect, here)"), "hook strength: its"),
-    "hooks": (("    strength=strength,\n", ""), "it has no hook that acts"),
-    "words": (('looks_like="', 'looks_like="" and "'), "must say something"),
-}
-
-
-@pytest.mark.parametrize("kind", BROKEN)
-def test_a_file_that_is_wrong_is_refused_in_one_line(users, tmp_path, kind):
-    change, message = BROKEN[kind]
-    path = tmp_path / "mine.py"
-    text = EXAMPLE.read_text()
-    path.write_text(change if isinstance(change, str) else text.replace(*change, 1))
-    with pytest.raises(InputError) as error:
-        load_effects_file(path)
-    assert message in str(error.value)
-    assert str(error.value).startswith(f"{path}: ")
-    assert "\n" not in str(error.value)
-    assert not users
-
-
-def test_files_that_are_not_there_or_no_python(users, tmp_path):
-    with pytest.raises(InputError, match="no_such.py: No such file"):
-        load_effects_file(tmp_path / "no_such.py")
-    (tmp_path / "mine.txt").write_text("x = 1\n")
-    with pytest.raises(InputError, match="is no Python file"):
-        load_effects_file(tmp_path / "mine.txt")
-
-
-HOSTS = {
-    "until": ("return 5.0 * parameters", "return 1 / 0 * parameters", "until: ZeroDivisionError: "),
-    "applies": ("applies=needs_liquefied_soil", "applies=lambda scene: scene.nothing",
-                "applies: AttributeError: "),
-    "constants": ("    until=until,", "    constant_names=('k',), constants=lambda s, a, p: {},",
-                  "constants: KeyError: "),
-    "field": ("    until=until,", "    field=lambda s, x, a, p: x,", "field: ValueError: shape ("),
-    "scene": ("    until=until,", "    scene=lambda s, a, p: s.changed(spacing=-1),",
-              "scene: ValidationError: "),
-    "compile": ("1.0 - ti.exp(", "1.0 - here.nothing * ti.exp(", "does not compile: "),
-    "return": ("    return soil\n", "    soil.cohesion += 0.0\n", "does not compile: "),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", HOSTS)
-def test_a_hook_that_fails_is_named_in_one_line(users, tmp_path, kind):
-    old, new, message = HOSTS[kind]
-    path = tmp_path / "mine.py"
-    assert old in EXAMPLE.read_text()
-    path.write_text(EXAMPLE.read_text().replace(old, new))
-    load_effects_file(path)
-    with pytest.raises(InputError) as error:
-        simulate([slump({"strength_regain": 1.0})], SHORT)
-    assert str(error.value).startswith(f"effect 'strength_regain': {message}")
-    assert "\n" not in str(error.value)
-
-
-def command(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "mpm_taichi", *map(str, arguments)],
-        cwd=ROOT, capture_output=True, text=True,
-    )  # fmt: skip
-
-
-def test_the_option_of_the_command_line(tmp_path):
-    save_scene(slump({"strength_regain": 1.0}), tmp_path / "scene.yaml")
-    run = ["run", tmp_path / "scene.yaml", "--out", tmp_path, "--threads", "1", "--quiet"]
-    run += ["--set", "simulation.duration_s=0.5"]
-    without = command(*run)
-    assert without.returncode == 2
-    assert "effect 'strength_regain' is unknown" in without.stderr
-    assert len(without.stderr.strip().splitlines()) == 1
-    done = command(*run, "--effects", EXAMPLE)
-    assert done.returncode == 0, done.stderr
-    assert "1 runs, 0 failed" in done.stdout
-    listed = command("effects", "--effects", EXAMPLE, "strength_regain")
-    assert listed.stdout.startswith("strength_regain: the liquefied soil regains strength")
-    assert "time_s = 10 s (0.1 to 1000)" in listed.stdout
-    wrong = command("effects", "rain")
-    assert (wrong.returncode, len(wrong.stderr.strip().splitlines())) == (2, 1)
 
 
 def test_library_names_are_modules_and_in_one_table():

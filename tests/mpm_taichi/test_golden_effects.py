@@ -16,7 +16,7 @@ import mpm_taichi
 from mpm_taichi.effects import PHYSICS_VERSION, effects
 from mpm_taichi.simulate import simulate
 from pipeline.config import SimulationSettings
-from tests.mpm_taichi.test_effects import slump
+from tests.mpm_taichi.effects_slump import slump
 from tests.mpm_taichi.test_golden import processor
 
 RECORD = Path(__file__).with_name("golden_effects.json")
