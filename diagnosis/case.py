@@ -33,6 +33,9 @@ from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
 from pipeline.config import Config
 
+#: Forward runs at the fits themselves, for the pictures.
+FOR_PICTURES = 2
+
 
 @dataclass(frozen=True)
 class DiagnosisCase:
@@ -116,7 +119,7 @@ class DiagnosisCase:
                 for name, prior in question.priors.items()
                 if name in acting
             },
-            allowance=settings.max_runs,
+            allowance=settings.max_runs - FOR_PICTURES,
             replicates=question.replicates or settings.replicates,
             transfer=question.transfer,
             resolution_factor=(

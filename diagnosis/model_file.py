@@ -146,6 +146,22 @@ def model_files(folder: str | Path) -> dict[str, Path]:
     return {path.stem: path for path in found if _NAME.fullmatch(path.stem)}
 
 
+def find_model(folder: str | Path, text: str) -> tuple[str, Path]:
+    """A model given by its file or by its name in the folder of a diagnosis: name and file.
+
+    Raises:
+        InputError: there is none.
+    """
+    path = Path(text)
+    if path.is_file():
+        return path.stem, path
+    known = model_files(folder)
+    if text in known:
+        return text, known[text]
+    there = f"there are {', '.join(known)}" if known else "there are none yet: begin with compare"
+    raise InputError(f"--model {text}: no such file, and no model of {folder}; {there}")
+
+
 def new_name(folder: str | Path, what: str) -> str:
     """Name of the next model: the number after the last, and what it is."""
     last = max((int(name[:2]) for name in model_files(folder)), default=0)

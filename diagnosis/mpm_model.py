@@ -184,7 +184,9 @@ class MPMModel:
 
     def points(self, state: State) -> KeptRun:
         """The kept run of a state, for pictures."""
-        setup = self.setup_of(self.run_behind(state))
+        run = self.run_behind(state)
+        self._asked.add(run)
+        setup = self.setup_of(run)
         return self.store.fetch([(setup.scene, setup.settings)], [setup.reader])[0]
 
     def _entries(self, acting: Mapping[str, float]) -> dict[str, float | dict[str, float]]:

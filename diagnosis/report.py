@@ -319,7 +319,8 @@ def _next(data: ReportData) -> Section:
 
 def _made(data: ReportData) -> Section:
     runs = data.document.runs
-    told = f"{runs.asked} forward runs, {runs.computed} of them simulated now."
+    now = "" if runs.computed is None else f", {runs.computed} of them simulated now"
+    told = f"{runs.asked} forward runs{now}."
     numbers = tables.made_tables(data)
     return Section(
         "How this was made", [Paragraph(told), *_folded("Runs, seeds, hashes, settings", numbers)]

@@ -257,14 +257,15 @@ def next_table(data: ReportData) -> list[Table]:
 def made_tables(data: ReportData) -> list[Table]:
     """Runs, time, hashes; settings, seeds and machine as the manifest has them."""
     runs = data.document.runs
+    now = "" if runs.computed is None else f", {runs.computed} of them simulated now"
     rows: list[list[str]] = [
-        ["forward runs", f"{runs.asked} asked for, {runs.computed} of them simulated now; "
-         f"{runs.allowed} allowed"]
-    ]  # fmt: skip
+        ["forward runs", f"{runs.asked} asked for{now}; {runs.allowed} allowed"]
+    ]
     if runs.cut_short:
         rows.append(["left out for want of runs", ", ".join(runs.cut_short)])
     if data.verdict is not None:
-        rows.append(["wall time", f"{data.verdict.seconds:.0f} s"])
+        if data.verdict.seconds is not None:
+            rows.append(["wall time", f"{data.verdict.seconds:.0f} s"])
         rows += [[f"hash of {spoken(name)}", value] for name, value in data.verdict.hashes.items()]
         rows += _flat(data.verdict.manifest)
     return [Table(["", ""], rows)]

@@ -1,8 +1,9 @@
 """The verdict as a document: `verdict.json`, with its JSON schema, and the shorter ones before it.
 
 Lengths in m, strengths in kPa, angles in degrees; amplitudes in the unit that is named. What
-depends on the clock or the machine stands in `seconds`, `hashes` and `manifest`; all else is the
-same when a diagnosis is repeated, or continued after it was killed.
+depends on the clock, the machine or what was kept before (`seconds`, `runs.computed`) is null in a
+file and stands in `timing.json`: a file is the same when a diagnosis is repeated, or continued
+after it was killed.
 """
 
 from __future__ import annotations
@@ -248,7 +249,10 @@ class Runs(Part):
     """Forward runs."""
 
     asked: int = Field(description="all that the diagnosis needed, kept ones included")
-    computed: int = Field(description="of these, simulated now")
+    computed: int | None = Field(
+        description="of these, simulated now; null in a file, which is the same however often its "
+        "making was interrupted: timing.json has it"
+    )
     allowed: int = Field(description="the allowance")
     cut_short: list[str] = Field(description="what was left out because the allowance ran out")
 
@@ -313,7 +317,7 @@ class Verdict(Part):
     unknown_curve: UnknownCurve | None = Field(description="only where nothing in the list passes")
     next_measurement: list[NextMeasurement] = Field(description="best first")
     runs: Runs = Field(description="forward runs")
-    seconds: float = Field(description="wall time")
+    seconds: float | None = Field(description="wall time; null in a file: timing.json has it")
     hashes: dict[str, str] = Field(description="of what went in")
     manifest: dict[str, Any] = Field(description="settings, versions, seeds, machine, time")
 

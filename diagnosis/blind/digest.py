@@ -80,7 +80,7 @@ def digest_of(verdict: Verdict) -> Digest:
         ),
         runs=verdict.runs.asked,
         cut_short=verdict.runs.cut_short,
-        seconds=round(verdict.seconds, 2),
+        seconds=round(verdict.seconds or 0.0, 2),
     )
 
 

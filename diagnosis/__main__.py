@@ -1,0 +1,42 @@
+"""Commands of the diagnosis: `python -m diagnosis compare|explain|extend|run|track|suggest|blind`.
+
+Each command is a module with `add_parser(subparsers)` and `run(arguments)`; `COMMANDS` lists them.
+They are imported one by one and only when the command line is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+
+from pipeline.cli import base_parser, main_exit
+
+COMMANDS = (
+    # "diagnosis.run_command",
+    "diagnosis.compare_command",
+    "diagnosis.explain_command",
+    #     "diagnosis.extend_command",
+    #     "diagnosis.track_command",
+    #     "diagnosis.suggest_command",
+    "diagnosis.blind.command",
+    #     "diagnosis.schema_command",
+)
+"""Modules of the commands, in the order of the help."""
+
+
+def main(argv: Sequence[str] | None = None) -> int | None:
+    """Run one of the commands; the exit code is None or 0 for success."""
+    parser = base_parser(
+        "python -m diagnosis",
+        "Find where a model disagrees with the measurements, and which physical effect it lacks.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name in COMMANDS:
+        module = import_module(name)
+        module.add_parser(commands).set_defaults(handler=module.run)
+    arguments = parser.parse_args(argv)
+    return arguments.handler(arguments)
+
+
+if __name__ == "__main__":
+    main_exit(main)

@@ -1,0 +1,80 @@
+"""`python -m diagnosis compare CASE`: is the model adequate, and where does it fail?"""
+
+from __future__ import annotations
+
+import argparse
+
+from diagnosis import tables
+from diagnosis.compare import Comparison, compare
+from diagnosis.documents import compare_document
+from diagnosis.kept_steps import judge, keep, step_of
+from diagnosis.model_file import ModelFile, model_files
+from diagnosis.session import Session, add_arguments, open_session
+from diagnosis.verdict import COMPARE_FILE, CompareDocument, save_document
+
+
+def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
+    """Add the command."""
+    parser = commands.add_parser(
+        "compare",
+        help="fit the base model: is it adequate, where does it fail?",
+        description="Calibrate the base model of CASE, measure its own numerical error, and test "
+        "whether it explains the measurements. Started again after a kill, it goes on where it "
+        "stopped.",
+    )
+    return add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, write, print."""
+    session = open_session(arguments)
+    document = compared(session)
+    print(document.sentence)
+    print()
+    print(tables.parameters(document.parameters, [("fitted", document.base)]))
+    print()
+    print(tables.groups(document.base))
+    print()
+    print(tables.measurements(document.measurements))
+    print()
+    print(session.runs_line())
+    session.write_timing("compare")
+    if session.write_page:
+        from diagnosis.report import write_compare  # matplotlib takes its time
+
+        session.say(f"wrote {write_compare(session.folder)}")
+    return 0
+
+
+def compared(session: Session) -> CompareDocument:
+    """Compare the model of a session with the measurements, and write what was found."""
+    found = compare(session.model, session.options)
+    document = compare_document(
+        session.model, found, session.options, case=session.case.name, title=session.case.title
+    )
+    document = session.timeless(document)
+    save_document(document, session.folder / COMPARE_FILE)
+    state = found.base.fit.space.state(found.base.fit.x)
+    session.write_sections(state, state)
+    keep_comparison(session, found)
+    return document
+
+
+def keep_comparison(session: Session, found: Comparison) -> None:
+    """Keep the error of the model, under the covariance of the base model."""
+    root, model, note = found, ModelFile(by="compare"), "base model"
+    effects: dict[str, float] = {}
+    if not session.is_base:
+        root = compare(session.root.model, session.root.options)
+        model, note = None, session.model_file.notes.strip() or "by hand"
+        effects = {name: effect.amplitude for name, effect in session.model_file.effects.items()}
+    step = step_of(
+        session.model_name,
+        list(dict.fromkeys([*model_files(session.folder), session.model_name])).index(
+            session.model_name
+        ),
+        judge(root.base.data, found.base.fit),
+        note=note,
+        effects=effects,
+    )
+    keep(session.folder, session.model_name, model, step, session.made_from)

@@ -1,0 +1,265 @@
+"""What the commands of a diagnosis share: options, the case, its model, its folder, its clock.
+
+In: the arguments of a command. Out: a `Session`. Runs are kept by content in `runs/` of the folder,
+so a command goes on where another ended, or where it was killed itself. What hangs on the clock or
+the machine goes into `timing.json`; every other file has the same bytes whenever it is made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import diagnosis
+import geometry
+import inversion
+import mpm_taichi
+from diagnosis.batch_lines import BatchLines
+from diagnosis.case import DiagnosisCase, load_diagnosis
+from diagnosis.model import State
+from diagnosis.model_file import BASE, ModelFile, find_model, load_model_file
+from diagnosis.mpm_model import MPMModel
+from diagnosis.options import Options
+from diagnosis.report_sections import save_sections
+from diagnosis.verdict import CompareDocument, ExplainDocument, Verdict
+from geometry.measured_numbers import ToeRunout
+from geometry.scene import scene_hash
+from inversion.load import case_folder
+from inversion.run_store import RunStore
+from mpm_taichi.effects import load_effects_file
+from pipeline.cli import InputError, add_common
+from pipeline.config import Config, load_config
+from pipeline.files import content_hash, write_json
+from pipeline.manifest import code_version, machine, package_versions
+
+TIMING = "timing.json"
+
+Document = TypeVar("Document", CompareDocument, ExplainDocument, Verdict)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Options that every command of a case has."""
+    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder of the results; default: results/<case>/diagnosis"
+    )
+    parser.add_argument("--spacing", type=float, metavar="M", help="of material points, m")
+    parser.add_argument(
+        "--model",
+        metavar="FILE",
+        help="a model to go on from, a file or its name in models/; default: the base model",
+    )
+    parser.add_argument(
+        "--effects", metavar="FILE", help="Python file with effects of your own; it is run"
+    )
+    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+    parser.add_argument(
+        "--page", choices=("yes", "no"), default="yes", help="write the page; default: yes"
+    )
+    return add_common(parser)
+
+
+@dataclass
+class Session:
+    """One command on one case.
+
+    Attributes:
+        case: what is asked.
+        config: settings in force.
+        folder: of the results.
+        store: of the runs.
+        model_name: of the model that stands in place of the base model.
+        model_file: the same; None: the base model itself.
+        say: tells a line of progress.
+        write_page: a page is wanted.
+        spacing_m: as asked for on the command line.
+    """
+
+    case: DiagnosisCase
+    config: Config
+    folder: Path
+    store: RunStore
+    model_name: str
+    model_file: ModelFile | None
+    say: Callable[[str], None]
+    write_page: bool
+    spacing_m: float | None = None
+    began: float = field(default_factory=time.perf_counter)
+
+    @cached_property
+    def model(self) -> MPMModel:
+        """The model as the statistics see it."""
+        return self.case.model(self.store)
+
+    @cached_property
+    def options(self) -> Options:
+        """What the statistics are told."""
+        return self.case.options(self.model)
+
+    @property
+    def is_base(self) -> bool:
+        """No other model stands in place of the base model."""
+        return self.model_file is None
+
+    @cached_property
+    def root(self) -> Session:
+        """The same question asked of the base model."""
+        if self.is_base:
+            return self
+        case = load_diagnosis(self.case.folder, self.config, spacing_m=self.spacing_m)
+        return replace(self, case=case, model_name=BASE, model_file=None)
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since the command began [s]."""
+        return time.perf_counter() - self.began
+
+    @cached_property
+    def hashes(self) -> dict[str, str]:
+        """Of all that went in."""
+        found = {path.name: _file_hash(path) for path in self.case.files}
+        found["scene at this spacing"] = scene_hash(self.case.scene)[:16]
+        found["settings of the simulation"] = content_hash(self.case.setup.settings)
+        if self.model_file is not None:
+            found["model"] = content_hash(self.model_file)
+        return found
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """How it was made, as far as that is the same on every machine and at any time."""
+        failures = sorted(self.model.failures.items(), key=lambda pair: repr(pair[0]))
+        return {
+            **self.manifest_core,
+            "failed_runs": {describe(state): reason for state, reason in failures},
+        }
+
+    @cached_property
+    def manifest_core(self) -> dict[str, Any]:
+        """Settings, seeds, versions: known before the first run."""
+        return {
+            "settings": {
+                "diagnosis": self.config.diagnosis.model_dump(mode="json"),
+                "simulation": self.case.setup.settings.model_dump(mode="json"),
+                "synthetic": self.options.synthetic,
+                "spacing_m": self.case.scene.spacing,
+            },
+            "seeds": {"noise": self.options.seed},
+            "model": self.model_name,
+            "physics_versions": {
+                package.__name__: package.PHYSICS_VERSION
+                for package in (geometry, mpm_taichi, inversion, diagnosis)
+            },
+        }
+
+    @cached_property
+    def made_from(self) -> str:
+        """Hash of all that decides what is found."""
+        return content_hash(
+            {"hashes": self.hashes, "options": asdict(self.options), "manifest": self.manifest_core}
+        )
+
+    def timeless(self, document: Document) -> Document:
+        """A document without what hangs on the clock or on runs that were kept before."""
+        changes: dict[str, Any] = {"runs": document.runs.model_copy(update={"computed": None})}
+        if isinstance(document, Verdict):
+            changes |= {"seconds": None, "hashes": self.hashes, "manifest": self.manifest}
+        return document.model_copy(update=changes)
+
+    def write_timing(self, command: str) -> None:
+        """Put what depends on the clock and the machine into a file of its own."""
+        write_json(
+            self.folder / TIMING,
+            {
+                "command": command,
+                "made": datetime.now(UTC).isoformat(timespec="seconds"),
+                "seconds": round(self.seconds, 2),
+                "runs_asked": self.model.runs,
+                "runs_computed": self.model.computed,
+                "code_version": code_version(),
+                "packages": package_versions(),
+                "machine": machine(),
+            },
+        )
+
+    def write_sections(self, base: State, final: State) -> None:
+        """Write the points before and after the slide, for the pictures."""
+        before, after = self.model.points(base), self.model.points(final)
+        setup = self.case.setup
+        toes = {
+            entry.name: (float(setup.foot[entry.side]), -1.0 if entry.side == "left" else 1.0)
+            for entry in setup.targets.entries
+            if isinstance(entry, ToeRunout)
+        }
+        save_sections(
+            self.folder,
+            initial=before.initial,
+            base=before.final,
+            final=after.final,
+            spacing=setup.scene.spacing,
+            ground=setup.scene.ground.points,
+            toes=toes,
+        )
+
+    def runs_line(self) -> str:
+        """How many forward runs it took."""
+        return (
+            f"{self.model.runs} forward runs (at most {self.config.diagnosis.max_runs}), "
+            f"{self.model.computed} of them simulated now, {self.seconds:.0f} s"
+        )
+
+
+def _file_hash(path: Path) -> str:
+    """16 hexadecimal digits of the SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def describe(state: State) -> str:
+    """A state in a line."""
+    words = [f"{value:.4g}" for value in state.values]
+    words += [f"{name} {amplitude:.4g}" for name, amplitude in state.effects]
+    if state.seed:
+        words.append(f"jitter {state.seed}")
+    if state.numerics != "own":
+        words.append(state.numerics)
+    return ", ".join(words)
+
+
+def open_session(arguments: argparse.Namespace) -> Session:
+    """Read everything a command needs, before the first simulation.
+
+    Raises:
+        InputError: one line with file, field, value and what is allowed.
+    """
+    config = load_config(arguments.config, arguments.overrides)
+    if arguments.threads is not None and arguments.threads < 1:
+        raise InputError(f"--threads {arguments.threads}: at least 1")
+    if arguments.spacing is not None and not arguments.spacing > 0:
+        raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
+    if arguments.effects is not None:
+        load_effects_file(arguments.effects)
+    place = case_folder(arguments.case)
+    folder = Path(arguments.out or Path(config.results_folder) / place.resolve().name / "diagnosis")
+    name, path = BASE, None
+    if arguments.model is not None:
+        name, path = find_model(folder, arguments.model)
+    model = None if path is None else load_model_file(path)
+    case = load_diagnosis(place, config, spacing_m=arguments.spacing, model=model)
+
+    def say(line: str) -> None:
+        if not arguments.quiet:
+            print(line, file=sys.stderr, flush=True)
+
+    store = RunStore(
+        folder / "runs", threads=arguments.threads, on_run=BatchLines(quiet=arguments.quiet)
+    )
+    return Session(
+        case, config, folder, store, name, model, say, arguments.page == "yes", arguments.spacing
+    )

@@ -1,0 +1,103 @@
+"""Models as files: what a person may write, and what is refused in one line."""
+
+from __future__ import annotations
+
+import pytest
+
+from diagnosis.model_file import (
+    ModelEffect,
+    ModelFile,
+    find_model,
+    load_model_file,
+    model_files,
+    new_name,
+    save_model_file,
+)
+from geometry.scene import load_scene
+from pipeline.cli import InputError
+
+
+@pytest.fixture
+def scene(embankment):
+    return load_scene(embankment / "scene.yaml")
+
+
+def test_a_model_changes_the_section(tmp_path, scene):
+    path = tmp_path / "02_stiffer.yaml"
+    path.write_text(
+        "parent: 00_base\nnotes: the fill was compacted better\n"
+        "effects:\n  weak_base: 0.3\n"
+        "  strain_softening: {amplitude: 1, parameters: {reference_strain: 2}}\n"
+        "scene_changes:\n  materials: {compacted_fill: {cohesion_kpa: 9}}\n"
+        "  zones: {sand: {polygon: [[0, 0], [44, 0], [44, 4], [8, 4]]},\n"
+        "          fill: {polygon: [[8, 4], [44, 4], [44, 0], [64, 0], [34, 12], [24, 12]]}}\n"
+    )
+    model = load_model_file(path)
+    changed = model.scene(scene, str(path))
+    assert changed.materials["compacted_fill"].cohesion_kpa == 9.0
+    assert changed.materials["compacted_fill"].friction_deg == 34.0
+    assert changed.zones[0].polygon[2] == (44.0, 4.0) and changed.zones[0].material == "loose_sand"
+    assert changed.effects["weak_base"] == 0.3
+    assert changed.effects["strain_softening"] == {"amplitude": 1.0, "reference_strain": 2.0}
+    assert model.by == "engineer" and scene.effects == {}
+
+
+def test_a_model_is_written_as_it_is_read(tmp_path):
+    model = ModelFile(
+        parent="00_base",
+        by="extend",
+        notes="a test: with a colon",
+        effects={"weak_base": ModelEffect(amplitude=0.25, std=0.1, prior_mean=0.2, prior_std=0.1)},
+        scene_changes={"water_level": None},
+    )
+    path = tmp_path / "models" / "01_weak_base.yaml"
+    save_model_file(model, path)
+    assert load_model_file(path) == model
+    first = path.read_bytes()
+    save_model_file(model, path)
+    assert path.read_bytes() == first
+
+
+def test_models_are_numbered_in_their_order(tmp_path):
+    assert model_files(tmp_path) == {} and new_name(tmp_path, "base") == "01_base"
+    for name in ("00_base", "01_weak_base", "03_core"):
+        save_model_file(ModelFile(), tmp_path / "models" / f"{name}.yaml")
+    (tmp_path / "models" / "notes.yaml").write_text("a: 1\n")
+    assert list(model_files(tmp_path)) == ["00_base", "01_weak_base", "03_core"]
+    assert new_name(tmp_path, "Strain softening + rate") == "04_strain_softening_rate"
+    assert find_model(tmp_path, "03_core") == ("03_core", tmp_path / "models" / "03_core.yaml")
+    own = tmp_path / "elsewhere.yaml"
+    save_model_file(ModelFile(), own)
+    assert find_model(tmp_path, str(own)) == ("elsewhere", own)
+    with pytest.raises(InputError, match="--model 9: no such file.*there are 00_base, 01_weak"):
+        find_model(tmp_path, "9")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("- a\n", "must be a mapping of keys"),
+        ("effect: {weak_base: 1}\n", "effect: unknown key; the keys are listed in docs/diagnosis"),
+        ("by: chance\n", "by: Input should be 'engineer'"),
+        ("effects: {weak_base: {std: 1}}\n", "effects.weak_base.amplitude: Field required"),
+    ],
+)
+def test_what_is_refused(tmp_path, text, complaint):
+    path = tmp_path / "01_x.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=complaint) as caught:
+        load_model_file(path)
+    assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"zones": {"core": {"material": "x"}}}, "zones: 'core': keys of one of the zones sand, f"),
+        ({"materials": {"compacted_fill": {"colour": 1}}}, "compacted_fill.colour: unknown key"),
+        ({"spacing": -1}, "spacing: Input should be greater than 0"),
+    ],
+)
+def test_changes_that_do_not_fit_the_scene(scene, changes, complaint):
+    with pytest.raises(InputError, match=complaint):
+        ModelFile(scene_changes=changes).scene(scene, "02_x.yaml")
