@@ -33,7 +33,7 @@ MEANINGS = {
 
 
 def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
-    """What is known of a scene before it moves.
+    """What is known of a scene before it moves; what a model compares with its training.
 
     Args:
         positions: at t = 0, (N, 2) [m].
@@ -57,7 +57,6 @@ def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
         "height": _range(np.max(y - facts.ground_height(x)) / facts.spacing),
         "ground_slope": (slope, slope),
         "initial_speed": _range(speed / np.sqrt(facts.gravity * facts.spacing)),
-        "points": _range(float(facts.points)),
     }
     if CONTACTS[int(facts.numbers["ground_contact"])] == "coulomb":
         ranges["ground_friction"] = _range(facts.numbers["ground_friction"])
@@ -67,7 +66,7 @@ def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
 def run_ranges(
     first: np.ndarray, last: np.ndarray, frames: int, facts: SceneFacts, velocity: Moments
 ) -> dict[str, Range]:
-    """What is known of a run, after it: `scene_ranges` with speed, travel and frames.
+    """What is known of a run, after it: `scene_ranges` with speed, travel, points and frames.
 
     Args:
         first: its first positions (N, 2) [m].
@@ -82,6 +81,7 @@ def run_ranges(
         **scene_ranges(first, facts),
         "speed": _range(speed),
         "travel": _range(way),
+        "points": _range(float(facts.points)),
         "frames": _range(float(frames)),
     }
 
