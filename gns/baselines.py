@@ -23,9 +23,10 @@ import numpy as np
 
 from geometry.toe import Side
 from gns.dataset import Windows
-from gns.metrics import LEAST_TRAVEL, SIDES, farther_side, quantile, runout
+from gns.metrics import LEAST_TRAVEL, SIDES, farther_side, runout
 from gns.scene_facts import SceneFacts
 from gns.scene_features import SideView, side_view
+from gns.score_tables import quantile
 
 FREE = 0.3
 """A side whose wall is nearer [lengths] says nothing of how far a slide runs."""
@@ -200,7 +201,7 @@ def judge(baseline: Baseline, windows: Windows) -> list[Guess]:
 
 
 def summary(guesses: Iterable[Guess]) -> dict[str, float]:
-    """The columns of `gns.metrics.COLUMNS` that a guessed runout has."""
+    """The columns of `gns.score_tables.COLUMNS` that a guessed runout has."""
     guesses = list(guesses)
     spacings = [abs(one.error_m) / one.spacing_m for one in guesses]
     percent = [
