@@ -147,7 +147,8 @@ class _Backward:
         to_fading: Tensor | None,
     ) -> None:
         self.graph, self.edges, self.shares, self.fading = graph, edges, shares, fading
-        self.weights, self.wanted = weights, wanted
+        self.weights, self.laid_out = weights, weights.laid_out()
+        self.first_matrix, self.wanted = weights.first.contiguous(), wanted
         self.edges_gradient, self.sums_gradient = edges_gradient, sums_gradient
         self.to_edges, self.to_shares, self.to_fading = to_edges, to_shares, to_fading
 
@@ -171,7 +172,7 @@ class _Backward:
         """Fill a chunk's part; return what goes to its senders and to the parameters."""
         weights, inputs = self.weights, self.edges[chunk.edges]
         if hidden is None:
-            hidden = layers(chunk, self.edges, self.shares, weights)[0]
+            hidden = layers(chunk, self.edges, self.shares, self.laid_out)[0]
         gradient = self._of_messages(chunk, hidden)
         third, scale, shift = torch.ops.aten.native_layer_norm_backward(
             gradient,
@@ -188,19 +189,19 @@ class _Backward:
         if self.to_edges is not None:
             out = self.to_edges[chunk.edges]
             if self.shares is None or self.edges_gradient is None:
-                torch.mm(first, weights.first, out=out)
+                torch.mm(first, self.first_matrix, out=out)
             else:
-                torch.addmm(self.edges_gradient[chunk.edges], first, weights.first, out=out)
+                torch.addmm(self.edges_gradient[chunk.edges], first, self.first_matrix, out=out)
         to_senders = None
         if self.to_shares is not None:
             self.to_shares[1::2][chunk.receivers] = sum_by_receiver(chunk, first)
             to_senders = sum_by_sender(chunk, first)
         of_parameters = (
-            lambda: first.t() @ inputs,
+            lambda: (inputs.t() @ first).t(),
             lambda: first.sum(0),
-            lambda: second.t() @ hidden.first,
+            lambda: (hidden.first.t() @ second).t(),
             lambda: second.sum(0),
-            lambda: third.t() @ hidden.second,
+            lambda: (hidden.second.t() @ third).t(),
             lambda: third.sum(0),
             lambda: scale,
             lambda: shift,

@@ -112,7 +112,7 @@ def _norm_change(
 
 
 def _encode_edges(weights: EdgeWeights, features: Moving, graph: Graph) -> Moving:
-    count = len(features.change)
+    count, weights = len(features.change), weights.laid_out()
     value = features.value.new_empty(graph.edges, weights.width)
     change = features.value.new_empty(count, graph.edges, weights.width)
 
@@ -136,7 +136,7 @@ def _edge_update(
     keep: bool,
 ) -> Moving:
     """Sums of the messages to each point; the messages are added to `edges` if these are kept."""
-    count = len(edges.change)
+    count, weights = len(edges.change), weights.laid_out()
     value = edges.value.new_empty(graph.points, weights.width)
     change = edges.value.new_empty(count, graph.points, weights.width)
 
