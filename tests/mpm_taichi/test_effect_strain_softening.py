@@ -27,12 +27,13 @@ def test_energy_of_softening_is_the_area_under_the_law():
     assert path.dissipated[-1] == pytest.approx(area, rel=2e-3)
 
 
-def test_a_slip_of_one_length_costs_the_same_strength_in_a_band_of_any_cell():
+def test_with_exponent_one_a_slip_costs_the_same_strength_in_a_band_of_any_cell():
     slip, left = 0.5, []
     for cell in (0.5, 1.0, 4.0):
         steps = 4000
         gradients = pure_shear(1.0, steps)
-        path = lead("strain_softening", 2.0, SOIL, gradients, slip / cell / steps, cell=cell)
+        path = lead("strain_softening", 2.0, SOIL, gradients, slip / cell / steps, cell=cell,
+                    cell_exponent=1.0)  # fmt: skip
         plastic = path.shear[-1] * cell
         left.append((path.strength[-1, 1] / 20e3 - 1.0) / (2.0 * np.exp(-plastic / (0.3 * 2.0))))
     assert left == pytest.approx([1.0] * 3, rel=2e-3)
@@ -43,7 +44,7 @@ def test_parameters_and_other_soil():
     fast = lead("strain_softening", 1.0, SOIL, pure_shear(1.0, 1000), 1e-3, cell=2.0,
                 reference_strain=0.05)  # fmt: skip
     doubled = lead("strain_softening", 1.0, SOIL, pure_shear(1.0, 1000), 1e-3, cell=2.0,
-                   reference_strain=0.15, reference_cell_m=4.0)  # fmt: skip
+                   reference_strain=0.15, reference_cell_m=8.0)  # fmt: skip
     assert fast.strength[-1, 1] < 0.99 * slow.strength[-1, 1]
     assert doubled.strength[-1, 1] == pytest.approx(slow.strength[-1, 1], rel=1e-5)
     other = lead("strain_softening", 1.0, Soil(cohesion=10e3), pure_shear(1.0, 100), 1e-3)
