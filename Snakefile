@@ -6,6 +6,8 @@
 #   snakemake pack_coarse            its runs as a learned simulator reads them
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
 #   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
+#   snakemake diagnose_lsfd          which physical effect its model lacks; any folder with a question
+#   snakemake hidden_effects         the blind benchmark of the diagnosis: hours, or a cluster
 #   snakemake verify                 the verification suite, with its pictures
 #   snakemake everything --configfile config/test.yaml       all of it in about a minute
 #   snakemake --report report.html simulate_coarse           a page about what was made
@@ -30,6 +32,8 @@ include: "rules/simulation.smk"
 include: "rules/gns.smk"
 include: "rules/cases.smk"
 include: "rules/inversion.smk"
+include: "rules/diagnosis.smk"
+include: "rules/hidden_effects.smk"
 include: "rules/verification.smk"
 
 
@@ -52,5 +56,6 @@ rule everything:
         [dataset(scale) for scale in SETTINGS.scales],
         [simulated_case(case) for case in CASES],
         [inverted_case(case) for case in QUESTIONS],
+        [diagnosed_case(case) for case in QUESTIONS],
     message:
         "All scales and all case histories are ready under {RESULTS}"

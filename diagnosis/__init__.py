@@ -11,5 +11,17 @@ Nothing heavy is imported here.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from diagnosis.verdict import Verdict
+
 PHYSICS_VERSION = 1
 """Raised whenever the same runs and the same measurements give another verdict."""
+
+
+def diagnose(*arguments: Any, **keywords: Any) -> Verdict:
+    """The verdict on a model; see `diagnosis.loop.diagnose`."""
+    from diagnosis.loop import diagnose as run
+
+    return run(*arguments, **keywords)

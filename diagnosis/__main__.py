@@ -12,14 +12,14 @@ from importlib import import_module
 from pipeline.cli import base_parser, main_exit
 
 COMMANDS = (
-    # "diagnosis.run_command",
+    "diagnosis.run_command",
     "diagnosis.compare_command",
     "diagnosis.explain_command",
-    #     "diagnosis.extend_command",
-    #     "diagnosis.track_command",
+    "diagnosis.extend_command",
+    "diagnosis.track_command",
     #     "diagnosis.suggest_command",
     "diagnosis.blind.command",
-    #     "diagnosis.schema_command",
+    "diagnosis.schema_command",
 )
 """Modules of the commands, in the order of the help."""
 

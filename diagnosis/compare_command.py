@@ -7,7 +7,7 @@ import argparse
 from diagnosis import tables
 from diagnosis.compare import Comparison, compare
 from diagnosis.documents import compare_document
-from diagnosis.kept_steps import judge, keep, step_of
+from diagnosis.kept_steps import judge, judge_anew, keep, step_of
 from diagnosis.model_file import ModelFile, model_files
 from diagnosis.session import Session, add_arguments, open_session
 from diagnosis.verdict import COMPARE_FILE, CompareDocument, save_document
@@ -62,10 +62,13 @@ def compared(session: Session) -> CompareDocument:
 
 def keep_comparison(session: Session, found: Comparison) -> None:
     """Keep the error of the model, under the covariance of the base model."""
-    root, model, note = found, ModelFile(by="compare"), "base model"
+    model: ModelFile | None = ModelFile(by="compare")
+    note = "base model"
     effects: dict[str, float] = {}
+    judged = judge(found.base.data, found.base.fit)
     if not session.is_base:
         root = compare(session.root.model, session.root.options)
+        judged = judge_anew(root.base.data, found.base.fit)
         model, note = None, session.model_file.notes.strip() or "by hand"
         effects = {name: effect.amplitude for name, effect in session.model_file.effects.items()}
     step = step_of(
@@ -73,8 +76,9 @@ def keep_comparison(session: Session, found: Comparison) -> None:
         list(dict.fromkeys([*model_files(session.folder), session.model_name])).index(
             session.model_name
         ),
-        judge(root.base.data, found.base.fit),
+        judged,
         note=note,
         effects=effects,
     )
-    keep(session.folder, session.model_name, model, step, session.made_from)
+    made_from = session.made_from(session.model_file or model)
+    keep(session.folder, session.model_name, model, step, made_from)

@@ -49,18 +49,23 @@ class Judgement:
 
 
 def judge(data: Data, fit: Fit) -> Judgement:
-    """A fit under the covariance of `data`, which may not be that it was made with."""
+    """A fit under the covariance that it was made with."""
+    space = fit.space
+    linear = system(data, space, fit.derivative, fit.x)
+    std = (spread(fit, linear) * space.per_unit(fit.x))[: space.p]
+    misfit = held_out_misfit(fit, linear)
+    return Judgement(fit, std, linear.dof, (misfit.chi2, misfit.n))
+
+
+def judge_anew(data: Data, fit: Fit) -> Judgement:
+    """A fit under another covariance than that it was made with: one linear step settles it."""
     space = fit.space
     linear = system(data, space, fit.derivative, fit.x)
     residual = augmented_residual(data, space, fit.prediction, fit.x)
     x = space.clipped(fit.x + linear.imitating(residual))
     prediction = fit.prediction + fit.derivative @ (x - fit.x)
     left = augmented_residual(data, space, prediction, x)
-    moved = replace(fit, x=x, prediction=prediction, total=float(left @ left))
-    linear = system(data, space, fit.derivative, x)
-    std = (spread(moved, linear) * space.per_unit(x))[: space.p]
-    misfit = held_out_misfit(moved, linear)
-    return Judgement(moved, std, linear.dof, (misfit.chi2, misfit.n))
+    return judge(data, replace(fit, x=x, prediction=prediction, total=float(left @ left)))
 
 
 def step_of(

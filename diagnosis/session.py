@@ -11,7 +11,7 @@ import argparse
 import hashlib
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -159,12 +159,21 @@ class Session:
             },
         }
 
-    @cached_property
-    def made_from(self) -> str:
-        """Hash of all that decides what is found."""
-        return content_hash(
-            {"hashes": self.hashes, "options": asdict(self.options), "manifest": self.manifest_core}
-        )
+    def made_from(self, model: ModelFile | None) -> str:
+        """Hash of all that decides the error of a model: the case, settings, a person's changes."""
+        own = None if model is None or model.by != "engineer" else model
+        files = {path.name: _file_hash(path) for path in self.case.files}
+        versions = self.manifest_core["physics_versions"]
+        settings = self.manifest_core["settings"]
+        return content_hash({"files": files, "settings": settings, "versions": versions,
+                             "options": asdict(self.root.options), "model": own})  # fmt: skip
+
+    def without(self, effects: Sequence[str]) -> Session:
+        """The same question asked of the model without some of its effects."""
+        kept = {n: e for n, e in self.model_file.effects.items() if n not in effects}
+        model = self.model_file.model_copy(update={"effects": kept})
+        case = load_diagnosis(self.case.folder, self.config, spacing_m=self.spacing_m, model=model)
+        return replace(self, case=case, model_file=model)
 
     def timeless(self, document: Document) -> Document:
         """A document without what hangs on the clock or on runs that were kept before."""

@@ -245,6 +245,15 @@ class NextMeasurement(Part):
     gain: float = Field(description="expected separation, in squared standard deviations")
 
 
+class TransferCheck(Part):
+    """The answer on a second section or event, which no fit has seen."""
+
+    case: str = Field(description="name of the other case")
+    n: int = Field(description="its measured numbers: the noise level of the chi2")
+    chi2_base: float = Field(description="by the base model with the parameters found here")
+    chi2_final: float = Field(description="by the model of the answer")
+
+
 class Runs(Part):
     """Forward runs."""
 
@@ -316,6 +325,9 @@ class Verdict(Part):
     )
     unknown_curve: UnknownCurve | None = Field(description="only where nothing in the list passes")
     next_measurement: list[NextMeasurement] = Field(description="best first")
+    transfer_check: TransferCheck | None = Field(
+        None, description="on a second section or event; null: none was given"
+    )
     runs: Runs = Field(description="forward runs")
     seconds: float | None = Field(description="wall time; null in a file: timing.json has it")
     hashes: dict[str, str] = Field(description="of what went in")

@@ -2,12 +2,15 @@
 
 
 def case_files(wildcards):
-    """The data of a case: everything in its folder but the text."""
+    """The data of a case: everything in its folder but the text, and what a diagnosis alone reads."""
     folder = CASE_FOLDER / wildcards.case
     return sorted(
         os.path.relpath(path)
         for path in folder.rglob("*")
-        if path.is_file() and path.suffix != ".md" and not path.name.startswith(".")
+        if path.is_file()
+        and path.suffix != ".md"
+        and path.name != "diagnosis.yaml"
+        and not path.name.startswith(".")
     )
 
 

@@ -56,6 +56,7 @@ RESULTS = SETTINGS.results_folder
 CONFIG_FILE = write_settings()
 PHYSICS = {package: physics_version(package) for package in ("geometry", "mpm_taichi")}
 INVERSION_PHYSICS = {**PHYSICS, "inversion": physics_version("inversion")}
+DIAGNOSIS_PHYSICS = {**INVERSION_PHYSICS, "diagnosis": physics_version("diagnosis")}
 GNS_PHYSICS = {**PHYSICS, "gns": physics_version("gns")}
 
 CASE_FOLDER = Path(workflow.basedir) / "case_histories"
@@ -117,3 +118,7 @@ def simulated_case(case):
 
 def inverted_case(case):
     return f"{RESULTS}/{case}/inversion/result.json"
+
+
+def diagnosed_case(case):
+    return f"{RESULTS}/{case}/diagnosis/verdict.json"

@@ -28,6 +28,8 @@ def test_targets_work_as_typed(bench):
     assert bench.planned("simulate_lower_san_fernando") == {"simulate_case": 1}
     for target in ("invert_lsfd", "invert_lower_san_fernando"):
         assert bench.planned(target) == {"invert_case": 1, "classical_case": 1}
+    for target in ("diagnose_lsfd", "diagnose_lower_san_fernando"):
+        assert bench.planned(target) == {"diagnose_case": 1}
 
 
 def test_everything_is_made_once(bench):
@@ -116,6 +118,30 @@ def test_when_strengths_are_sought_again(bench):
     assert "invert_case" in bench.planned("invert_lsfd")
     (case / "measurements.yaml").write_text("sets: {field: [{type: toe_runout}]}\n")
     assert bench.planned("invert_lsfd") == {"invert_case": 1}, "no surface, no classical methods"
+
+
+def test_when_missing_physics_is_sought_again(bench):
+    bench.snakemake("diagnose_lsfd", "invert_lsfd")
+    told = bench.path("lower_san_fernando/diagnosis/verdict.json").read_text()
+    assert told == "run case_histories/lower_san_fernando"
+    summary = bench.path("lower_san_fernando/diagnosis/summary.txt").read_text()
+    assert summary == "identified\n"
+    assert bench.planned("diagnose_lsfd") == {}
+    case = bench.folder / "case_histories" / "lower_san_fernando"
+    (case / "diagnosis.yaml").write_text("forbid: [shaking]\n")
+    assert bench.planned("diagnose_lsfd") == {"diagnose_case": 1}
+    assert bench.planned("invert_lsfd") == {}, "a veto concerns the diagnosis alone"
+    bench.snakemake("diagnose_lsfd")
+    for group, change in (("diagnosis", {"replicates": 5}), ("simulation", {"courant": 0.2})):
+        before = bench.settings.get(group)
+        bench.settings[group] = {**(before or {}), **change}
+        assert bench.planned("diagnose_lsfd") == {"diagnose_case": 1}
+        bench.settings[group] = before or {}
+    for package in ("diagnosis", "inversion", "mpm_taichi", "geometry"):
+        bench.set_physics(package, 2)
+        assert bench.planned("diagnose_lsfd") == {"diagnose_case": 1}, package
+        bench.set_physics(package, 1)
+    assert bench.planned("diagnose_lsfd") == {}
 
 
 def test_more_scenes_add_batches_only(bench):

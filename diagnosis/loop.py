@@ -1,0 +1,79 @@
+"""The whole loop: compare, explain, add effects until the model is adequate, decide.
+
+    verdict = diagnose(model, options, case="my_dam", title="My dam")
+
+It knows nothing of the model but `diagnosis.model.Model`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from diagnosis.compare import compare
+from diagnosis.decide import decide
+from diagnosis.explain import explain
+from diagnosis.model import Model
+from diagnosis.options import Options
+from diagnosis.rounds import run_rounds
+from diagnosis.verdict import Verdict
+from diagnosis.verdict_document import Diagnosed, verdict_document
+
+Say = Callable[[str], None]
+
+
+def find(model: Model, options: Options, say: Say = lambda line: None) -> Diagnosed:
+    """Run the loop.
+
+    Args:
+        model: what is diagnosed.
+        options: what may be done otherwise.
+        say: told of every stage in a line.
+
+    Raises:
+        WorkFailed: no run of the base model could be read.
+        InputError: an option names what the model does not know.
+    """
+    comparison = compare(model, options)
+    say(
+        f"base model: chi2 {comparison.adequacy.chi2:.1f} on {comparison.adequacy.dof} degrees of "
+        f"freedom, combined p {comparison.adequacy.p_combined:.2g}"
+    )
+    explanation = explain(model, comparison, options)
+    if explanation.names:
+        best = explanation.names[0]
+        say(
+            f"of {len(explanation.names)} effects {best} promises most: chi2 "
+            f"-{max(explanation.scores.best(best).drop, 0.0):.1f}, "
+            f"p {explanation.scores.p_family[best]:.2g}"
+        )
+    register = run_rounds(comparison, explanation, options)
+    for adopted in register.way[1:]:
+        say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
+    decision = decide(register, options)
+    return Diagnosed(model, options, comparison, explanation, register, decision)
+
+
+def diagnose(
+    model: Model,
+    options: Options,
+    *,
+    case: str,
+    title: str,
+    left_out: Mapping[str, str] | None = None,
+    say: Say = lambda line: None,
+) -> Verdict:
+    """The verdict on a model.
+
+    Args:
+        model: what is diagnosed.
+        options: what may be done otherwise.
+        case: name of the case.
+        title: the name in words.
+        left_out: candidates that are not tested although the model does not list them, and why.
+        say: told of every stage in a line.
+
+    Raises:
+        WorkFailed: no run of the base model could be read.
+        InputError: an option names what the model does not know.
+    """
+    return verdict_document(find(model, options, say), case=case, title=title, left_out=left_out)

@@ -1,0 +1,60 @@
+# Missing physics: measurements -> verdict, by the material point method. One target for each folder of
+# case_histories/ that has a question (inversion.yaml).
+
+
+def diagnosis_files(wildcards):
+    """The data of a case, with what an engineer knows of its effects."""
+    known = CASE_FOLDER / wildcards.case / "diagnosis.yaml"
+    return case_files(wildcards) + ([os.path.relpath(known)] if known.is_file() else [])
+
+
+# A job that is killed leaves its simulations in diagnosis/runs, which is no output, so that the next try
+# continues from them.
+rule diagnose_case:
+    input:
+        diagnosis_files,
+    output:
+        verdict=f"{RESULTS}/{{case}}/diagnosis/verdict.json",
+        sections=f"{RESULTS}/{{case}}/diagnosis/sections.npz",
+        summary=f"{RESULTS}/{{case}}/diagnosis/summary.txt",
+        page=report(
+            f"{RESULTS}/{{case}}/diagnosis/report.html",
+            caption="../report/diagnosis.rst",
+            category="Case histories",
+            labels={"case": "{case}", "what": "missing physics"},
+        ),
+    log:
+        f"{RESULTS}/logs/diagnose_{{case}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/diagnose_{{case}}.tsv"
+    threads: 2
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+        runtime=lambda wildcards, attempt: 120 * attempt,
+    params:
+        config=CONFIG_FILE,
+        folder=lambda wildcards, output: os.path.dirname(output.verdict),
+        case=lambda wildcards, input: os.path.dirname(input[0]),
+        physics=content_hash(
+            {
+                "physics": DIAGNOSIS_PHYSICS,
+                "settings": [SETTINGS.simulation, SETTINGS.diagnosis],
+            }
+        ),
+    message:
+        "Which effect is missing in the model of the case history {wildcards.case}"
+    shell:
+        "python -m diagnosis run {params.case} --out {params.folder} --config {params.config}"
+        " --threads {threads} > {output.summary} 2> {log}"
+
+
+for target, case in [*CASE_ALIASES.items(), *((case, case) for case in QUESTIONS)]:
+    if case in QUESTIONS:
+
+        rule:
+            name:
+                f"diagnose_{target}"
+            input:
+                diagnosed_case(case),
+            message:
+                f"The case history {case} is diagnosed: {diagnosed_case(case)}"
