@@ -47,11 +47,19 @@ class GroupMisfit:
 
 @dataclass(frozen=True)
 class HeldOutMisfit:
-    """Misfit of the held-out numbers, h of them; p is None where there are none."""
+    """Misfit of the held-out numbers, n of them.
+
+    Attributes:
+        chi2: with the covariance of their prediction.
+        n: how many.
+        p: of noise; None where nothing was held out.
+        ln_density: of the held-out numbers as predicted; 0 where there are none.
+    """
 
     chi2: float
     n: int
     p: float | None
+    ln_density: float
 
 
 @dataclass(frozen=True)
@@ -209,11 +217,12 @@ def held_out_misfit(fit: Fit, linear: System) -> HeldOutMisfit:
     data = linear.data
     n = len(data.held_out)
     if n == 0:
-        return HeldOutMisfit(0.0, 0, None)
+        return HeldOutMisfit(0.0, 0, None, 0.0)
     gain, own = data.conditional
     difference = data.measured - fit.prediction
     surprise = difference[data.held_out] - gain @ difference[data.fitted]
     slope = fit.derivative[data.held_out] - gain @ fit.derivative[data.fitted]
     spread = own + slope @ linear.posterior @ slope.T
     chi2 = float(surprise @ np.linalg.solve(spread, surprise))
-    return HeldOutMisfit(chi2, n, float(stats.chi2.sf(chi2, n)))
+    ln_density = -0.5 * (chi2 + float(np.linalg.slogdet(2.0 * np.pi * spread)[1]))
+    return HeldOutMisfit(chi2, n, float(stats.chi2.sf(chi2, n)), ln_density)

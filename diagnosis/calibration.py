@@ -96,7 +96,7 @@ def calibrate(model: Model, options: Options, runs: Runs | None = None) -> Base:
     fit = settled(data, surrogate, [base])
     if np.max(np.abs(fit.x - base)) > SEEN:
         found = search(
-            runs, data, surrogate, [base], valleys=1, turns=3, what="the fit with all errors"
+            runs, data, surrogate, [base], first=[], turns=3, what="the fit with all errors"
         )
         fit = fit if found is None else found
     return Base(runs, parts, cov, jitter, data, surface, seeds, fit, starts)
@@ -133,7 +133,7 @@ def _first_fit(
         surrogate.recall(runs)
         valleys = best_of(data, surrogate, [x, *starts], options.starts)
         found = search(
-            runs, data, surrogate, [x, *starts], valleys=options.starts, turns=3,
+            runs, data, surrogate, [x, *starts], first=[at for at, _ in valleys], turns=3,
             what="search of the base model",
         )  # fmt: skip
         if found is None:

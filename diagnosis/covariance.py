@@ -8,7 +8,7 @@ and the cell size (a paired run with spacing / 1.5, b):
     C_num = 0.7 S + 0.3 diag S + b_t b_t' + 0.7 b b' + 0.3 diag b^2,  b = c (f_fine - f)
 
 Off-diagonals of S rest on few runs, so part of each is kept on the diagonal alone. Simulated data
-hold the noise of their own run too, so S counts twice there.
+hold the noise of a run of their own; predictions are means over several runs.
 
 Leaving C_num out makes every artefact of the grid a missing effect.
 """
@@ -21,6 +21,9 @@ import numpy as np
 
 #: Share of the covariances that is kept where few runs have shown them.
 KEPT = 0.7
+#: Noise of simulated data and of the prediction beside it, in that of one run: theirs, and what the
+#: mean of several runs still has.
+SYNTHETIC = 1.25
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class Covariance:
 
     Attributes:
         survey: C_meas.
-        jitter: of the replicates, counted twice for simulated data.
+        jitter: of the replicates, more for simulated data.
         transfer: of the transfer scheme.
         resolution: of the cell size.
     """
@@ -70,7 +73,7 @@ def covariance(
     jitter = nothing if replicates is None else jitter_covariance(replicates)
     return Covariance(
         survey=survey,
-        jitter=2.0 * jitter if synthetic else jitter,
+        jitter=SYNTHETIC * jitter if synthetic else jitter,
         transfer=nothing if transfer is None else np.outer(known(transfer), known(transfer)),
         resolution=nothing if finer is None else _partly(np.outer(*[factor * known(finer)] * 2)),
     )

@@ -20,7 +20,7 @@ from scipy.special import ndtr
 from scipy.stats import norm
 
 from diagnosis.fit import Fit
-from diagnosis.whitened import Data, System, augmented_residual
+from diagnosis.whitened import Data, augmented_residual, system
 
 #: Least share of a Gaussian that can lie within the bounds; below, the fit is at its bound anyway.
 LEAST_SHARE = 1e-12
@@ -29,11 +29,7 @@ LEAST_SHARE = 1e-12
 def ln_evidence(data: Data, fit: Fit, candidates: int) -> float:
     """Ln Z of a fit, prior odds of its effects among `candidates` included."""
     space = fit.space
-    # Amplitudes at a bound still have a width; parameters at a bound are the same in every model.
-    near = 1e-6 * (space.high - space.low)
-    inside = (fit.x > space.low + near) & (fit.x < space.high - near)
-    inside[space.p :] = True
-    linear = System(data, fit.derivative, space.prior[0], inside & space.free)
+    linear = system(data, space, fit.derivative, fit.x)
     residual = augmented_residual(data, space, fit.prediction, fit.x)
     step = linear.imitating(residual)
     # A step of a parameter is none: its bounds and the search have settled it.

@@ -96,22 +96,24 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     bench = Bench(
         base.runs, base.data, base.fit.space, amplitudes, base.jitter, max(len(candidates), 1)
     )
-    anchor = base.surface.space.state(base.surface.x)
-    taken = take_signatures(base.runs, anchor, candidates, finite=options.finite_amplitudes)
+    linear = comparison.judged.system
+    taken = take_signatures(
+        base.runs, base.surface, linear, candidates, finite=options.finite_amplitudes
+    )
     for candidate in candidates:
         if candidate.name not in taken:
             left_out[candidate.name] = "none of its runs could be read"
     candidates = [c for c in candidates if c.name in taken]
     first = score_all(comparison.judged, taken, candidates, projection=options.projection)
     taken = check_by_second_seed(
-        base.runs, anchor, comparison.judged.system, taken, worth_checking(first, options)
+        base.runs, base.surface, linear, taken, worth_checking(first, options)
     )
     scores = score_all(comparison.judged, taken, candidates, projection=options.projection)
     names = scores.ranked
     matrix = cosines(scores, names)
     visible = {
         name: visibility(
-            comparison.judged.system,
+            linear,
             base.fit.space,
             base.fit.x,
             scores.every[name],

@@ -61,7 +61,12 @@ def total_of(data: Data, space: Space, prediction: np.ndarray, x: np.ndarray) ->
 
 
 def least(
-    data: Data, surrogate: Surrogate, start: np.ndarray, *, reach: float = REACH
+    data: Data,
+    surrogate: Surrogate,
+    start: np.ndarray,
+    *,
+    reach: float = REACH,
+    held: Sequence[int] = (),
 ) -> tuple[np.ndarray, float]:
     """Where a surrogate's sum of squares is least, and that sum.
 
@@ -71,18 +76,21 @@ def least(
         start: first guess, (q,).
         reach: half-width of the box around the anchor, in the parameters; amplitudes have their
             bounds alone.
+        held: unknowns that stay where the first guess has them.
     """
     space = surrogate.space
     low, high = space.low.copy(), space.high.copy()
     p = space.p
     low[:p] = np.maximum(low[:p], surrogate.anchor[:p] - reach)
     high[:p] = np.minimum(high[:p], surrogate.anchor[:p] + reach)
+    free = space.free.copy()
+    free[list(held)] = False
     x = np.clip(start, low, high)
     best = surrogate.total(data, x)
     for _ in range(30):
         residual = augmented_residual(data, space, surrogate.predict(x), x)
         matrix = np.vstack([data.whitened(surrogate.slope(x)), space.prior[0]])
-        step = _bounded_step(matrix, residual, low - x, high - x, space.free)
+        step = _bounded_step(matrix, residual, low - x, high - x, free)
         for share in (1.0, 0.4, 0.16, 0.06):
             trial = np.clip(x + share * step, low, high)
             total = surrogate.total(data, trial)
@@ -132,7 +140,7 @@ def search(
     surrogate: Surrogate,
     starts: Sequence[np.ndarray],
     *,
-    valleys: int,
+    first: Sequence[np.ndarray],
     turns: int,
     what: str,
 ) -> Fit | None:
@@ -143,32 +151,43 @@ def search(
         data: what is fitted.
         surrogate: of the model; learns.
         starts: first guesses on the surrogate, which cost nothing.
-        valleys: of it that are run in the first turn.
-        turns: at most; each but the first costs two runs.
+        first: points that are run before any proposal, one jitter each.
+        turns: proposals that are run at most, with two jitters each.
         what: words for what is left out where the allowance ends.
 
     Returns:
         the least of the surrogate; None where no run succeeded or none was allowed.
     """
-    space = surrogate.space
-    proposals = [x for x, _ in best_of(data, surrogate, starts, valleys)]
-    seen: list[np.ndarray] = []
+    seen = _run(
+        runs, surrogate, [(x, JITTERS[n % 4][n // 4 % 2]) for n, x in enumerate(first)], what
+    )
+    settling = False
     for turn in range(turns):
-        jitters = JITTERS[turn % len(JITTERS)]
-        wanted = [(x, space.state(x, seed=seed)) for x in proposals for seed in jitters]
-        if not runs.affords([run for _, run in wanted], what):
-            break
-        rows = runs.predict([run for _, run in wanted])
-        for (x, _), row in zip(wanted, rows, strict=True):
-            surrogate.learn(x, row)
-        seen += proposals
         x = best_of(data, surrogate, [*seen, *starts], 1)[0][0]
-        if any(np.max(np.abs(x - other)) < SEEN for other in seen):
+        near = [other for other in seen[len(first) :] if np.max(np.abs(x - other)) < SEEN]
+        if settling and near:
             break
-        proposals = [x]
+        # Seen once, it is run once more with two other jitters; that settles it.
+        settling = bool(near)
+        found = _run(runs, surrogate, [(x, seed) for seed in JITTERS[turn % len(JITTERS)]], what)
+        if not found:
+            break
+        seen += found
     if not surrogate.points:
         return None
     return settled(data, surrogate, [*seen, *starts])
+
+
+def _run(
+    runs: Runs, surrogate: Surrogate, wanted: Sequence[tuple[np.ndarray, int]], what: str
+) -> list[np.ndarray]:
+    """Run points with a jitter each and teach the surrogate; those that were run."""
+    states = [surrogate.space.state(x, seed=seed) for x, seed in wanted]
+    if not states or not runs.affords(states, what):
+        return []
+    for (x, _), row in zip(wanted, runs.predict(states), strict=True):
+        surrogate.learn(x, row)
+    return [x for x, _ in wanted]
 
 
 def settled(data: Data, surrogate: Surrogate, starts: Sequence[np.ndarray]) -> Fit:

@@ -54,6 +54,8 @@ class Options:
         same_signature: cosine that the signature of a second seed must reach.
         least_gain: of ln evidence, odds included, before an effect is accepted.
         least_drop: of chi2.
+        worse_held_out: fall of the ln density of the held-out data that is forgiven, as a share of
+            the gain: where an effect does little to them, noise decides.
         drop_below: an effect whose removal costs less ln evidence is dropped.
         credible: probability of the set of explanations that is the answer.
         detectable: |s| at which an effect is found with near certainty.
@@ -78,11 +80,12 @@ class Options:
     alarm: float = 0.05
     suspect: float = 0.20
     still_failing: float = 0.01
-    refitted: int = 4
+    refitted: int = 5
     inseparable: float = 0.95
     same_signature: float = 0.9
     least_gain: float = 2.3
     least_drop: float = 6.0
+    worse_held_out: float = 0.1
     drop_below: float = 1.0
     credible: float = 0.9
     detectable: float = 3.3

@@ -8,7 +8,7 @@ runs more correct it. That costs a fraction of a calibration from nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from diagnosis.adequacy import HeldOutMisfit, held_out_misfit
 from diagnosis.differences import central_differences, steps_above_noise
 from diagnosis.evidence import ln_evidence
-from diagnosis.fit import Fit, search, settled
+from diagnosis.fit import SEEN, Fit, best_of, least, search, settled
 from diagnosis.runs import Runs
 from diagnosis.space import Amplitude, Space
 from diagnosis.surface import Surface
@@ -25,6 +25,8 @@ from diagnosis.whitened import Data, system
 
 #: Turns of a refit, two runs each.
 TURNS = 4
+#: Jitters of the points that judge a refit; the second set where the first has moved it.
+JUDGES = ((11, 12, 13, 14), (15, 16, 17))
 #: Runs that the prediction of a refit is worth, its noise averaged.
 ANCHORED = 4
 
@@ -60,15 +62,19 @@ class Refitted:
 
     Attributes:
         fit: the fit.
-        ln_evidence: with prior odds.
+        ln_evidence: of the fitted data, with prior odds, and of the held-out data as predicted.
         held_out: misfit of the held-out numbers.
         surface: around the fit, for what comes after.
+        surrogate: that its search has taught; None where there was none.
+        judged: by jitters that it was not sought with.
     """
 
     fit: Fit
     ln_evidence: float
     held_out: HeldOutMisfit
     surface: Surface
+    surrogate: Surrogate | None = None
+    judged: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -92,6 +98,31 @@ def first_guesses(surface: Surface, space: Space) -> list[np.ndarray]:
     ]
 
 
+def along_the_valley(
+    data: Data, surrogate: Surrogate, guesses: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """Points to run first: several amplitudes, each with the parameters that go with it.
+
+    While an effect grows the parameters give way to it, and what it does changes with them. The
+    surface knows its signature for the anchor's parameters alone; runs along the valley teach the
+    rest. For one new effect these are the amplitudes of its ladder, of the sign that fits better,
+    with the middle of the other; for several, the two deepest valleys.
+    """
+    space = surrogate.space
+    new = [
+        space.p + place
+        for place, effect in enumerate(space.effects)
+        if effect.name in surrogate.surface.ladders
+    ]
+    if len(new) != 1:
+        return [x for x, _ in best_of(data, surrogate, guesses, 2)]
+    found = [least(data, surrogate, x, held=new) for x in guesses]
+    best = min(found, key=lambda pair: pair[1])[0][new[0]]
+    same = [x for x, _ in found if x[new[0]] * best > 0.0]
+    other = sorted((x for x, _ in found if x[new[0]] * best < 0.0), key=lambda x: abs(x[new[0]]))
+    return same + other[len(other) // 2 :][:1]
+
+
 def refit(bench: Bench, surface: Surface, names: Sequence[str], *, seeds: int) -> Refitted | None:
     """Calibrate a model with some effects.
 
@@ -108,16 +139,38 @@ def refit(bench: Bench, surface: Surface, names: Sequence[str], *, seeds: int) -
     known = spreads(bench.data, surface, space, bench.jitter, anchored_by=seeds)
     surrogate = Surrogate(surface, space, known)
     surrogate.recall(bench.runs)
+    guesses = first_guesses(surface, space)
     fit = search(
         bench.runs,
         bench.data,
         surrogate,
-        first_guesses(surface, space),
-        valleys=2,
+        guesses,
+        first=along_the_valley(bench.data, surrogate, guesses),
         turns=TURNS,
         what=f"refit of {' + '.join(space.names)}",
     )
-    return None if fit is None else weighed(bench, fit, around(fit))
+    return None if fit is None else weighed(bench, fit, around(fit), surrogate)
+
+
+def judge(bench: Bench, model: Refitted) -> Refitted:
+    """A refit judged by jitters of the points that it was not sought with.
+
+    A search ends where surrogate and noise agree with the data; fresh noise does not. Where it
+    moves the fit, it is judged there once more.
+    """
+    surrogate, fit = model.surrogate, model.fit
+    if surrogate is None or model.judged:
+        return model
+    for jitters in JUDGES:
+        states = [fit.space.state(fit.x, seed=seed) for seed in jitters]
+        if not bench.runs.affords(states, f"fresh jitters for {' + '.join(fit.names)}"):
+            break
+        for row in bench.runs.predict(states):
+            surrogate.learn(fit.x, row)
+        before, fit = fit.x, settled(bench.data, surrogate, [fit.x, *surrogate.points])
+        if np.max(np.abs(fit.x - before)) < SEEN:
+            break
+    return replace(weighed(bench, fit, around(fit), surrogate), judged=True)
 
 
 def around(fit: Fit) -> Surface:
@@ -125,12 +178,14 @@ def around(fit: Fit) -> Surface:
     return Surface(fit.space, fit.x, fit.prediction, fit.derivative)
 
 
-def weighed(bench: Bench, fit: Fit, surface: Surface) -> Refitted:
+def weighed(
+    bench: Bench, fit: Fit, surface: Surface, surrogate: Surrogate | None = None
+) -> Refitted:
     """A fit with its evidence and its misfit on held-out data."""
     linear = system(bench.data, fit.space, fit.derivative, fit.x)
-    return Refitted(
-        fit, ln_evidence(bench.data, fit, bench.count), held_out_misfit(fit, linear), surface
-    )
+    held_out = held_out_misfit(fit, linear)
+    evidence = ln_evidence(bench.data, fit, bench.count) + held_out.ln_density
+    return Refitted(fit, evidence, held_out, surface, surrogate)
 
 
 def adopted(bench: Bench, chosen: Refitted) -> Refitted:
@@ -147,4 +202,5 @@ def adopted(bench: Bench, chosen: Refitted) -> Refitted:
     surface = Surface(fit.space, fit.x, fit.prediction, slope)
     known = spreads(bench.data, surface, fit.space, bench.jitter, anchored_by=ANCHORED)
     surrogate = Surrogate(surface, fit.space, known)
-    return weighed(bench, settled(bench.data, surrogate, [fit.x]), surface)
+    found = weighed(bench, settled(bench.data, surrogate, [fit.x]), surface)
+    return replace(found, judged=True)

@@ -17,13 +17,15 @@ from diagnosis.adequacy import Adequacy, Judged, Test, assess, judged
 from diagnosis.compare import Comparison
 from diagnosis.explain import Explanation
 from diagnosis.options import Options
-from diagnosis.refit import ANCHORED, Refitted, adopted, refit, weighed
+from diagnosis.refit import ANCHORED, Refitted, adopted, judge, refit, weighed
 from diagnosis.scores import Scores, score_all
 from diagnosis.signatures import Signature, take_signatures
 from diagnosis.surface import Surface
 
 #: Pairs that are refitted in a round.
 PAIRS = 2
+#: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
+NEAR_BEST = 3.0
 
 
 @dataclass
@@ -73,7 +75,8 @@ def why_not(before: Refitted, after: Refitted, options: Options) -> str:
         return f"chi2 falls by {drop:.1f} only; {options.least_drop:g} are asked for"
     if gain <= options.least_gain:
         return f"ln evidence rises by {gain:.1f} only; {options.least_gain:g} are asked for"
-    if after.held_out.n and after.held_out.chi2 >= before.held_out.chi2:
+    worse = before.held_out.ln_density - after.held_out.ln_density
+    if worse > options.worse_held_out * gain:
         return f"held-out misfit rises from {before.held_out.chi2:.1f} to {after.held_out.chi2:.1f}"
     return ""
 
@@ -95,6 +98,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
             break
         names = wanted_models(comparison, explanation, now, signatures, options, first=number == 0)
         tried = _try(register, comparison, explanation, ground, now, names)
+        tried = _judge_best(register, explanation, now, tried, options)
         if number == 0:
             for after in tried:
                 register.first[after.names[0]] = (after, why_not(now.model, after, options))
@@ -185,6 +189,29 @@ def _try(
     return tried
 
 
+def _judge_best(
+    register: Register,
+    explanation: Explanation,
+    now: Adopted,
+    tried: list[Refitted],
+    options: Options,
+) -> list[Refitted]:
+    """Judge the best models, and those near them, by fresh jitters, until the best is judged."""
+    found = {model.names: model for model in tried}
+    for _ in range(len(found)):
+        top = max((model.ln_evidence for model in found.values()), default=0.0)
+        least = max(top - NEAR_BEST, now.model.ln_evidence + options.least_gain - NEAR_BEST)
+        waiting = [m for m in found.values() if not m.judged and m.ln_evidence >= least]
+        if not waiting:
+            break
+        chosen = max(waiting, key=lambda model: model.ln_evidence)
+        judged_model = judge(explanation.bench, chosen)
+        # Where the allowance is over it counts as it is.
+        found[chosen.names] = replace(judged_model, judged=True)
+        register.models[chosen.names] = found[chosen.names]
+    return list(found.values())
+
+
 def _adopt(
     register: Register,
     comparison: Comparison,
@@ -208,8 +235,9 @@ def _adopt(
     test = Test("score", scores.largest, scores.p_largest) if known else None
     adequacy = assess(found, comparison.places, score=test)
     if adequacy.p_combined < options.suspect and again:
-        anchor = model.surface.space.state(model.surface.x)
-        fresh = take_signatures(bench.runs, anchor, again, finite=options.finite_amplitudes)
+        fresh = take_signatures(
+            bench.runs, model.surface, found.system, again, finite=options.finite_amplitudes
+        )
         signatures.update(fresh)
         ladders = {name: signature.ladder for name, signature in fresh.items()}
         model = replace(model, surface=model.surface.with_ladders(ladders))

@@ -1,23 +1,32 @@
 """Step 4: what each effect changes, at finite amplitudes.
 
-Each candidate is run at the amplitudes of its ladder, with the anchor's parameters and jitter, so
-that what both runs share cancels: d = f(theta, a) - f(theta, 0). A slope at zero would not do:
-shaking goes with the square of its amplitude, water and softening bend. A second jitter must give
-the same direction after projection, or the signature is marked unresolved: what it shows may be the
-points' positions. The mean of both jitters then stands in its place.
+Each candidate is run at the amplitudes of its ladder, with the anchor's jitter, so that what both
+runs share cancels: d = f(theta, a) - f(theta, 0). A slope at zero would not do: shaking goes with
+the square of its amplitude, softening and water bend.
+
+A large effect is met by other parameters: with drag a slide fits with less strength, and what it
+does to that slide is not what it does to the stronger one. So the middle amplitude is run with the
+parameters of the anchor, and once more, like the others, with parameters theta + e that undo what
+it does as far as they can. Then d = f(theta + e, a) - f(theta, 0) - J e, of which the parameters
+imitate the same share. A second jitter must give the same direction after projection, or the
+signature is marked unresolved: what it shows may be the points' positions. The mean of both then
+stands for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from diagnosis.model import Candidate, State
+from diagnosis.model import Candidate
 from diagnosis.runs import Runs
-from diagnosis.surface import Ladder
+from diagnosis.surface import Ladder, Surface
 from diagnosis.whitened import System
+
+#: Farthest that a parameter is moved to meet an effect.
+FARTHEST = 1.0
 
 
 @dataclass(frozen=True)
@@ -26,12 +35,16 @@ class Signature:
 
     Attributes:
         name: of the candidate.
-        changes: amplitude -> change of all m predictions (m,), mean over the jitters that were run.
+        changes: amplitude -> d of all m predictions (m,), mean over the jitters that were run.
+        moves: amplitude -> e, by which the anchor's unknowns were moved for its run, (q,).
+        plain: an amplitude that was run with the anchor's own unknowns, and its change (m,).
         cosines: amplitude -> cosine between two jitters, after projection, where a second was run.
     """
 
     name: str
     changes: Mapping[float, np.ndarray]
+    moves: Mapping[float, np.ndarray]
+    plain: tuple[float, np.ndarray]
     cosines: Mapping[float, float] = field(default_factory=dict)
 
     @property
@@ -49,61 +62,131 @@ class Signature:
 
 def take_signatures(
     runs: Runs,
-    anchor: State,
+    surface: Surface,
+    linear: System,
     candidates: Sequence[Candidate],
     *,
     finite: bool = True,
 ) -> dict[str, Signature]:
-    """Run every candidate's ladder at an anchor, in one batch.
+    """Run every candidate's ladder at an anchor, in four batches.
 
-    Where the allowance does not cover all, middle amplitudes of all candidates come first, then the
-    largest, then the smallest. A candidate all of whose runs failed is not among the answers.
+    Where the allowance does not cover all, the largest come before the smallest. A candidate all of
+    whose runs failed is not among the answers.
 
     Args:
         runs: the model.
-        anchor: the run without the candidates, jitter seed 0.
+        surface: of the model without the candidates; its anchor is where they are run.
+        linear: its system, which knows what the parameters imitate.
         candidates: what is tried.
         finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
     """
-    wanted: list[tuple[str, float]] = []
-    for turn in range(3):
-        for candidate in candidates:
-            wanted += [(candidate.name, a) for a in _rungs(candidate, turn, finite)]
-    afforded: list[tuple[str, float]] = []
-    states = [anchor]
-    for name, amplitude in wanted:
-        trial = [*states, anchor.with_effects({name: amplitude})]
-        if runs.affords(trial, f"signature of {name} at {amplitude:g}"):
-            afforded.append((name, amplitude))
-            states = trial
-    rows = runs.predict(states)
-    changes: dict[str, dict[float, np.ndarray]] = {}
-    for (name, amplitude), row in zip(afforded, rows[1:], strict=True):
-        if np.all(np.isfinite(row)):
-            changes.setdefault(name, {})[amplitude] = row - rows[0]
-    order = [candidate.name for candidate in candidates if candidate.name in changes]
-    return {name: Signature(name, changes[name]) for name in order}
+    bench = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
+    stay = np.zeros(surface.space.size)
+    bench.run([(c.name, _first(c, finite), stay) for c in candidates])
+    raw = {name: next(iter(changes.items())) for name, changes in bench.changes.items()}
+    if finite:
+        middles = [(c.name, a) for c in candidates for a in _turn(c, 0)]
+        bench.run([(name, a, bench.meeting(name, a)) for name, a in middles])
+        for turn in (1, 2):
+            others = [(c.name, a) for c in candidates for a in _turn(c, turn)]
+            bench.run([(name, a, bench.meeting(name, a)) for name, a in others])
+    return {
+        c.name: Signature(c.name, bench.changes[c.name], bench.moves[c.name], raw[c.name])
+        for c in candidates
+        if c.name in bench.changes
+    }
 
 
-def _rungs(candidate: Candidate, turn: int, finite: bool) -> Iterable[float]:
-    """Amplitudes of one turn: the middle ones, the largest, the smallest; of each sign."""
+@dataclass
+class _Ladders:
+    """Ladders on the way: what was run so far, by candidate and amplitude."""
+
+    runs: Runs
+    surface: Surface
+    linear: System
+    candidates: Mapping[str, Candidate]
+    changes: dict[str, dict[float, np.ndarray]] = field(default_factory=dict)
+    moves: dict[str, dict[float, np.ndarray]] = field(default_factory=dict)
+
+    def meeting(self, name: str, amplitude: float) -> np.ndarray:
+        """Move of the unknowns (q,) that undoes what an amplitude does, as far as is known.
+
+        From the nearest amplitude of the same sign that was run, in proportion; where none was,
+        the mirror image of the other sign's.
+        """
+        known = self.changes.get(name, {})
+        nothing = np.zeros(self.surface.space.size)
+        if self.candidates[name].free or not known:
+            return nothing
+        near = min(known, key=lambda a: (a * amplitude < 0, abs(abs(a) - abs(amplitude))))
+        # d already has J e taken off: what the unknowns imitate of d is all they would have to do.
+        wanted = -self.linear.imitating(self.linear.augmented(known[near])) * (amplitude / near)
+        space, x = self.surface.space, self.surface.x
+        wanted[: space.p] = np.clip(wanted[: space.p], -FARTHEST, FARTHEST)
+        return space.clipped(x + wanted) - x
+
+    def run(self, wanted: Sequence[tuple[str, float, np.ndarray]]) -> None:
+        """Run amplitudes with moves, as far as the allowance goes; a later run replaces another."""
+        changes = run_moved(self.runs, self.surface, wanted)
+        for (name, amplitude, move), change in zip(wanted, changes, strict=True):
+            if change is not None:
+                self.changes.setdefault(name, {})[amplitude] = change
+                self.moves.setdefault(name, {})[amplitude] = move
+
+
+def _first(candidate: Candidate, finite: bool) -> float:
+    """The middle amplitude of the first sign; for the ablation the smallest."""
+    side = _side(candidate, 1.0) or _side(candidate, -1.0)
+    return side[len(side) // 2 if finite else 0]
+
+
+def _turn(candidate: Candidate, turn: int) -> list[float]:
+    """Amplitudes of a turn, of each sign: 0 the middle ones, 1 those beyond, 2 those below."""
+    found = []
     for sign in (1.0, -1.0):
-        side = sorted((a for a in candidate.ladder if a * sign > 0), key=abs)
-        if not side:
-            continue
-        if not finite:
-            yield from side[:1] if turn == 0 else []
-        elif turn == 0:
-            yield side[len(side) // 2]
-        elif turn == 1:
-            yield from side[len(side) // 2 + 1 :]
+        side = _side(candidate, sign)
+        half = len(side) // 2
+        found += (side[half : half + 1], side[half + 1 :], side[:half])[turn]
+    return found
+
+
+def _side(candidate: Candidate, sign: float) -> list[float]:
+    return sorted((a for a in candidate.ladder if a * sign > 0), key=abs)
+
+
+def run_moved(
+    runs: Runs, surface: Surface, wanted: Sequence[tuple[str, float, np.ndarray]], seed: int = 0
+) -> list[np.ndarray | None]:
+    """Changes d (m,) of amplitudes with moved unknowns; None where a run failed or was not allowed.
+
+    Args:
+        runs: the model.
+        surface: its anchor is where they are run.
+        wanted: (candidate, amplitude, move of the unknowns (q,)).
+        seed: jitter of both runs of each pair.
+    """
+    states = [surface.space.state(surface.x, seed=seed)]
+    places: list[int | None] = []
+    for name, amplitude, move in wanted:
+        moved = surface.space.state(surface.x + move, seed=seed).with_effects({name: amplitude})
+        if runs.affords([*states, moved], f"signature of {name} at {amplitude:g}"):
+            places.append(len(states))
+            states.append(moved)
         else:
-            yield from side[: len(side) // 2]
+            places.append(None)
+    if not runs.affords(states, "signatures"):
+        return [None] * len(wanted)
+    rows = runs.predict(states)
+    found: list[np.ndarray | None] = []
+    for (_, _, move), place in zip(wanted, places, strict=True):
+        change = None if place is None else rows[place] - rows[0] - surface.derivative @ move
+        found.append(change if change is not None and np.all(np.isfinite(change)) else None)
+    return found
 
 
 def check_by_second_seed(
     runs: Runs,
-    anchor: State,
+    surface: Surface,
     linear: System,
     signatures: Mapping[str, Signature],
     amplitudes: Mapping[str, float],
@@ -112,37 +195,27 @@ def check_by_second_seed(
 
     Args:
         runs: the model.
-        anchor: the run without the candidates, jitter seed 0.
-        linear: projects.
+        surface: as for `take_signatures`.
+        linear: its system.
         signatures: as taken with jitter seed 0.
         amplitudes: candidate -> the amplitude of its ladder that is run again.
 
     Returns:
         all signatures, those that were checked with their cosine and the mean of both jitters.
     """
-    other = State(anchor.values, anchor.effects, 1, anchor.numerics)
-    chosen = [name for name, a in amplitudes.items() if a in signatures[name].changes]
-    states = [other.with_effects({name: amplitudes[name]}) for name in chosen]
-    while states and not runs.affords([other, *states], "second jitter of the signatures"):
-        chosen, states = chosen[:-1], states[:-1]
-    if not states:
-        return dict(signatures)
-    rows = runs.predict([other, *states])
+    wanted = [(n, a, signatures[n].moves[a]) for n, a in amplitudes.items()]
+    second = run_moved(runs, surface, wanted, seed=1)
     found = dict(signatures)
-    for name, row in zip(chosen, rows[1:], strict=True):
-        second = row - rows[0]
-        if not np.all(np.isfinite(second)):
+    for (name, amplitude), again in zip(amplitudes.items(), second, strict=True):
+        if again is None:
             continue
-        amplitude, old = amplitudes[name], signatures[name]
+        old = signatures[name]
         first = old.changes[amplitude]
         cosine = _cosine(
-            linear.project(linear.augmented(first)), linear.project(linear.augmented(second))
+            linear.project(linear.augmented(first)), linear.project(linear.augmented(again))
         )
-        found[name] = Signature(
-            name,
-            {**old.changes, amplitude: 0.5 * (first + second)},
-            {**old.cosines, amplitude: cosine},
-        )
+        changes = {**old.changes, amplitude: 0.5 * (first + again)}
+        found[name] = replace(old, changes=changes, cosines={**old.cosines, amplitude: cosine})
     return found
 
 

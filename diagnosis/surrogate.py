@@ -3,13 +3,14 @@
 The surface is right at its anchor and along its ladders. Away from them it is wrong by what bends
 and by what effects do to each other, and everywhere by the noise of the runs it was made from:
 
-    f(x) = surface(x) + sum_j phi_j(x) b_j,    phi: 1, u_i, u_i u_j
+    f(x) = surface(x) + sum_j phi_j(x) b_j + e(x),    phi: 1, u_i, u_i u_j,    u = x - anchor
 
-with u = x - anchor. The b_j are found from all runs together (Bayesian linear regression), each run
-a value with noise, each b_j with a spread known beforehand in units of that noise: what the runs of
-the surface leave open for the constant and the slopes; for the products, a change of a slope by its
-own size over the range of its unknown. So one lucky run moves the answer only as far as one noisy
-run may, and runs with different jitters of the points average by themselves.
+e is smooth with a length of its own: what products do not describe, right where runs are. All of it
+is found from all runs together (Gaussian process regression; Rasmussen and Williams 2006, eq.
+2.25), each run a value with noise, each b_j and e with a spread known beforehand in units of that
+noise: what the runs of the surface leave open for the constant and the slopes; a share of the
+slopes for the products; less for e. So one lucky run moves the answer only as far as one noisy run
+may, and runs with different jitters of the points average by themselves.
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ from diagnosis.surface import Surface
 from diagnosis.whitened import Data, augmented_residual
 
 #: Change of a slope over the range of one unknown, as a share of the slope.
-BEND = 0.7
+BEND = 0.5
+#: Size of what products do not describe, as a share of the slopes, and its length in x.
+LOCAL, LENGTH = 0.06, 0.5
 #: Noise of a slope taken from two runs about this far apart, in units of the noise of a run.
 SLOPE_STEP = 0.25
 #: Runs whose parameters are farther from the anchor than this follow other bends.
-NEAR = 0.6
+NEAR = 0.9
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,13 @@ class Spreads:
         mean: of the constant: 1 / root of the runs behind the anchor.
         slope: of one run against another, per unit of a parameter or amplitude, (q,).
         product: of u_i u_j, (q, q).
+        local: of e, at a distance of 1 or more from the anchor; in proportion nearer to it.
     """
 
     mean: float
     slope: np.ndarray
     product: np.ndarray
+    local: float
 
 
 def spreads(
@@ -73,7 +78,8 @@ def spreads(
     # What an effect does at a second amplitude the ladder knows already.
     own = np.arange(space.p, space.size)[new]
     product[own, own] = np.sqrt(2.0)
-    return Spreads(1.0 / np.sqrt(max(anchored_by, 1)), slope, product)
+    local = LOCAL * float(np.linalg.norm(change)) / noise
+    return Spreads(1.0 / np.sqrt(max(anchored_by, 1)), slope, product, local)
 
 
 def anchor_of(surface: Surface, space: Space) -> np.ndarray:
@@ -145,36 +151,60 @@ class Surrogate:
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Prediction of all numbers, (m,)."""
-        return self.surface.predict(self.space, x) + self._features(x) @ self.corrections
+        found = self.surface.predict(self.space, x)
+        if not self.points:
+            return found
+        weights = self._weights()
+        u = x - self.anchor
+        local, _ = self._local(u)
+        return found + (self._known_features @ self._features(u) + local) @ weights
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         """Its derivative by x, (m, q)."""
+        found = self.surface.slope(self.space, x)
+        if not self.points:
+            return found
+        weights = self._weights()
         u, q = x - self.anchor, self.space.size
-        change = np.zeros((q, len(self._sizes)))
-        change[:, 1 : 1 + q] = np.eye(q)
-        for column, (i, j) in enumerate(zip(*self._pairs, strict=True)):
-            change[i, 1 + q + column] += u[j]
-            change[j, 1 + q + column] += u[i]
-        scaled = change * self._sizes
-        return self.surface.slope(self.space, x) + (scaled @ self.corrections).T
-
-    @property
-    def corrections(self) -> np.ndarray:
-        """Most probable b_j, each in units of its spread, (features, m)."""
-        if self._learnt is None:
-            if not self.points:
-                return np.zeros((len(self._sizes), len(self.surface.prediction)))
-            features = np.array([self._features(x) for x in self.points])
-            gram = features @ features.T + np.eye(len(features))
-            self._learnt = features.T @ np.linalg.solve(gram, np.array(self.surprises))
-        return self._learnt
-
-    def _features(self, x: np.ndarray) -> np.ndarray:
-        """phi_j times their spreads, (features,)."""
-        u = x - self.anchor
-        return self._sizes * np.concatenate([[1.0], u, u[self._pairs[0]] * u[self._pairs[1]]])
+        change = np.zeros((len(self._sizes), q))
+        change[1 : 1 + q] = np.eye(q)
+        columns = 1 + q + np.arange(len(self._pairs[0]))
+        np.add.at(change, (columns, self._pairs[0]), u[self._pairs[1]])
+        np.add.at(change, (columns, self._pairs[1]), u[self._pairs[0]])
+        _, local = self._local(u)
+        by_run = self._known_features @ (self._sizes[:, None] * change) + local
+        return found + weights.T @ by_run
 
     def total(self, data: Data, x: np.ndarray) -> float:
         """Sum of squares of the augmented residual at x."""
         residual = augmented_residual(data, self.space, self.predict(x), x)
         return float(residual @ residual)
+
+    def _weights(self) -> np.ndarray:
+        """(K + 1)^-1 times what the runs found, (runs, m)."""
+        if self._learnt is None:
+            self._away = np.array(self.points) - self.anchor
+            self._known_features = np.array([self._features(u) for u in self._away])
+            gram = self._known_features @ self._known_features.T + np.eye(len(self._away))
+            gram += np.array([self._local(u)[0] for u in self._away])
+            self._learnt = np.linalg.solve(gram, np.array(self.surprises))
+        return self._learnt
+
+    def _features(self, u: np.ndarray) -> np.ndarray:
+        """phi_j times their spreads, (features,)."""
+        return self._sizes * np.concatenate([[1.0], u, u[self._pairs[0]] * u[self._pairs[1]]])
+
+    def _local(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Covariance of e at u with e at the runs, (runs,), and its derivative by u (runs, q)."""
+        apart = u - self._away
+        size, fading = _fading(np.linalg.norm(u)), u / max(float(np.linalg.norm(u)), 1e-12)
+        there = np.array([_fading(d)[0] for d in np.linalg.norm(self._away, axis=1)])
+        near = np.exp(-0.5 * np.sum(apart**2, axis=1) / LENGTH**2)
+        scale = self.spread.local**2 * there * near
+        slope = -size[0] * apart / LENGTH**2 + size[1] * fading
+        return scale * size[0], scale[:, None] * slope
+
+
+def _fading(distance: float) -> tuple[float, float]:
+    """Share of e at a distance from the anchor, and its slope: none there, all from 1 on."""
+    return (float(distance), 1.0) if distance < 1.0 else (1.0, 0.0)

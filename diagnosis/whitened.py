@@ -131,9 +131,14 @@ class System:
 
 
 def system(data: Data, space: Space, derivative: np.ndarray, x: np.ndarray) -> System:
-    """The augmented system at x (q,); unknowns that rest on a bound or are fixed do not move."""
+    """The augmented system at x (q,).
+
+    Parameters that rest on a bound or are fixed do not move. Amplitudes do: what they may be beyond
+    their bound is no knowledge of the parameters.
+    """
     near = 1e-6 * (space.high - space.low)
     inside = (x > space.low + near) & (x < space.high - near)
+    inside[space.p :] = True
     return System(data, derivative, space.prior[0], inside & space.free)
 
 
