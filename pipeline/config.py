@@ -289,12 +289,91 @@ class PackSettings(Settings):
         return self
 
 
+def _default_training() -> dict[str, dict[str, int | float | bool | str]]:
+    coarse: dict[str, int | float | bool | str] = {
+        "width": 64,
+        "steps": 15_000,
+        "learning_rate": 1e-3,
+        "final_learning_rate": 0.0,
+        "schedule": "cosine",
+        "validate_every": 1_500,
+        "checkpoint_every": 250,
+    }
+    return {"coarse": coarse}
+
+
+class TrainSettings(Settings):
+    """The network and how it learns; the defaults are the paper's."""
+
+    width: int = Field(128, ge=1, description="of the network's latents and hidden layers")
+    message_passing_steps: int = Field(10, ge=1, description="rounds of messages between points")
+    radius_cells: float = Field(1.5, gt=0, description="connectivity radius, in cells")
+    past_velocities: int = Field(5, ge=1, description="velocities that the network sees")
+    cutoff: Literal["sharp", "smooth"] = Field(
+        "sharp", description="messages end at the radius abruptly, or fade before it"
+    )
+    strength: Literal["log", "linear"] = Field(
+        "log", description="how cohesion is told to the network"
+    )
+    steps: int = Field(3_500_000, ge=1, description="steps of the optimiser")
+    batch_size: int = Field(2, ge=1, description="windows in a step, of each process")
+    learning_rate: float = Field(1e-4, gt=0, description="of Adam, at the start")
+    final_learning_rate: float = Field(1e-6, ge=0, description="at the last step")
+    schedule: Literal["exponential", "cosine", "constant"] = Field(
+        "exponential", description="how the learning rate gets from the first to the last"
+    )
+    warmup_steps: int = Field(0, ge=0, description="steps in which it first rises from zero")
+    gradient_clip: float = Field(
+        1.0, ge=0, description="the gradient is shortened to this norm; 0: never"
+    )
+    noise: float = Field(
+        0.0214,
+        ge=0,
+        description="standard deviation of the noise in the last velocity, sqrt(g d); the "
+        "paper's 0.067 m/s at 1 m",
+    )
+    noise_target: Literal["position", "velocity"] = Field(
+        "position", description="what the target sets right in one step: position or velocity"
+    )
+    pushforward: int = Field(
+        0, ge=0, description="up to this many steps of the model itself before the one it learns"
+    )
+    mirror: bool = Field(False, description="show every second window in the mirror")
+    averaging: float = Field(
+        0.0, ge=0, lt=1, description="weights are averaged over steps with this memory; 0: not"
+    )
+    precision: Literal["float32", "bfloat16"] = Field(
+        "float32", description="of the work on edges; bfloat16 is mixed precision, for a GPU"
+    )
+    validate_every: int = Field(10_000, ge=1, description="steps between held-out rollouts")
+    validate_runs: int = Field(10, ge=1, description="runs that are rolled out")
+    checkpoint_every: int = Field(1_000, ge=1, description="steps between states on the disk")
+    seed: int = Field(0, ge=0, description="decides the first weights, the order and the noise")
+
+
 class GnsSettings(Settings):
     """The learned simulator."""
 
     pack: PackSettings = Field(
         default_factory=PackSettings, description="from trajectories to what a training reads"
     )
+    train: TrainSettings = Field(
+        default_factory=TrainSettings, description="the network and how it learns"
+    )
+    train_of_scale: dict[str, dict[str, int | float | bool | str]] = Field(
+        default_factory=_default_training, description="what of it differs for a scale, by name"
+    )
+
+    @model_validator(mode="after")
+    def _differences_fit(self) -> GnsSettings:
+        for scale, changes in self.train_of_scale.items():
+            try:
+                TrainSettings.model_validate({**self.train.model_dump(), **changes})
+            except ValidationError as error:
+                raise ValueError(
+                    f"train_of_scale.{scale}.{describe_error(error, TrainSettings)}"
+                ) from None
+        return self
 
 
 class ScaleSettings(Settings):
@@ -376,6 +455,15 @@ class Config(Settings):
         default_factory=HiddenEffectsSettings, description="the blind benchmark of the diagnosis"
     )
 
+    @model_validator(mode="after")
+    def _scales_exist(self) -> Config:
+        for name in self.gns.train_of_scale:
+            if name not in self.scales:
+                raise ValueError(
+                    f"gns.train_of_scale.{name}: no such scale; there are {', '.join(self.scales)}"
+                )
+        return self
+
     def scale(self, name: str) -> ScaleSettings:
         """The scale called `name`; an `InputError` naming the known ones if there is none."""
         if name not in self.scales:
@@ -389,6 +477,11 @@ class Config(Settings):
         if own.time_step_s is not None:
             update["time_step_s"] = own.time_step_s
         return self.simulation.model_copy(update=update)
+
+    def training_for(self, scale: str) -> TrainSettings:
+        """The training settings with what differs for a scale put in; "" for none."""
+        changes = self.gns.train_of_scale.get(scale, {})
+        return TrainSettings.model_validate({**self.gns.train.model_dump(), **changes})
 
 
 def load_config(path: str | os.PathLike[str] | None, overrides: Sequence[str] = ()) -> Config:

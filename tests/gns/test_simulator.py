@@ -51,7 +51,9 @@ def test_kinematic_points_stay_and_soil_stays_inside(facts_and_start):
         after = model.step(window, facts)
         post = facts.type == 1
         assert post.any() and np.allclose(after[post], positions[post], atol=1e-5)
-        assert np.all(after[:, 1] >= facts.ground_height(after[:, 0]) - 1e-5)
+        # The ground is uneven: points may sink into it by a cell, less a little.
+        depth = facts.ground_height(after[:, 0]) - after[:, 1]
+        assert depth.max() <= 0.975 * 2.0 + 1e-5 and (output[1] > 0 or depth.max() > 1.9)
         assert after[:, 0].min() >= -1e-5 and after[:, 0].max() <= 30.0 + 1e-5
         assert after[:, 1].max() <= 20.0 + 1e-5
 
@@ -61,7 +63,9 @@ def test_an_open_domain_has_a_floor_alone():
     scene = scaled(facts, dtype=torch.float64)
     there = torch.tensor([[-900.0, 5.0], [900.0, 1e4], [0.0, -3.0]], dtype=torch.float64)
     kept = kept_inside(there, scene)
-    assert torch.equal(kept[:2], there[:2]) and kept[2, 1] > -3.0
+    assert torch.equal(kept[:2], there[:2]) and kept[2, 1] == -0.975 * 2.0
+    level = dataclasses.replace(scene, ground=scene.ground * scene.ground.new_tensor([1.0, 0.0]))
+    assert kept_inside(there, level)[2, 1] == 0.0
 
 
 def test_several_windows_are_several_steps(facts_and_start):
