@@ -77,6 +77,11 @@ class DiagnosisCase:
         """The section of the base model."""
         return self.setup.scene
 
+    @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Effect -> mean and standard deviation of its amplitude."""
+        return {name: (prior.mean, prior.std) for name, prior in self.question.priors.items()}
+
     def model(self, store: RunStore) -> MPMModel:
         """The material point method as the model of this case.
 
@@ -89,6 +94,7 @@ class DiagnosisCase:
             store,
             sensitivities=[s for s in self.inversion.sensitivities if isinstance(s, ZoneBoundary)],
             numbers=self.question.parameters,
+            priors=self.priors,
             numerics=Numerics(settings.noise_jitter, settings.second_transfer, settings.finer),
         )
         known = [*(c.name for c in model.candidates), *model.left_out]
@@ -114,11 +120,7 @@ class DiagnosisCase:
             hold_out=question.held_out,
             forbidden=tuple(name for name in question.forbid if name in acting),
             effects=wanted,
-            priors={
-                name: (prior.mean, prior.std)
-                for name, prior in question.priors.items()
-                if name in acting
-            },
+            priors={name: prior for name, prior in self.priors.items() if name in acting},
             allowance=settings.max_runs - FOR_PICTURES,
             replicates=question.replicates or settings.replicates,
             transfer=question.transfer,

@@ -60,6 +60,7 @@ class MPMModel:
         store: of the runs.
         sensitivities: boundaries between zones that may lie elsewhere.
         numbers: effect -> further numbers of it, as in a scene.
+        priors: candidate -> (mean, std) of its amplitude, in place of its own.
         numerics: how the model's own error is measured.
     """
 
@@ -70,6 +71,7 @@ class MPMModel:
         *,
         sensitivities: Sequence[ZoneBoundary] = (),
         numbers: Mapping[str, Mapping[str, float]] | None = None,
+        priors: Mapping[str, tuple[float, float]] | None = None,
         numerics: Numerics | None = None,
     ) -> None:
         self.setup = setup
@@ -81,10 +83,17 @@ class MPMModel:
         places, unmoved = boundaries(setup.scene, sensitivities)
         self._boundaries = {place.candidate.name: place for place in places}
         physics, idle = acting_candidates(setup.scene)
-        self.candidates = [
+        every = [
             *physics,
             *(place.candidate for place in self._boundaries.values()),
             *(error.candidate for error in self._errors.values()),
+        ]
+        known = dict(priors or {})
+        self.candidates = [
+            replace(one, prior_mean=known[one.name][0], prior_std=known[one.name][1])
+            if one.name in known
+            else one
+            for one in every
         ]
         self.left_out = {**idle, **unmoved}
         self._asked: set[State] = set()

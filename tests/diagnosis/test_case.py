@@ -50,6 +50,8 @@ def test_what_an_engineer_knows_reaches_the_statistics(embankment):
     assert options.forbidden == ("shaking",)
     assert options.effects == ("weak_base", "overburden_strength")
     assert options.priors == {"weak_base": (0.3, 0.1)}
+    (candidate,) = [one for one in model.candidates if one.name == "weak_base"]
+    assert (candidate.prior_mean, candidate.prior_std) == (0.3, 0.1)
     assert options.hold_out == HoldOut(("toe",), {"surface": (10.0, 25.0)})
     assert (options.replicates, options.transfer, options.resolution_factor) == (4, False, 0.0)
     assert options.synthetic
