@@ -44,7 +44,7 @@ rule simulate_case:
         config=CONFIG_FILE,
         folder=lambda wildcards, output: os.path.dirname(output.picture),
         case=lambda wildcards, input: os.path.dirname(input[0]),
-        physics=content_hash({"physics": PHYSICS, "settings": SETTINGS.simulation}),
+        physics=content_hash({"physics": CASE_PHYSICS, "settings": SETTINGS.simulation}),
     message:
         "Simulating the case history {wildcards.case}"
     shell:

@@ -55,7 +55,9 @@ SETTINGS = checked_settings()
 RESULTS = SETTINGS.results_folder
 CONFIG_FILE = write_settings()
 PHYSICS = {package: physics_version(package) for package in ("geometry", "mpm_taichi")}
-INVERSION_PHYSICS = {**PHYSICS, "inversion": physics_version("inversion")}
+# Sections of case histories may have effects on; random scenes never have.
+CASE_PHYSICS = {**PHYSICS, "effects": physics_version("mpm_taichi/effects")}
+INVERSION_PHYSICS = {**CASE_PHYSICS, "inversion": physics_version("inversion")}
 DIAGNOSIS_PHYSICS = {**INVERSION_PHYSICS, "diagnosis": physics_version("diagnosis")}
 GNS_PHYSICS = {**PHYSICS, "gns": physics_version("gns")}
 

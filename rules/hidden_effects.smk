@@ -27,7 +27,7 @@ rule plan_hidden:
         config=CONFIG_FILE,
         benchmark=HIDDEN.benchmark,
         folder=HIDDEN_FOLDER,
-        physics=content_hash({"physics": PHYSICS, "settings": SETTINGS.simulation}),
+        physics=content_hash({"physics": CASE_PHYSICS, "settings": SETTINGS.simulation}),
     message:
         "How well can hidden effects be seen? {output}"
     shell:
@@ -54,7 +54,7 @@ rule make_hidden:
         benchmark=HIDDEN.benchmark,
         folder=HIDDEN_FOLDER,
         shares=HIDDEN.shares,
-        physics=content_hash({"physics": PHYSICS, "settings": SETTINGS.simulation}),
+        physics=content_hash({"physics": CASE_PHYSICS, "settings": SETTINGS.simulation}),
     message:
         "Hiding effects, share {wildcards.share} of {params.shares}"
     shell:

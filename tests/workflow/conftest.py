@@ -131,6 +131,8 @@ class Workbench:
             (folder / package).mkdir()
             (folder / package / "__main__.py").write_text(program)
             self.set_physics(package, 1)
+        (folder / "mpm_taichi" / "effects").mkdir()
+        self.set_physics("mpm_taichi/effects", 1)
         case = folder / "case_histories" / "lower_san_fernando"
         case.mkdir(parents=True)
         (case / "scene.yaml").write_text("name: stand-in\n")

@@ -77,7 +77,8 @@ def test_what_is_made_again(bench):
     bench.set_physics("geometry", 2)
     assert bench.planned(*targets) == scenes
     bench.set_physics("geometry", 1)
-    assert bench.planned(*targets) == {}
+    bench.set_physics("mpm_taichi/effects", 2)
+    assert bench.planned(*targets) == {}, "random scenes have no effects"
 
     bench.settings["simulation"]["courant"] = 0.2
     assert bench.planned(*targets) == simulation
@@ -114,6 +115,9 @@ def test_when_strengths_are_sought_again(bench):
     assert bench.planned("invert_lsfd") == {"invert_case": 1, "classical_case": 1}
     assert bench.planned("simulate_lsfd") == {"simulate_case": 1}, "never made, hence planned"
     bench.set_physics("inversion", 1)
+    bench.set_physics("mpm_taichi/effects", 2)
+    assert "invert_case" in bench.planned("invert_lsfd"), "its section may have one on"
+    bench.set_physics("mpm_taichi/effects", 1)
     (case / "inversion.yaml").write_text("parameters: [{}]\n")
     assert "invert_case" in bench.planned("invert_lsfd")
     (case / "measurements.yaml").write_text("sets: {field: [{type: toe_runout}]}\n")
