@@ -16,7 +16,7 @@ from diagnosis.report_words import NOT_SEPARABLE, WEAKLY, spoken
 from geometry.draw import TEXT_COLOUR
 from inversion.draw_style import OURS, new_figure, save_figure, words
 
-LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.0, 0.55, 0.35
+LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.0, 0.8, 0.35
 DARK, MIDDLE, LIGHT = "#003a5d", OURS, "#d9e6f0"
 
 
@@ -56,7 +56,7 @@ def draw_confounding(data: ReportData, path: Path) -> Path | None:
             ax.add_patch(Rectangle((column + 0.03, row - 0.97), 0.94, 0.94, facecolor=colour,
                                    alpha=1.0 if value >= WEAKLY else 0.35 + 0.6 * value,
                                    linewidth=0))  # fmt: skip
-            if value >= WEAKLY or cell > 0.3:
+            if cell > (0.22 if value >= WEAKLY else 0.3):
                 ax.text(column + 0.5, row - 0.5, f"{value:.2f}".removeprefix("0"), ha="center",
                         va="center", fontsize=min(SMALL, 30 * cell),
                         color="white" if value >= WEAKLY else TEXT_COLOUR)  # fmt: skip

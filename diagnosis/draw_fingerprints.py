@@ -190,6 +190,6 @@ def _likeness(figure, data: ReportData, shown, residual, parts, total: float) ->
         size = float(np.linalg.norm(s) * np.linalg.norm(r))
         cosine = float(s @ r) / size if size else 0.0
         y = (BELOW + ROW * (len(shown) - place - 0.5)) / total
-        text = f"{cosine:.2f}".replace("-", MINUS)
+        text = f"{round(cosine, 2) + 0.0:.2f}".replace("-", MINUS)
         figure.text(x, y, text, ha="right", va="center", fontsize=SMALL, color=TEXT_COLOUR,
                     fontweight="bold" if cosine > 0.7 else "normal")  # fmt: skip

@@ -124,8 +124,8 @@ def _draw_section(ax: Axes, data: ReportData, series: Series, after: bool) -> No
         height = float(np.interp(place, section.x, section.ground))
         ax.plot([place], [height], marker="^", markersize=9, color=MARKS[line.role][1],
                 markeredgecolor="white", zorder=7, clip_on=False)  # fmt: skip
-        ax.annotate("toe", (place, height), xytext=(0, 9), textcoords="offset points",
-                    ha="center", fontsize=TEXT, path_effects=HALO, zorder=7)  # fmt: skip
+        ax.annotate("toe", (place, height), xytext=(0, -7), textcoords="offset points",
+                    ha="center", va="top", fontsize=TEXT, path_effects=HALO, zorder=7)  # fmt: skip
 
 
 def _same_limits(first: Axes, second: Axes) -> None:

@@ -31,7 +31,7 @@ from diagnosis.draw_style import (
 )
 from diagnosis.report_data import ReportData, Series
 from diagnosis.report_numbers import chance, number
-from diagnosis.verdict import Group, MeasurementVerdict
+from diagnosis.verdict import Group, MeasurementVerdict, Window
 from geometry.draw import HALO, TEXT_COLOUR
 from inversion.draw_style import LINE, save_figure, wrapped
 
@@ -73,16 +73,23 @@ def _draw_series(ax: Axes, data: ReportData, series: Series) -> None:
             ax.plot([line.place], [line.residual_final], marker=mark, color=AFTER, markersize=5.5,
                     markeredgecolor="white", markeredgewidth=0.6, zorder=5)  # fmt: skip
             reach = max(reach, abs(line.residual_final))
-    ax.set_ylim(-1.15 * reach, 1.15 * reach)
+    ax.set_ylim(-1.15 * reach, (1.45 if _shaded(data, series) else 1.15) * reach)
     _shade_window(ax, data, series)
     title(ax, wrapped(series.name, 52, 1))
     label_x(ax, series.axis_words)
     label_y(ax, "residual (std)")
 
 
-def _shade_window(ax: Axes, data: ReportData, series: Series) -> None:
+def _shaded(data: ReportData, series: Series) -> Window | None:
+    """The worst stretch of the base model, where it lies in this series."""
     window = data.base.window
-    if window is None or window.measurement != series.name or window.x_from is None:
+    here = window is not None and window.measurement == series.name and window.x_from is not None
+    return window if here else None
+
+
+def _shade_window(ax: Axes, data: ReportData, series: Series) -> None:
+    window = _shaded(data, series)
+    if window is None:
         return
     half = 0.5 * float(np.median(np.diff(series.places)))
     left, right = window.x_from - half, window.x_to + half

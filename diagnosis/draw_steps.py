@@ -38,7 +38,9 @@ def step_words(number_: int, steps: Sequence[Step], by_hand: Collection[str] = (
     before = steps[number_ - 1].effects if number_ else {}
     added = [f"+ {spoken(name)}" for name in step.effects if name not in before]
     dropped = [f"{chr(8722)} {spoken(name)}" for name in before if name not in step.effects]
-    told = ", ".join([*added, *dropped]) or ("base model" if not number_ else spoken(step.model))
+    told = ", ".join([*added, *dropped]) or (
+        "base model" if not number_ else spoken(step.model.lstrip("0123456789_"))
+    )
     return f"{told} (by hand)" if is_by_hand(step, by_hand) else told
 
 

@@ -104,7 +104,12 @@ def sections(data: ReportData) -> list[Section]:
 
 
 def _answer(data: ReportData) -> Section:
-    told = [*words.answer_sentences(data), words.fall_sentence(data), words.tested_sentence(data)]
+    told = [
+        *words.answer_sentences(data),
+        words.fall_sentence(data),
+        words.transfer_sentence(data),
+        words.tested_sentence(data),
+    ]
     return Section("In short", [tables.key_numbers(data), *_said(told), *_remarks(data)])
 
 

@@ -11,7 +11,15 @@ from typing import Any
 
 from diagnosis.draw_steps import step_words
 from diagnosis.report_data import ReportData
-from diagnosis.report_numbers import SPACE, chance, number, plus_minus, signed_percent, with_unit
+from diagnosis.report_numbers import (
+    SPACE,
+    chance,
+    number,
+    plus_minus,
+    root_mean_square,
+    signed_percent,
+    with_unit,
+)
 from diagnosis.report_words import (
     AMONG,
     VERDICTS,
@@ -57,7 +65,12 @@ def key_numbers(data: ReportData) -> KeyNumbers:
                                             p.unit), remark))  # fmt: skip
     runs = document.runs
     entries.append(("forward runs", f"{runs.asked}", f"of {runs.allowed} allowed"))
-    return KeyNumbers(entries)
+    check = None if verdict is None else verdict.transfer_check
+    if check is not None:
+        ends = [root_mean_square(chi2, check.n) for chi2 in (check.chi2_base, check.chi2_final)]
+        entries.insert(-1, _fall(f"misfit, {spoken(check.case)}", *ends))
+    # Narrow boxes: a value may go over two lines.
+    return KeyNumbers([tuple(text.replace(SPACE, " ") for text in entry) for entry in entries])
 
 
 def _fall_of_fit(base: Stage, final: Stage | None) -> tuple[str, str, str]:

@@ -165,6 +165,19 @@ def fall_sentence(data: ReportData) -> str:
     return told
 
 
+def transfer_sentence(data: ReportData) -> str:
+    """What the answer does on a second section or event."""
+    check = None if data.verdict is None else data.verdict.transfer_check
+    if check is None:
+        return ""
+    ends = [root_mean_square(chi2, check.n) for chi2 in (check.chi2_base, check.chi2_final)]
+    return (
+        f"On {spoken(check.case)}, which no fit has seen ({check.n} numbers, the parameters found "
+        f"here): {ends[0]:.1f} standard deviations by the base model, {ends[1]:.1f} by the model "
+        "of the answer."
+    )
+
+
 def role_sentence(data: ReportData) -> str:
     """Which data were held out and which are constructed."""
     told = []

@@ -225,7 +225,7 @@ td.long { min-width: 15rem; }
   margin: 1.2rem 0; }
 .key div { border: 1px solid var(--line); border-radius: 6px; padding: .6rem .8rem; }
 .key dt { color: var(--soft); font-size: .85rem; line-height: 1.3; }
-.key dd { margin: .15rem 0 0; font-size: 1.25rem; font-weight: 600; line-height: 1.25;
+.key dd { margin: .15rem 0 0; font-size: 1.2rem; font-weight: 600; line-height: 1.25;
   font-variant-numeric: tabular-nums; }
 .key dd.remark { font-size: .85rem; font-weight: 400; color: var(--soft); }
 details { margin: .8rem 0; }

@@ -34,9 +34,10 @@ from diagnosis.report_words import (
     fall_sentence,
     lead,
     role_sentence,
+    transfer_sentence,
     window_sentence,
 )
-from diagnosis.verdict import Verdict, save_document
+from diagnosis.verdict import TransferCheck, Verdict, save_document
 from pipeline.cli import InputError
 from tests.diagnosis.verdict_case import (
     NASTY,
@@ -251,6 +252,14 @@ def test_the_fall_is_told_on_both_kinds_of_data():
     assert "1.9 standard deviations before, 1.1 after" in sentence
     assert "Of the 10 held-out data, which no fit has seen: 3.1 before, 1.2 after" in sentence
     assert fall_sentence(data_of(adequate())) == ""
+
+
+def test_a_second_section_judges_the_answer(tmp_path):
+    check = TransferCheck(case="second_dam", n=12, chi2_base=108.0, chi2_final=12.0)
+    read = told(page_of(identified().model_copy(update={"transfer_check": check}), tmp_path))
+    assert "misfit, second dam 3.0 → 1.0 std" in read
+    assert "On second dam, which no fit has seen (12 numbers" in read
+    assert transfer_sentence(data_of(identified())) == ""
 
 
 def test_where_and_how_it_fails_is_told():
