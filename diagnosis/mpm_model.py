@@ -14,12 +14,14 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.model import CURVE, Candidate, Curve, State
+from diagnosis.model import CURVE, Candidate, Curve, Proposal, State
 from diagnosis.nuisances import Boundary, SurveyError, boundaries, survey_errors
+from diagnosis.possible import possible_measurements, proposal_of
 from geometry.scene import Scene, scene_from_mapping
+from inversion.history_readings import HistoryReader, history_reader
 from inversion.mpm_engine import Setup, deposit_of
 from inversion.parameters import Parameters
-from inversion.predictions import Targets, read
+from inversion.predictions import Targets, make_targets, read
 from inversion.question import ZoneBoundary
 from inversion.run_store import KeptRun, RunStore
 from mpm_taichi.effects import Effect, acting_scene, effects, effects_on, liquefied_zones
@@ -96,6 +98,9 @@ class MPMModel:
             for one in every
         ]
         self.left_out = {**idle, **unmoved}
+        self._possible = make_targets(
+            possible_measurements(setup), fit=None, loss="misfit", source="what could be measured"
+        )
         self._asked: set[State] = set()
         self._computed_before = store.computed
 
@@ -125,8 +130,24 @@ class MPMModel:
         """Predictions (n, m) of all states as one batch; a row of NaN where a run failed."""
         rows = np.array([self._moved_by_survey(state) for state in states])
         behind = [self.run_behind(state) for state in states]
-        found = self._read_all(list(dict.fromkeys(behind)))
+        found = self._read_all(list(dict.fromkeys(behind)), self.targets)
         return rows + np.array([found[state] for state in behind]).reshape(rows.shape)
+
+    @cached_property
+    def proposals(self) -> list[Proposal]:
+        """Measurements that could still be made."""
+        found, first = [], 0
+        for entry in self._possible.entries:
+            found.append(proposal_of(entry, first))
+            first += len(entry.values)
+        return found
+
+    def propose(self, states: Sequence[State]) -> np.ndarray:
+        """Readings of all proposals (n, q); runs that were made before are read, not made again."""
+        behind = [self.run_behind(state) for state in states]
+        found = self._read_all(list(dict.fromkeys(behind)), self._possible)
+        nothing = np.zeros((0, len(self._possible.names)))
+        return np.array([found[state] for state in behind]) if behind else nothing
 
     @cached_property
     def curves(self) -> list[Curve]:
@@ -196,7 +217,7 @@ class MPMModel:
         run = self.run_behind(state)
         self._asked.add(run)
         setup = self.setup_of(run)
-        return self.store.fetch([(setup.scene, setup.settings)], [setup.reader])[0]
+        return self.store.fetch([(setup.scene, setup.settings)], [self._reader(setup)])[0]
 
     def _entries(self, acting: Mapping[str, float]) -> dict[str, float | dict[str, float]]:
         """Amplitudes as a scene has them; the coefficients of a curve as one entry."""
@@ -214,10 +235,14 @@ class MPMModel:
         (curve,) = [one for one in self.curves if one.variable == variable]
         return curve_entry(variable, curve.knots, [acting.get(name, 0.0) for name in curve.names])
 
-    def _read_all(self, states: list[State]) -> dict[State, np.ndarray]:
-        """Predictions of distinct runs, (m,) each."""
+    def _reader(self, setup: Setup) -> HistoryReader:
+        """Reads what was measured, and what could be, on all frames of a run as it ends."""
+        return history_reader([*self.targets.entries, *self._possible.entries], setup.foot)
+
+    def _read_all(self, states: list[State], targets: Targets) -> dict[State, np.ndarray]:
+        """Measurements or proposals on distinct runs, one vector each."""
         self._asked.update(states)
-        nothing = np.full(len(self.targets.names), np.nan)
+        nothing = np.full(len(targets.names), np.nan)
         found = {state: nothing for state in states}
         setups: dict[State, Setup] = {}
         for state in states:
@@ -226,13 +251,13 @@ class MPMModel:
             except InputError as error:
                 self.failures[state] = str(error)
         wanted = [(setup.scene, setup.settings) for setup in setups.values()]
-        runs = self.store.fetch(wanted, [setup.reader for setup in setups.values()])
+        runs = self.store.fetch(wanted, [self._reader(setup) for setup in setups.values()])
         for (state, setup), run in zip(setups.items(), runs, strict=True):
             if run.status == "failed":
                 self.failures[state] = run.reason
                 continue
-            found[state], trouble = read(setup.targets, deposit_of(setup, run), run.readings)
-            if trouble:
+            found[state], trouble = read(targets, deposit_of(setup, run), run.readings)
+            if trouble and targets is self.targets:
                 self.failures[state] = trouble
         return found
 

@@ -15,17 +15,19 @@ from pydantic import TypeAdapter
 from shapely.geometry import Point as PlacedPoint
 from shapely.geometry import Polygon
 
+from diagnosis.model import Proposal
 from geometry.measured import Measured
-from geometry.measured_numbers import CrestSettlement, Freeboard, MarkerDisplacement, ToeRunout
+from geometry.measured_numbers import Freeboard, MarkerDisplacement, ToeRunout
 from geometry.measured_series import SlideDuration, SurfaceProfile, ToeHistory
 from geometry.measurements import Measurement
 from geometry.profiles import WHOLE, Profile
 from geometry.scene import Scene
 from inversion.mpm_engine import Setup
 
-#: Standard deviations where the case has none of the kind, as shares of the section's height.
-SHARES = {SurfaceProfile: 0.01, ToeRunout: 0.02, ToeHistory: 0.02, MarkerDisplacement: 0.007,
-          CrestSettlement: 0.01, Freeboard: 0.01}  # fmt: skip
+#: Standard deviations where the case has none of the kind: share of the section's height, and the
+#: least [m].
+USUAL = {SurfaceProfile: (0.01, 0.1), ToeRunout: (0.02, 0.3), ToeHistory: (0.02, 0.5),
+         MarkerDisplacement: (0.007, 0.1), Freeboard: (0.01, 0.1)}  # fmt: skip
 #: Of a duration, in times of a fall from the section's height.
 DURATION_SHARE = 0.3
 #: Places along the surface, stakes along the section, times in falls from its height.
@@ -35,20 +37,15 @@ _ENTRY = TypeAdapter(Measurement)
 _ABOUT = {"confidence": "assumed", "source": "not measured yet"}
 
 
-def possible_measurements(setup: Setup, reach: tuple[float, float]) -> list[Measured]:
-    """Measurements that could still be made.
-
-    Args:
-        setup: the section and what was measured on it.
-        reach: where soil lies after the slide, x from and to [m].
-    """
-    scene, had = setup.scene, setup.targets.entries
+def possible_measurements(setup: Setup) -> list[Measured]:
+    """Measurements that could still be made on a section."""
+    scene, had = setup.scene, made(setup)
     height = _height(scene)
     fall = float(np.sqrt(2.0 * height / setup.settings.gravity_m_per_s2))
     documents: list[dict[str, Any]] = []
     surfaces: list[float] = []
     surveyed = [x for e in had if isinstance(e, SurfaceProfile) for x in e.profile.x]
-    for x in _between(*reach, SURFACE_PLACES):
+    for x in _between(*reach(setup), SURFACE_PLACES):
         if _far(x, surveyed, 2.0 * scene.spacing):
             surfaces.append(x)
     stakes = [e.x_m for e in had if isinstance(e, MarkerDisplacement)]
@@ -75,6 +72,40 @@ def possible_measurements(setup: Setup, reach: tuple[float, float]) -> list[Meas
                           "water_level_m": scene.water_level, "value_m": 0.0})  # fmt: skip
     found = [_entry(document, setup, height) for document in documents]
     return [*(_surface(x, setup, height) for x in surfaces), *found]
+
+
+def made(setup: Setup) -> list[Measured]:
+    """Measurements that were made; what was constructed was not."""
+    return [entry for entry in setup.targets.entries if not entry.constructed]
+
+
+def proposal_of(entry: Measured, first: int) -> Proposal:
+    """A measurement as the statistics see it.
+
+    Args:
+        entry: the measurement.
+        first: place of its first number among those of all proposals.
+    """
+    numbers = tuple(range(first, first + len(entry.values)))
+    place = f" {entry.parts[0]}" if isinstance(entry, SurfaceProfile | ToeHistory) else ""
+    return Proposal(
+        name=f"{entry.name}{place}",
+        words=f"{entry.name}{place}, to {entry.std:g} {entry.unit}",
+        index=numbers,
+        covariance=entry.covariance(),
+    )
+
+
+def reach(setup: Setup) -> tuple[float, float]:
+    """Where soil lies before or after the slide, as far as that is known, x from and to [m]."""
+    scene, places = setup.scene, [setup.scene.foot("left"), setup.scene.foot("right")]
+    for entry in made(setup):
+        if isinstance(entry, SurfaceProfile):
+            places += entry.profile.x.tolist()
+        elif isinstance(entry, ToeRunout):
+            outward = -1.0 if entry.side == "left" else 1.0
+            places.append(setup.foot[entry.side] + outward * entry.value_m)
+    return max(min(places), scene.domain.x_min), min(max(places), scene.domain.x_max)
 
 
 def _sides(had: list[Measured]) -> list[str]:
@@ -113,8 +144,9 @@ def _stakes(scene: Scene) -> list[tuple[float, float]]:
 
 def _std(kind: type[Measured], setup: Setup, height: float) -> float:
     """That of the case's own measurements of the kind, else what is usual."""
-    own = [entry.std for entry in setup.targets.entries if isinstance(entry, kind)]
-    return min(own) if own else float(f"{SHARES[kind] * height:.2g}")
+    own = [entry.std for entry in made(setup) if isinstance(entry, kind)]
+    share, least = USUAL[kind]
+    return min(own) if own else float(f"{max(share * height, least):.2g}")
 
 
 def _entry(document: dict[str, Any], setup: Setup, height: float) -> Measured:
