@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from scipy.stats import chi2 as chi2_law
 
 from diagnosis.draw_style import AFTER, PALE_AFTER, SMALL, chart, label_x, legend, quiet, rows
-from diagnosis.report_numbers import number, root_mean_square
+from diagnosis.report_numbers import MINUS, number, root_mean_square
 from diagnosis.report_words import spoken
 from diagnosis.verdict import Step
 from geometry.draw import HALO, TEXT_COLOUR
@@ -32,15 +32,25 @@ def is_by_hand(step: Step, by_hand: Collection[str] = ()) -> bool:
     return step.model in by_hand or step.note.startswith(BY_HAND)
 
 
+def follows(number_: int, steps: Sequence[Step]) -> bool:
+    """A step adds to, or takes from, the one before; else it stands beside it."""
+    if not number_:
+        return False
+    own, before = set(steps[number_].effects), set(steps[number_ - 1].effects)
+    return own >= before or own < before
+
+
 def step_words(number_: int, steps: Sequence[Step], by_hand: Collection[str] = ()) -> str:
-    """The name of a row: what this step has added to the one before."""
+    """The name of a row: what this step has changed in the one before, or all its effects."""
     step = steps[number_]
-    before = steps[number_ - 1].effects if number_ else {}
+    before = steps[number_ - 1].effects if follows(number_, steps) else {}
     added = [f"+ {spoken(name)}" for name in step.effects if name not in before]
-    dropped = [f"{chr(8722)} {spoken(name)}" for name in before if name not in step.effects]
-    told = ", ".join([*added, *dropped]) or (
-        "base model" if not number_ else spoken(step.model.lstrip("0123456789_"))
-    )
+    dropped = [f"{MINUS} {spoken(name)}" for name in before if name not in step.effects]
+    told = ", ".join([*added, *dropped])
+    if not told:
+        told = spoken(step.model.lstrip("0123456789_")) if number_ else "base model"
+    elif number_ and not follows(number_, steps):
+        told = f"base {told}"
     return f"{told} (by hand)" if is_by_hand(step, by_hand) else told
 
 
@@ -65,7 +75,7 @@ def draw_steps(steps: Sequence[Step], path: Path, *, by_hand: Collection[str] = 
     ax.axvline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4)
     for place, step in enumerate(steps):
         colour = HUMAN if is_by_hand(step, by_hand) else AFTER
-        if place:
+        if follows(place, steps):
             ax.barh(place - 0.14, fitted[place - 1], height=0.34, color=PALE_AFTER, alpha=0.7,
                     linewidth=0, zorder=1)  # fmt: skip
             ax.plot([fitted[place - 1]] * 2, [place - 1.0, place + 0.03], color="#8aa9bd",
@@ -76,7 +86,7 @@ def draw_steps(steps: Sequence[Step], path: Path, *, by_hand: Collection[str] = 
             ax.plot([held[place]], [place + 0.24], marker="D", color=HELD_OUT, markersize=7,
                     markeredgecolor="white", zorder=5)  # fmt: skip
             _tell(ax, held[place], place + 0.24, f"{number(held[place], 2)}", HELD_OUT, away=8)
-            if place and held[place - 1] is not None:
+            if follows(place, steps) and held[place - 1] is not None:
                 ax.plot([held[place - 1], held[place]], [place - 0.76, place + 0.24],
                         color=HELD_OUT, linewidth=0.8, alpha=0.6, zorder=2)  # fmt: skip
     label_x(ax, "root mean square residual, in std")

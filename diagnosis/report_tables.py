@@ -34,6 +34,7 @@ from pipeline.page import KeyNumbers, Table
 
 ONE_LINE = 24
 """Characters of a name that are kept on one line."""
+NOISE = "standard deviations; noise alone has 1"
 ALARMS = {"adequate": "adequate", "suspect": "suspect", "alarm": "alarm"}
 
 
@@ -85,8 +86,8 @@ def _fall_of_fit(base: Stage, final: Stage | None) -> tuple[str, str, str]:
 
 def _fall(name: str, before: float, after: float | None) -> tuple[str, str, str]:
     if after is None:
-        return name, f"{before:.1f} std", "noise alone: 1"
-    return name, f"{before:.1f} \N{RIGHTWARDS ARROW} {after:.1f} std", "noise alone: 1"
+        return name, f"{before:.1f}", NOISE
+    return name, f"{before:.1f} \N{RIGHTWARDS ARROW} {after:.1f}", NOISE
 
 
 def tests_table(data: ReportData) -> list[Table]:

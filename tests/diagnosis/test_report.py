@@ -120,7 +120,7 @@ def test_every_part_is_there_in_order(whole):
     assert text.count('src="data:image/svg+xml') == len(pictures(folder))
     read = told(text)
     assert "missing effect strain softening 15.6 ± 2.0 kPa" in read
-    assert "1.9 → 1.1 std" in read and "3.1 → 1.2 std" in read
+    assert "misfit, fitted data 1.9 → 1.1 standard deviations" in read and "3.1 → 1.2 " in read
     assert "21.9 ± 1.5 kPa 14.68 ± 0.73 kPa before" in read
     assert "128 of 250 allowed" in read and "5f0c1a92d3e4" in read and "null 20260101" in read
 
@@ -195,6 +195,11 @@ def test_track_marks_the_steps_of_a_person(tmp_path):
     read = told(checked(path))
     assert "2 models so far" in read and "1.9 standard deviations by the first, 1.1" in read
     assert step_words(1, steps, ["with_strain_softening"]) == "+ strain softening (by hand)"
+    beside = [*steps, steps[1].model_copy(update={"effects": {"weak_base": 0.3}})]
+    assert step_words(2, beside) == "base + weak base"
+    both = beside[2].model_copy(update={"effects": {**steps[1].effects, "weak_base": 0.3}})
+    assert step_words(2, [*steps, both]) == "+ weak base"
+    assert step_words(2, [steps[0], both, steps[1]]) == "\N{MINUS SIGN} weak base"
     noted = steps[1].model_copy(update={"note": "by hand: cores say so"})
     assert is_by_hand(noted) and not is_by_hand(steps[1])
     assert headings(checked(write_track(tmp_path / "none", "A dam", []))) == []
@@ -257,7 +262,7 @@ def test_the_fall_is_told_on_both_kinds_of_data():
 def test_a_second_section_judges_the_answer(tmp_path):
     check = TransferCheck(case="second_dam", n=12, chi2_base=108.0, chi2_final=12.0)
     read = told(page_of(identified().model_copy(update={"transfer_check": check}), tmp_path))
-    assert "misfit, second dam 3.0 → 1.0 std" in read
+    assert "misfit, second dam 3.0 → 1.0 " in read
     assert "On second dam, which no fit has seen (12 numbers" in read
     assert transfer_sentence(data_of(identified())) == ""
 
