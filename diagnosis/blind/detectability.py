@@ -17,9 +17,9 @@ import numpy as np
 #: Ends of the bins of lambda; no case above the last counts.
 BINS = (3.0, 10.0, 25.0, 60.0, 200.0)
 #: An amplitude is good enough where ln lambda is this near the ln of what was wanted.
-NEAR = 0.2
-#: Runs of the search after the ladder.
-TRIES = 4
+NEAR = 0.3
+#: Amplitudes that are tried after the first.
+TRIES = 5
 
 
 def detectability(
@@ -62,12 +62,13 @@ def find_amplitude(
 ) -> tuple[float, float]:
     """An amplitude whose lambda is near `wanted`, and that lambda.
 
-    The ladder is tried first, as one batch; then ln lambda is interpolated over ln a, or drawn out
-    beyond the ladder, up to `highest`. What comes nearest is returned, also where it is not near.
+    The middle rung of the ladder is tried first; then ln lambda is interpolated over ln a, or drawn
+    out as the square of the amplitude, up to `highest`. What comes nearest is returned, also where
+    it is not near.
 
     Args:
         lambdas: lambda of each amplitude (magnitudes); NaN where a run failed.
-        ladder: magnitudes to begin with, ascending.
+        ladder: magnitudes small to large.
         highest: largest magnitude allowed.
         wanted: lambda.
     """
@@ -76,7 +77,7 @@ def find_amplitude(
     def look(amplitudes: list[float]) -> None:
         known.update(zip(amplitudes, lambdas(amplitudes), strict=True))
 
-    look([a for a in ladder if a <= highest])
+    look([ladder[1]])
     for _ in range(TRIES):
         best = _nearest(known, wanted)
         if best is not None and abs(math.log(known[best] / wanted)) <= NEAR:

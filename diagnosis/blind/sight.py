@@ -24,9 +24,9 @@ from mpm_taichi.effects import effect as effect_of
 #: Replicates, their jitter, the second transfer scheme and the finer cells behind the covariance.
 REPLICATES, JITTER, TRANSFER, RESOLUTION = 8, 0.5, "flip", 1.5
 #: Steps of the derivative, farthest step of the calibration, both in fitted units; its iterations.
-STEP, FARTHEST, ITERATIONS = 0.2, 0.6, 5
+STEP, FARTHEST, ITERATIONS = 0.2, 0.6, 4
 #: The calibration ends where it moves less than this.
-SETTLED = 0.05
+SETTLED = 0.1
 
 
 @dataclass(frozen=True)
