@@ -14,6 +14,7 @@ from pipeline.cli import base_parser, main_exit
 COMMANDS = (
     "gns.pack_command",
     "gns.show_command",
+    "gns.train_command",
     "gns.baselines_command",
 )
 """Modules of the commands, in the order of the help."""

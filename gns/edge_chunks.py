@@ -54,6 +54,10 @@ class EdgeWeights(NamedTuple):
         """Width of the messages C."""
         return self.third.shape[0]
 
+    def cast(self, dtype: torch.dtype) -> EdgeWeights:
+        """The same in another type of number."""
+        return EdgeWeights(*[None if one is None else one.to(dtype) for one in self])
+
     def laid_out(self) -> EdgeWeights:
         """The same, each matrix transposed in memory.
 

@@ -124,7 +124,10 @@ class _EdgePerceptron(torch.autograd.Function):
             to_shares=torch.zeros_like(shares) if to_shares else None,
             to_fading=torch.zeros_like(fading) if to_fading else None,
         )
-        totals = pass_back.run(ctx.hidden)
+        totals = [
+            total if total is None else total.to(parameter.dtype)
+            for total, parameter in zip(pass_back.run(ctx.hidden), parameters, strict=True)
+        ]
         return None, None, pass_back.to_edges, pass_back.to_shares, pass_back.to_fading, *totals
 
 
@@ -162,8 +165,10 @@ class _Backward:
             if self.to_shares is not None:
                 self.to_shares[0::2][chunk.senders] += to_senders
             for place, value in enumerate(gradients):
-                if value is not None:
-                    totals[place] = value if totals[place] is None else totals[place].add_(value)
+                if value is not None and totals[place] is None:
+                    totals[place] = value.float() if value.dtype == torch.bfloat16 else value
+                elif value is not None:
+                    totals[place].add_(value)
         return totals
 
     def _chunk(

@@ -78,13 +78,19 @@ class MessagePassing(nn.Module):
     def forward(
         self, points: Tensor, edges: Tensor, graph: Graph, *, fading: Tensor | None, last: bool
     ) -> tuple[Tensor, Tensor | None]:
-        """Latents of points (N, C) and edges (E, C) after the step; edges: None after the last."""
+        """Latents of points (N, C) and edges (E, C) after the step; edges: None after the last.
+
+        The work on edges is done in the type of their numbers, that on points in theirs.
+        """
         width = self.width
         matrix, bias = self.share_weights()
         shares = functional.linear(points, matrix, bias).reshape(len(points), 2, width)
-        edges, sums = edge_update(
-            edges, shares, self.edge.edge_weights(width), graph, fading=fading, last=last
-        )
+        weights = self.edge.edge_weights(width)
+        if edges.dtype != points.dtype:
+            weights, shares = weights.cast(edges.dtype), shares.to(edges.dtype)
+            fading = None if fading is None else fading.to(edges.dtype)
+        edges, sums = edge_update(edges, shares, weights, graph, fading=fading, last=last)
+        sums = sums.to(points.dtype)
         own = self.point.first
         change = functional.linear(points, own.weight[:, :width], own.bias)
         change = change + functional.linear(sums, own.weight[:, width:])
@@ -100,6 +106,10 @@ class Network(nn.Module):
         outputs: numbers decoded for each point.
         width: of all latents and hidden layers; 128 in the paper.
         message_passing_steps: 10 in the paper.
+
+    Attributes:
+        edge_precision: type of the numbers of the work on edges; None: that of the points. With
+            bfloat16 it is mixed precision: weights, points and sums over chunks stay as they are.
     """
 
     def __init__(
@@ -112,6 +122,7 @@ class Network(nn.Module):
         message_passing_steps: int = 10,
     ) -> None:
         super().__init__()
+        self.edge_precision: torch.dtype | None = None
         self.point_encoder = Perceptron(point_features, width, width)
         self.edge_encoder = Perceptron(edge_features, width, width)
         self.steps = nn.ModuleList(MessagePassing(width) for _ in range(message_passing_steps))
@@ -137,7 +148,11 @@ class Network(nn.Module):
             (N, outputs).
         """
         points = self.point_encoder(point_features)
-        edges = encode_edges(edge_features, self.edge_encoder.edge_weights(), graph)
+        weights = self.edge_encoder.edge_weights()
+        if self.edge_precision is not None:
+            weights = weights.cast(self.edge_precision)
+            edge_features = edge_features.to(self.edge_precision)
+        edges = encode_edges(edge_features, weights, graph)
         for number, step in enumerate(self.steps, start=1):
             last = number == len(self.steps)
             points, edges = step(points, edges, graph, fading=fading, last=last)

@@ -1,0 +1,124 @@
+"""The state of a training on the disk, so that it can be stopped at any time and goes on.
+
+A folder of a model holds `model.pt` (the best so far by its held-out rollouts: what everybody else
+reads), `metrics.jsonl` (a line for each stretch of steps and each validation) and `state/last.pt`
+(all that is needed to go on; no result, it may be removed once a training has ended). Each file
+appears when it is whole.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from gns.simulator import FORMAT_VERSION, Simulator, read_document
+from pipeline.cli import InputError, WorkFailed
+from pipeline.files import atomic_path, make_folder, write_text
+
+MODEL_FILE = "model.pt"
+METRICS_FILE = "metrics.jsonl"
+STATE_FILE = Path("state") / "last.pt"
+
+
+class ModelFolder:
+    """The files of one training.
+
+    Args:
+        folder: made if missing.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = make_folder(folder)
+        self.model = self.folder / MODEL_FILE
+        self.state = self.folder / STATE_FILE
+        self.metrics = self.folder / METRICS_FILE
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Refuse a second process on the same training (a job queued again while the first runs).
+
+        Raises:
+            WorkFailed: another process works on it.
+        """
+        make_folder(self.state.parent)
+        with (self.state.parent / "lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise WorkFailed(f"{self.folder}: another process is training here") from None
+            except OSError:
+                pass  # a file system without locks
+            yield
+
+    def save_model(self, simulator: Simulator, **more: Any) -> None:
+        """Write the model that others read; `more` are plain values that are kept with it."""
+        simulator.save(self.model, **more)
+
+    def save_state(self, made_from: Mapping[str, Any], **state: Any) -> None:
+        """Write all that is needed to go on; `made_from` says of which training."""
+        make_folder(self.state.parent)
+        document = {
+            "format_version": FORMAT_VERSION,
+            "made_from": json.dumps(made_from, sort_keys=True),
+            **state,
+        }
+        with atomic_path(self.state) as temporary:
+            torch.save(document, temporary)
+
+    def load_state(
+        self, made_from: Mapping[str, Any], device: torch.device | str
+    ) -> dict[str, Any] | None:
+        """The state of the same training, or None where there is none yet.
+
+        Raises:
+            InputError: the folder holds another training, or the state is damaged.
+        """
+        if not self.state.exists():
+            if self.model.exists():
+                raise InputError(
+                    f"{self.folder}: holds a model, but no state from which to go on; give another "
+                    "folder with --out, or learn on from it with --from"
+                )
+            return None
+        document = read_document(self.state, device)
+        old = json.loads(document["made_from"])
+        new = json.loads(json.dumps(made_from, sort_keys=True))
+        for name in sorted({*old, *new}):
+            if old.get(name) != new.get(name):
+                raise InputError(
+                    f"{self.folder}: holds a training with {name} = {old.get(name)}, not "
+                    f"{new.get(name)}; give another folder with --out, or remove this one"
+                )
+        return document
+
+    # -- metrics -------------------------------------------------------------------------------
+
+    def write_metrics(self, line: Mapping[str, Any]) -> None:
+        """Add one line."""
+        with self.metrics.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line, allow_nan=False) + "\n")
+
+    def read_metrics(self) -> list[dict[str, Any]]:
+        """All lines; a last one that a kill has cut short is left out."""
+        lines = []
+        if self.metrics.exists():
+            for text in self.metrics.read_text(encoding="utf-8").splitlines():
+                try:
+                    lines.append(json.loads(text))
+                except json.JSONDecodeError:
+                    break
+        return lines
+
+    def cut_metrics(self, step: int) -> None:
+        """Forget what was written after a step: the steps from there on are taken again."""
+        kept = [line for line in self.read_metrics() if line["step"] <= step]
+        write_text(self.metrics, "".join(json.dumps(line, allow_nan=False) + "\n" for line in kept))

@@ -1,0 +1,388 @@
+"""Learning (paper, its section on the training of the GNS): one process or several, in pieces.
+
+In: packed data, settings. Out: a folder with the model that was best in held-out rollouts, the
+metrics, and the state from which a stopped training goes on. What a step sees follows from its
+number (`sampling`), and the state holds everything else, so a training that is killed and continued
+takes the same steps with the same numbers as one that is not. With several processes, each learns
+from its own part of a step's windows, gradients are averaged, and all stay equal.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gns import PHYSICS_VERSION
+from gns.checkpoints import ModelFolder
+from gns.dataset import Windows
+from gns.distributed import Group
+from gns.metadata import Metadata
+from gns.objective import Objective, soil_points
+from gns.sampling import Examples
+from gns.scene_facts import CONTACTS
+from gns.simulator import Simulator, SimulatorConfig
+from gns.stopping import StopRequest
+from gns.validation import Validation, choose_runs, validate
+from pipeline.cli import WorkFailed
+from pipeline.config import TrainSettings
+
+MODEL_SETTINGS = ("width", "message_passing_steps", "cutoff", "strength")
+"""Settings that a model keeps under the same name."""
+
+
+@dataclass
+class Outcome:
+    """How a call of `train` ended.
+
+    Attributes:
+        step: last step taken.
+        finished: it was the last of the training.
+        cut_short: stopped from outside before that.
+        best: the best validation so far; None before the first.
+    """
+
+    step: int
+    finished: bool
+    cut_short: bool
+    best: Validation | None
+
+
+@dataclass
+class _Progress:
+    """The numbers of a training that are not weights."""
+
+    step: int = 0
+    loss: float = 0.0  # sums over the steps since the last line of metrics
+    norm: float = 0.0
+    counted: int = 0
+    seconds: float = 0.0
+    best: dict[str, Any] | None = None
+    best_step: int = 0
+
+
+@dataclass
+class _Training:
+    """All that lives while a training runs."""
+
+    settings: TrainSettings
+    folder: ModelFolder
+    group: Group
+    objective: Objective
+    averaged: Simulator | None
+    optimizer: torch.optim.Optimizer
+    made_from: dict[str, Any]
+    state: _Progress = field(default_factory=_Progress)
+
+
+def train(
+    folder: ModelFolder,
+    learned: Windows,
+    held_out: Windows,
+    settings: TrainSettings,
+    group: Group,
+    *,
+    start: Simulator | None = None,
+    stop: StopRequest | None = None,
+    on_start: Callable[[int], None] | None = None,
+    on_step: Callable[[int, float], None] | None = None,
+    on_validation: Callable[[int, Validation], None] | None = None,
+) -> Outcome:
+    """Learn, or go on learning, until the last step or a stop.
+
+    Args:
+        folder: where the model, its metrics and its state are.
+        learned: windows to learn from.
+        held_out: of the split `valid`.
+        settings: of the training.
+        group: the processes that learn together.
+        start: a model to learn on from (fine-tuning); None: random weights.
+        stop: when to stop early.
+        on_start: called once with the number of steps that are there already.
+        on_step: called after each step with its number and loss.
+        on_validation: called after each validation with the step.
+
+    Raises:
+        InputError: the folder holds another training, or the data do not fit the model.
+        WorkFailed: the loss is not a finite number.
+    """
+    training = _begin(folder, learned, settings, group, start)
+    examples = Examples(learned, settings, group.device)
+    runs = choose_runs(held_out, settings.validate_runs)
+    wrapped = group.wrapped(training.objective)
+    state, best = training.state, None
+    if on_start is not None:
+        on_start(state.step)
+    while state.step < settings.steps:
+        began = time.perf_counter()
+        loss, stopping = _step(training, wrapped, examples, stop)
+        state.seconds += time.perf_counter() - began
+        if on_step is not None:
+            on_step(state.step, loss)
+        if state.step % _metrics_every(settings) == 0:
+            _write_metrics(training)
+        last = state.step == settings.steps
+        if runs and (last or state.step % settings.validate_every == 0):
+            best = _validate(training, held_out, runs)
+            if on_validation is not None:
+                on_validation(state.step, best)
+        if last or stopping or state.step % settings.checkpoint_every == 0:
+            _keep(training)
+        if stopping and not last:
+            break
+    if not runs and state.step == settings.steps:
+        _keep_model(training, None)
+    group.wait()
+    return Outcome(
+        step=state.step,
+        finished=state.step == settings.steps,
+        cut_short=stop is not None and stop.cut_short,
+        best=None if state.best is None else Validation(**state.best),
+    )
+
+
+def learning_rate(step: int, settings: TrainSettings) -> float:
+    """Learning rate of a step, counted from 1."""
+    first, last = settings.learning_rate, settings.final_learning_rate
+    if step <= settings.warmup_steps:
+        return first * step / settings.warmup_steps
+    share = (step - settings.warmup_steps) / max(settings.steps - settings.warmup_steps, 1)
+    if settings.schedule == "constant":
+        return first
+    if settings.schedule == "cosine":
+        return last + 0.5 * (first - last) * (1.0 + math.cos(math.pi * share))
+    # The paper's kind of decay, from the first rate to the last.
+    return first * (max(last, 1e-12) / first) ** share
+
+
+def simulator_config(settings: TrainSettings, metadata: Metadata, cell: float) -> SimulatorConfig:
+    """What a simulator has to know of its data; spreads hold the noise as well.
+
+    Args:
+        settings: of the training.
+        metadata: of the packed data.
+        cell: edge of a cell in spacings.
+    """
+    data, interval = metadata.statistics, metadata.frame_interval
+    mean = (0.0, data.velocity_mean[1]) if settings.mirror else data.velocity_mean
+    pull = (0.0, data.acceleration_mean[1]) if settings.mirror else data.acceleration_mean
+    return SimulatorConfig(
+        **{name: getattr(settings, name) for name in MODEL_SETTINGS},
+        radius=settings.radius_cells * cell,
+        history=settings.past_velocities + 1,
+        frame_interval=interval,
+        velocity_mean=mean,
+        velocity_std=tuple(math.hypot(std, settings.noise) for std in data.velocity_std),
+        acceleration_mean=pull,
+        acceleration_std=tuple(
+            math.hypot(std, settings.noise / interval) for std in data.acceleration_std
+        ),
+        ranges=metadata.ranges,
+    )
+
+
+# -- beginning ------------------------------------------------------------------------------------
+
+
+def _begin(
+    folder: ModelFolder,
+    learned: Windows,
+    settings: TrainSettings,
+    group: Group,
+    start: Simulator | None,
+) -> _Training:
+    """A training at its first step, or where it was stopped."""
+    simulator = _first_simulator(learned, settings, start).to(group.device)
+    if settings.precision == "bfloat16":
+        simulator.network.edge_precision = torch.bfloat16
+    optimizer = torch.optim.Adam(simulator.parameters(), lr=settings.learning_rate)
+    made_from = _made_from(learned, settings, group, start)
+    training = _Training(
+        settings=settings,
+        folder=folder,
+        group=group,
+        objective=Objective(simulator),
+        averaged=deepcopy(simulator) if settings.averaging > 0 else None,
+        optimizer=optimizer,
+        made_from=made_from,
+    )
+    document = folder.load_state(made_from, group.device)
+    if document is not None:
+        simulator.load_state_dict(document["weights"])
+        optimizer.load_state_dict(document["optimizer"])
+        if training.averaged is not None:
+            training.averaged.load_state_dict(document["averaged"])
+        training.state = _Progress(**document["progress"])
+    if group.leads:
+        folder.cut_metrics(training.state.step)
+    group.wait()
+    return training
+
+
+def _first_simulator(
+    learned: Windows, settings: TrainSettings, start: Simulator | None
+) -> Simulator:
+    facts = learned.facts(int(learned.runs[0]))
+    cell = facts.numbers["cell"] / facts.spacing
+    config = simulator_config(settings, learned.metadata, cell)
+    config = config.model_copy(update={"contacts": _contacts(learned)})
+    if start is None:
+        torch.manual_seed(settings.seed)
+        return Simulator(config)
+    # A model keeps its form and its normalisation: its weights mean nothing without them.
+    start.scaled(facts)
+    ranges = dict(start.config.ranges)
+    for name, (low, high) in config.ranges.items():
+        old = ranges.get(name, (low, high))
+        ranges[name] = (min(low, old[0]), max(high, old[1]))
+    contacts = sorted({*start.config.contacts, *config.contacts})
+    result = Simulator(start.config.model_copy(update={"ranges": ranges, "contacts": contacts}))
+    result.load_state_dict(start.state_dict())
+    return result
+
+
+def _contacts(learned: Windows) -> list[str]:
+    """Kinds of ground in the data, from a run of each template and at most 50."""
+    chosen = choose_runs(learned, 50)
+    kinds = {int(learned.facts(run).numbers["ground_contact"]) for run in chosen}
+    return [CONTACTS[kind] for kind in sorted(kinds)]
+
+
+def _made_from(
+    learned: Windows, settings: TrainSettings, group: Group, start: Simulator | None
+) -> dict[str, Any]:
+    """What decides the numbers of a training; the same: it may be continued."""
+    values = settings.model_dump(mode="json")
+    # Two processes with one window each take the steps of one process with two.
+    values["batch_size"] = settings.batch_size * group.size
+    del values["checkpoint_every"]
+    weights = None
+    if start is not None:
+        weights = float(sum(value.double().abs().sum() for value in start.state_dict().values()))
+    return {
+        **values,
+        "data_hash": learned.metadata.data_hash,
+        "physics_version": PHYSICS_VERSION,
+        "from": weights,
+    }
+
+
+# -- a step ---------------------------------------------------------------------------------------
+
+
+def _step(
+    training: _Training, wrapped: torch.nn.Module, examples: Examples, stop: StopRequest | None
+) -> tuple[float, bool]:
+    """One step of the optimiser; its loss, and whether any process is asked to stop."""
+    settings, group, state = training.settings, training.group, training.state
+    first = state.step * settings.batch_size * group.size + group.rank * settings.batch_size
+    batch = [examples.at(first + place) for place in range(settings.batch_size)]
+    asked = 1.0 if stop is not None and stop.wanted else 0.0
+    points, asked = group.summed(torch.tensor([soil_points(batch), asked], dtype=torch.float64))
+    rate = learning_rate(state.step + 1, settings)
+    for parameters in training.optimizer.param_groups:
+        parameters["lr"] = rate
+    training.optimizer.zero_grad(set_to_none=True)
+    # Processes average their gradients: times their number, a mean over all points.
+    loss = wrapped(batch) * (group.size / float(points))
+    loss.backward()
+    limit = settings.gradient_clip or math.inf
+    norm = float(torch.nn.utils.clip_grad_norm_(training.objective.parameters(), limit))
+    value = float(group.summed(loss.detach().double().clone())) / group.size
+    if not math.isfinite(value) or not math.isfinite(norm):
+        raise WorkFailed(
+            f"step {state.step + 1}: the loss is not a finite number; the state of step "
+            f"{state.step - state.step % settings.checkpoint_every} is kept. Try a lower "
+            "learning_rate"
+        )
+    training.optimizer.step()
+    state.step += 1
+    _average(training)
+    state.loss += value
+    state.norm += norm
+    state.counted += 1
+    return value, bool(asked > 0)
+
+
+@torch.no_grad()
+def _average(training: _Training) -> None:
+    """Draw the averaged weights towards the present ones; at first faster, to forget the start."""
+    if training.averaged is None:
+        return
+    step = training.state.step
+    memory = min(training.settings.averaging, (1.0 + step) / (10.0 + step))
+    present = training.objective.simulator.parameters()
+    for average, now in zip(training.averaged.parameters(), present, strict=True):
+        average.lerp_(now, 1.0 - memory)
+
+
+# -- files ----------------------------------------------------------------------------------------
+
+
+def _metrics_every(settings: TrainSettings) -> int:
+    return max(1, min(100, settings.steps // 100))
+
+
+def _write_metrics(training: _Training) -> None:
+    state = training.state
+    if training.group.leads:
+        training.folder.write_metrics(
+            {
+                "step": state.step,
+                "loss": state.loss / state.counted,
+                "gradient_norm": state.norm / state.counted,
+                "learning_rate": learning_rate(state.step, training.settings),
+                "seconds": round(state.seconds, 1),
+            }
+        )
+    state.loss = state.norm = 0.0
+    state.counted = 0
+
+
+def _validate(training: _Training, held_out: Windows, runs: list[int]) -> Validation:
+    """Held-out rollouts; the model is kept if it is the best so far."""
+    state, group = training.state, training.group
+    began = time.perf_counter()
+    simulator = training.averaged or training.objective.simulator
+    found = validate(simulator, held_out, runs, group)
+    took = time.perf_counter() - began
+    state.seconds += took
+    if group.leads:
+        line = {"step": state.step, "validation": found.as_numbers(), "took_s": round(took, 1)}
+        training.folder.write_metrics(line)
+    if state.best is None or found.score < state.best["score"]:
+        state.best, state.best_step = found.as_numbers(), state.step
+        _keep_model(training, found)
+    return found
+
+
+def _keep_model(training: _Training, found: Validation | None) -> None:
+    if training.group.leads:
+        simulator = training.averaged or training.objective.simulator
+        training.folder.save_model(
+            simulator,
+            step=training.state.step,
+            validation={} if found is None else found.as_numbers(),
+            made_from=training.made_from,
+        )
+
+
+def _keep(training: _Training) -> None:
+    """Write the state."""
+    if training.group.leads:
+        averaged: Mapping[str, Tensor] = {}
+        if training.averaged is not None:
+            averaged = training.averaged.state_dict()
+        training.folder.save_state(
+            training.made_from,
+            weights=training.objective.simulator.state_dict(),
+            averaged=averaged,
+            optimizer=training.optimizer.state_dict(),
+            progress=vars(training.state),
+        )

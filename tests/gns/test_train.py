@@ -1,0 +1,496 @@
+"""Learning: what a step sees and minimises, going on after a kill, several processes."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from gns.checkpoints import ModelFolder
+from gns.dataset import Windows
+from gns.distributed import Group
+from gns.objective import Objective, soil_points
+from gns.sampling import Examples, Order
+from gns.simulator import Simulator
+from gns.train import learning_rate, simulator_config, train
+from gns.train_command import TRIAL_STEPS, _Watch
+from gns.validation import FAILED_ERROR, choose_runs, score_run, summary
+from pipeline.cli import InputError, WorkFailed
+from pipeline.config import TrainSettings
+
+ALONE = Group(0, 1, torch.device("cpu"))
+SETTINGS = TrainSettings(
+    width=8,
+    message_passing_steps=1,
+    steps=12,
+    batch_size=2,
+    learning_rate=3e-3,
+    averaging=0.9,
+    mirror=True,
+    validate_every=5,
+    validate_runs=2,
+    checkpoint_every=4,
+)
+
+
+def opened(packed, settings: TrainSettings = SETTINGS) -> tuple[Windows, Windows]:
+    history = settings.past_velocities + 1
+    learned = Windows(packed, "train", window=history + 1 + settings.pushforward, history=history)
+    return learned, Windows(packed, "valid", window=history + 1, history=history)
+
+
+def run(folder, packed, settings: TrainSettings = SETTINGS, **more):
+    return train(ModelFolder(folder), *opened(packed, settings), settings, ALONE, **more)
+
+
+def numbers(folder) -> list[dict]:
+    """The metrics without what a clock says."""
+    return [
+        {name: value for name, value in line.items() if name not in ("seconds", "took_s")}
+        for line in ModelFolder(folder).read_metrics()
+    ]
+
+
+def weights(folder) -> dict[str, torch.Tensor]:
+    return torch.load(folder / "model.pt", weights_only=True)["weights"]
+
+
+def last_state(folder) -> dict:
+    return torch.load(folder / "state" / "last.pt", weights_only=True)
+
+
+def same(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -> bool:
+    return one.keys() == other.keys() and all(torch.equal(one[n], other[n]) for n in one)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    """As the commands here: sums are taken in another order by more."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def trained(packed, tmp_path_factory):
+    """A training that nothing has interrupted."""
+    folder = tmp_path_factory.mktemp("uninterrupted")
+    outcome = run(folder, packed)
+    assert outcome.finished and outcome.step == 12
+    return folder
+
+
+# -- what a step sees -----------------------------------------------------------------------------
+
+
+def test_every_window_is_seen_once_in_an_epoch_and_in_another_order_in_the_next():
+    order = Order(10, seed=3)
+    epochs = [[order.window(10 * epoch + place) for place in range(10)] for epoch in range(3)]
+    assert all(sorted(epoch) == list(range(10)) for epoch in epochs)
+    assert epochs[0] != epochs[1] != epochs[2]
+    assert [Order(10, seed=3).window(place) for place in range(10)] == epochs[0]
+    assert [Order(10, seed=4).window(place) for place in range(10)] != epochs[0]
+
+
+def test_an_example_follows_from_its_position_alone(packed):
+    one, two = (Examples(opened(packed)[0], SETTINGS) for _ in range(2))
+    late = one.at(57)
+    for position in (3, 57):
+        other = two.at(position)
+    assert torch.equal(late.window, other.window) and torch.equal(late.after, other.after)
+    assert (late.run, late.frame) == (other.run, other.frame)
+    assert not torch.equal(one.at(58).window[-1, :5], late.window[-1, :5])
+
+
+def test_noise_is_that_of_the_settings_and_the_target_takes_it_back(packed):
+    settings = SETTINGS.model_copy(update={"mirror": False, "noise": 0.05})
+    learned, _ = opened(packed, settings)
+    examples = Examples(learned, settings)
+    example = examples.at(0)
+    given = learned.at(example.run, example.frame)
+    true = example.scene.to_spacings(given.positions)
+    walk = example.window - true[:6]
+    assert torch.all(walk[0] == 0) and walk[-1].std() > 0.01
+    assert torch.equal(example.after[0], true[6]) and torch.all(example.offset == 0)
+    other = Examples(learned, settings.model_copy(update={"noise_target": "velocity"})).at(0)
+    assert torch.allclose(other.offset, walk[-1], atol=1e-6)
+    quiet = Examples(learned, settings.model_copy(update={"noise": 0.0})).at(0)
+    assert torch.equal(quiet.window, true[:6])
+
+
+def test_about_half_of_the_windows_are_seen_in_the_mirror(packed):
+    learned, _ = opened(packed)
+    examples = Examples(learned, SETTINGS.model_copy(update={"noise": 0.0}))
+    mirrored = 0
+    for position in range(60):
+        example = examples.at(position)
+        true = example.scene.to_spacings(learned.at(example.run, example.frame).positions)[:6]
+        over = true * torch.tensor([-1.0, 1.0])
+        assert torch.equal(example.window, true) or torch.equal(example.window, over)
+        mirrored += torch.equal(example.window, over)
+    assert 18 <= mirrored <= 42
+
+
+# -- what it minimises ----------------------------------------------------------------------------
+
+
+def test_the_loss_is_that_of_the_paper_over_soil_points(packed):
+    learned, _ = opened(packed)
+    simulator = Simulator(simulator_config(SETTINGS, learned.metadata, 2.0))
+    examples = [Examples(learned, SETTINGS).at(position) for position in range(3)]
+    held = examples[0].scene.kinematic.clone()
+    held[:7] = True
+    examples[0] = replace(examples[0], scene=replace(examples[0].scene, kinematic=held))
+    found = float(Objective(simulator)(examples).detach())
+    expected, points = 0.0, 0
+    for example in examples:
+        output = simulator([example.window], [example.scene]).detach().double()
+        now, before = example.window[-1].double(), example.window[-2].double()
+        acceleration = (example.after[0].double() - 2 * now + before) / 0.4**2
+        mean = simulator.acceleration_mean.double()
+        wanted = (acceleration - mean) / simulator.acceleration_std.double()
+        soil = ~example.scene.kinematic
+        expected += float(((output - wanted)[soil] ** 2).mean(dim=1).sum())
+        points += int(soil.sum())
+    assert found == pytest.approx(expected, rel=1e-5)
+    assert soil_points(examples) == points
+
+
+def test_pushed_examples_start_where_the_model_got(packed):
+    settings = SETTINGS.model_copy(update={"pushforward": 2, "mirror": False})
+    learned, _ = opened(packed, settings)
+    examples = Examples(learned, settings)
+    simulator = Simulator(simulator_config(settings, learned.metadata, 2.0))
+    counts = {}
+    for position in range(40):
+        example = examples.at(position)
+        counts[example.steps_before] = example
+    assert sorted(counts) == [0, 1, 2] and all(len(e.after) == 3 for e in counts.values())
+    example = counts[2]
+    window = example.window
+    with torch.no_grad():
+        for _ in range(2):
+            window = torch.cat([window[1:], simulator.advance(window, example.scene)[None]])
+        output = simulator([window], [example.scene])
+    target = simulator.target(window[-2], window[-1], example.after[2], example.scene)
+    expected = (output - target).square().mean(1)[~example.scene.kinematic].sum()
+    assert torch.allclose(Objective(simulator)([example]), expected, rtol=1e-5)
+
+
+def test_learning_rates():
+    base = SETTINGS.model_copy(
+        update={"steps": 100, "learning_rate": 1e-2, "final_learning_rate": 1e-4}
+    )
+    for schedule in ("exponential", "cosine"):
+        settings = base.model_copy(update={"schedule": schedule, "warmup_steps": 10})
+        rates = [learning_rate(step, settings) for step in range(1, 101)]
+        assert rates[4] == pytest.approx(5e-3) and rates[9] == pytest.approx(1e-2)
+        assert rates[-1] == pytest.approx(1e-4)
+        assert all(two < one for one, two in zip(rates[9:], rates[10:], strict=False))
+    middle = {
+        name: base.model_copy(update={"schedule": name}) for name in ("exponential", "cosine")
+    }
+    assert learning_rate(50, middle["exponential"]) == pytest.approx(1e-3)
+    assert learning_rate(50, middle["cosine"]) == pytest.approx(0.5 * (1e-2 + 1e-4))
+    constant = base.model_copy(update={"schedule": "constant"})
+    assert learning_rate(1, constant) == learning_rate(100, constant) == 1e-2
+
+
+def test_spreads_hold_the_noise_and_a_mirrored_data_set_has_no_side(packed):
+    learned, _ = opened(packed)
+    data = learned.metadata.statistics
+    config = simulator_config(SETTINGS, learned.metadata, 2.0)
+    assert config.velocity_std[1] == pytest.approx(math.hypot(data.velocity_std[1], 0.0214))
+    noise = 0.0214 / 0.4
+    assert config.acceleration_std[0] == pytest.approx(math.hypot(data.acceleration_std[0], noise))
+    assert config.velocity_mean == (0.0, data.velocity_mean[1]) and config.radius == 3.0
+    plain = simulator_config(SETTINGS.model_copy(update={"mirror": False}), learned.metadata, 2.0)
+    assert plain.velocity_mean == data.velocity_mean
+    assert config.ranges == learned.metadata.ranges
+
+
+# -- learning -------------------------------------------------------------------------------------
+
+
+def test_it_learns(packed, tmp_path, monkeypatch):
+    """One window, over and over: where some points fall and others have just hit the ground."""
+    monkeypatch.setattr(Order, "window", lambda self, position: 6)
+    changes = {"steps": 60, "learning_rate": 1e-2, "validate_every": 60, "noise": 0.0}
+    settings = SETTINGS.model_copy(update={**changes, "averaging": 0.0, "mirror": False})
+    run(tmp_path, packed, settings)
+    losses = [line["loss"] for line in numbers(tmp_path) if "loss" in line]
+    assert losses[0] > 0.1 and np.mean(losses[-5:]) < 0.25 * losses[0]
+
+
+def test_a_training_leaves_a_model_its_metrics_and_its_ranges(trained, packed):
+    simulator = Simulator.load(trained / "model.pt")
+    metadata = opened(packed)[0].metadata
+    assert simulator.config.ranges == metadata.ranges and simulator.config.contacts == ["rough"]
+    lines = ModelFolder(trained).read_metrics()
+    assert [line["step"] for line in lines if "loss" in line] == list(range(1, 13))
+    validations = [line for line in lines if "validation" in line]
+    assert [line["step"] for line in validations] == [5, 10, 12]
+    document = torch.load(trained / "model.pt", weights_only=True)
+    best = min(validations, key=lambda line: line["validation"]["score"])
+    assert document["step"] == best["step"] and document["validation"] == best["validation"]
+    assert document["made_from"]["data_hash"] == metadata.data_hash
+
+
+def test_long_gradients_are_shortened(packed, tmp_path):
+    """With a tiny limit, plain Adam still moves, but the written norm is that before the cut."""
+    seen = []
+    original = torch.nn.utils.clip_grad_norm_
+
+    def noting(parameters, limit):
+        parameters = list(parameters)
+        norm = original(parameters, limit)
+        seen.append((float(norm), limit, float(original(parameters, math.inf))))
+        return norm
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(torch.nn.utils, "clip_grad_norm_", noting)
+        run(tmp_path / "a", packed, SETTINGS.model_copy(update={"steps": 2, "gradient_clip": 1e-3}))
+        run(tmp_path / "b", packed, SETTINGS.model_copy(update={"steps": 2, "gradient_clip": 0.0}))
+    assert all(after <= 1.001e-3 < before for before, _, after in seen[:2])
+    assert all(limit == math.inf and after == before for before, limit, after in seen[2:])
+    assert numbers(tmp_path / "a")[0]["gradient_norm"] == pytest.approx(seen[0][0])
+
+
+def test_averaged_weights_are_the_average(packed, tmp_path):
+    """memory m_t = min(0.9, (1 + t) / (10 + t)); the model that is kept has them."""
+    states = []
+    for steps in (1, 2, 3):
+        settings = SETTINGS.model_copy(
+            update={"steps": steps, "schedule": "constant", "validate_every": 100}
+        )
+        run(tmp_path / str(steps), packed, settings)
+        states.append(last_state(tmp_path / str(steps)))
+    torch.manual_seed(SETTINGS.seed)
+    learned, _ = opened(packed)
+    average = Simulator(simulator_config(SETTINGS, learned.metadata, 2.0)).state_dict()
+    for step, state in enumerate(states, start=1):
+        memory = min(0.9, (1 + step) / (10 + step))
+        average = {
+            name: memory * value + (1 - memory) * state["weights"][name]
+            for name, value in average.items()
+        }
+        for name, value in average.items():
+            assert torch.allclose(state["averaged"][name], value, atol=1e-6)
+    assert same(weights(tmp_path / "3"), states[2]["averaged"])
+
+
+def test_a_loss_that_is_not_finite_ends_the_training(packed, tmp_path):
+    settings = SETTINGS.model_copy(update={"learning_rate": 1e30, "gradient_clip": 0.0})
+    with pytest.raises(WorkFailed, match="not a finite number.*lower learning_rate"):
+        run(tmp_path, packed, settings)
+
+
+# -- going on -------------------------------------------------------------------------------------
+
+
+class After:
+    """A request to stop that comes with a step."""
+
+    def __init__(self, steps: int) -> None:
+        self.left, self.cut_short = steps, True
+
+    @property
+    def wanted(self) -> bool:
+        self.left -= 1
+        return self.left < 0
+
+
+@pytest.mark.parametrize("stops", [(0,), (2, 5), (6,)])
+def test_a_stopped_training_goes_on_as_if_it_had_not_been(stops, packed, trained, tmp_path):
+    for steps in stops:
+        outcome = run(tmp_path, packed, stop=After(steps))
+        assert not outcome.finished and outcome.cut_short
+    begun = []
+    assert run(tmp_path, packed, on_start=begun.append).finished
+    assert begun == [sum(steps + 1 for steps in stops)]
+    assert numbers(tmp_path) == numbers(trained)
+    assert same(weights(tmp_path), weights(trained))
+    assert same(last_state(tmp_path)["weights"], last_state(trained)["weights"])
+    # Once it has ended, there is nothing left to do.
+    assert run(tmp_path, packed).step == 12 and numbers(tmp_path) == numbers(trained)
+
+
+def command(packed, folder, *more: str) -> list[str]:
+    options = []
+    for name, value in SETTINGS.model_dump(mode="json").items():
+        options += ["--set", f"gns.train.{name}={json.dumps(value)}"]
+    places = ["--data", str(packed), "--out", str(folder), "--threads", "1"]
+    return ["gns", "train", *places, *options, *more]
+
+
+def start(arguments: list[str], root) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", *arguments],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root), "OMP_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def wait_for(process: subprocess.Popen, folder, step: int) -> None:
+    """Until the metrics hold a step."""
+    for _ in range(6000):
+        lines = ModelFolder(folder).read_metrics()
+        if lines and lines[-1]["step"] >= step:
+            return
+        assert process.poll() is None, process.stdout.read()
+        time.sleep(0.01)
+    raise AssertionError("no metrics in a minute")
+
+
+def test_a_killed_training_goes_on_as_if_it_had_not_been(packed, root, tmp_path):
+    """Killed at once (nothing is tidied up), then terminated, then finished."""
+    longer = SETTINGS.model_copy(update={"steps": 90, "validate_every": 60})
+    more = ["--set", "gns.train.steps=90", "--set", "gns.train.validate_every=60"]
+    killed = tmp_path / "killed"
+    for number, step in ((signal.SIGKILL, 10), (signal.SIGTERM, 25)):
+        process = start(command(packed, killed, *more), root)
+        wait_for(process, killed, step)
+        process.send_signal(number)
+        output = process.communicate(timeout=30)[0]
+        assert process.returncode == (-9 if number == signal.SIGKILL else 1), output
+    assert "start again to continue" in output.splitlines()[-1]
+    assert 25 <= last_state(killed)["progress"]["step"] < 90
+    run(killed, packed, longer)
+    run(tmp_path / "whole", packed, longer)
+    assert numbers(killed) == numbers(tmp_path / "whole")
+    assert same(weights(killed), weights(tmp_path / "whole"))
+
+
+def test_another_training_in_the_same_folder_is_refused(trained, packed, tmp_path):
+    shutil.copytree(trained, tmp_path / "model")
+    with pytest.raises(InputError, match=r"learning_rate = 0\.003, not 0\.1"):
+        run(tmp_path / "model", packed, SETTINGS.model_copy(update={"learning_rate": 0.1}))
+    # How often the state is kept is nobody's business.
+    run(tmp_path / "model", packed, SETTINGS.model_copy(update={"checkpoint_every": 7}))
+    (tmp_path / "model" / "state" / "last.pt").unlink()
+    with pytest.raises(InputError, match="holds a model, but no state"):
+        run(tmp_path / "model", packed)
+
+
+def test_two_trainings_in_one_folder_are_refused(tmp_path):
+    with (
+        ModelFolder(tmp_path).alone(),
+        pytest.raises(WorkFailed, match="another process"),
+        ModelFolder(tmp_path).alone(),
+    ):
+        pass
+
+
+# -- several processes ----------------------------------------------------------------------------
+
+
+def test_two_processes_are_one_with_the_joint_batch(packed, root, trained, tmp_path):
+    """Through torchrun and the command; each process sees its own windows (gloo)."""
+    torchrun = ["torch.distributed.run", "--nproc_per_node", "2", "--standalone", "-m"]
+    arguments = [*torchrun, *command(packed, tmp_path, "--set", "gns.train.batch_size=1")]
+    process = start(arguments, root)
+    output = process.communicate(timeout=120)[0]
+    assert process.returncode == 0, output
+    one, two = numbers(trained), numbers(tmp_path)
+    assert [line["step"] for line in one] == [line["step"] for line in two]
+    for line, other in zip(one, two, strict=True):
+        if "loss" in line:
+            assert other["loss"] == pytest.approx(line["loss"], rel=1e-5)
+            assert other["gradient_norm"] == pytest.approx(line["gradient_norm"], rel=1e-4)
+        else:
+            assert other["validation"] == pytest.approx(line["validation"], rel=1e-4)
+    state, other = last_state(trained), last_state(tmp_path)
+    for name, value in state["weights"].items():
+        assert torch.allclose(other["weights"][name], value, atol=1e-6)
+
+
+# -- learning on from a model ---------------------------------------------------------------------
+
+
+def test_learning_on_from_a_model(trained, packed, tmp_path):
+    start_from = Simulator.load(trained / "model.pt")
+    narrow = {**start_from.config.ranges, "cohesion": (1.0, 9.0)}
+    start_from.config = start_from.config.model_copy(update={"ranges": narrow})
+    settings = SETTINGS.model_copy(update={"learning_rate": 1e-9, "averaging": 0.0, "width": 99})
+    run(tmp_path, packed, settings, start=start_from)
+    result = Simulator.load(tmp_path / "model.pt")
+    # Its form and its normalisation are the model's; at this rate so are its weights.
+    assert result.config.width == 8
+    assert result.config.velocity_std == start_from.config.velocity_std
+    for name, value in start_from.state_dict().items():
+        assert torch.allclose(result.state_dict()[name], value, atol=1e-6)
+    low, _ = opened(packed)[0].metadata.ranges["cohesion"]
+    assert result.config.ranges["cohesion"] == (min(low, 1.0), 9.0)
+
+
+# -- validation and the command -------------------------------------------------------------------
+
+
+def test_validation_runs_are_spread_over_the_templates(packed):
+    learned, _ = opened(packed)
+    chosen = choose_runs(learned, 7)
+    letters = [learned.templates[list(learned.runs).index(run)] for run in chosen]
+    assert len(set(chosen)) == 7 and set(letters) == set("abcde")
+    assert max(letters.count(letter) for letter in "abcde") == 2
+    assert choose_runs(learned, 1000) == sorted(int(run) for run in learned.runs)
+
+
+def test_a_rollout_that_fails_counts_as_a_large_error(packed):
+    _, held_out = opened(packed)
+    simulator = Simulator(simulator_config(SETTINGS, held_out.metadata, 2.0))
+    good = score_run(simulator, held_out, int(held_out.runs[0]))
+    simulator.network.decoder.third.bias.data[:] = math.nan
+    bad = score_run(simulator, held_out, int(held_out.runs[0]))
+    assert good.finite and not bad.finite
+    assert summary([bad]).score == FAILED_ERROR and summary([bad]).failed == 1
+    both = summary([good, bad])
+    assert both.score == pytest.approx(
+        0.5 * (FAILED_ERROR + good.final_position_error_m / good.spacing_m)
+    )
+
+
+def test_weeks_without_a_gpu_have_to_be_meant(monkeypatch):
+    settings = SETTINGS.model_copy(update={"steps": 3_500_000})
+    clock = iter(np.arange(0.0, 100.0, 2.0))
+    for confirmed in (False, True):
+        watch = _Watch(settings, True, ALONE, confirmed)
+        watch.begin(0)
+        monkeypatch.setattr(time, "monotonic", lambda: float(next(clock)))
+        for step in range(1, 1 + TRIAL_STEPS):
+            watch.step(step, 1.0)
+        if confirmed:
+            watch.step(1 + TRIAL_STEPS, 1.0)
+        else:
+            with pytest.raises(WorkFailed, match="weeks .*give --yes"):
+                watch.step(1 + TRIAL_STEPS, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--data", "x"], "--scale, or both --data and --out"),
+        (["--scale", "huge"], "scale 'huge' is unknown"),
+        (["--scale", "coarse", "--steps", "0"], "--steps 0: at least 1"),
+        (["--scale", "coarse", "--data", "/nowhere"], "no packed data"),
+        (["--scale", "coarse", "--set", "gns.train_of_scale.coarse.width=0"], "width"),
+    ],
+)
+def test_wrong_input_is_one_line(arguments, message, capsys):
+    from gns.__main__ import main
+
+    with pytest.raises(InputError, match=message):
+        main(["train", *arguments])
