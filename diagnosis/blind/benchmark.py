@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pydantic import Field, ValidationError
 
-from diagnosis.blind.plan import Planned, Reach, plan
+from diagnosis.blind.plan import ROUND, Kind, Planned, Reach, plan
 from diagnosis.blind.sections import Section, load_section
 from diagnosis.blind.surveys import SURVEYS
 from geometry.scene import Document, document_error
@@ -30,7 +30,10 @@ class BenchmarkPlan(Document):
     cases: int = Field(gt=0, description="number of cases")
     seed: int = Field(ge=0, description="of every drawing, and of the salts")
     sections: list[str] = Field(min_length=1, description="folders beside this file")
-    surveys: list[str] = Field(list(SURVEYS), min_length=1, description="sets of measurements")
+    surveys: list[str] = Field(min_length=1, description="sets of measurements")
+    kinds: list[Kind] = Field(
+        list(ROUND), min_length=1, description="of the cases of a round, before they are shuffled"
+    )
     effects: list[str] | None = Field(None, description="of the library; null: all of it")
     outside: str | None = Field(None, description="Python file of effects outside the library")
     laws: dict[str, str | None] = Field(
@@ -72,6 +75,7 @@ class Benchmark:
             sections=list(self.sections),
             surveys=self.plan.surveys,
             reach=reach,
+            kinds=self.plan.kinds,
         )
 
 

@@ -1,4 +1,4 @@
-"""`python -m diagnosis blind plan|make|run|score`: the benchmark of hidden effects."""
+"""`python -m diagnosis blind plan|make|run|more|score`: the benchmark of hidden effects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diagnosis.blind.run import METHOD, VARIANTS, Part
+from diagnosis.blind.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
 from pipeline.progress import Progress
@@ -30,9 +30,10 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "step",
-        choices=("plan", "make", "run", "score"),
+        choices=("plan", "make", "run", "more", "score"),
         help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
-        "run: diagnose them; score: open the seals",
+        "run: diagnose them; more: diagnose them as they are, with two suggested and with two "
+        "random measurements more; score: open the seals",
     )
     parser.add_argument(
         "--benchmark",
@@ -73,7 +74,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
 def run(arguments: argparse.Namespace) -> int:
     """Make, run or score."""
     config = load_config(arguments.config, arguments.overrides)
-    steps = {"plan": _plan, "make": _make, "run": _run, "score": _score}
+    steps = {"plan": _plan, "make": _make, "run": _run, "more": _more, "score": _score}
     step = steps[arguments.step]
     return step(arguments, config)
 
@@ -169,10 +170,38 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
     return 0
 
 
+def _more(arguments: argparse.Namespace, config: Config) -> int:
+    from diagnosis.blind.benchmark import Places
+    from diagnosis.blind.make import sealed_cases
+    from diagnosis.blind.more import run_more
+
+    benchmark, laboratory = _workshop(arguments, config)
+    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    total = len(sealed_cases(places)[part.k :: part.n])
+    with Progress(total, "diagnosing with more", quiet=arguments.quiet) as progress:
+        run_more(
+            benchmark,
+            places,
+            config,
+            laboratory,
+            part=part,
+            on_case=lambda done, _, words: progress.advance(1, words),
+        )
+    return 0
+
+
 def _score(arguments: argparse.Namespace, config: Config) -> int:
     from diagnosis.blind.benchmark import Places, load_benchmark
     from diagnosis.blind.opened import judged, load_rows, open_truths, save_rows
-    from diagnosis.blind.page import ASKED, generated, table, write_page
+    from diagnosis.blind.page import (
+        ASKED,
+        SCORE,
+        SPARSE,
+        generated,
+        generated_sparse,
+        table,
+        write_page,
+    )
     from diagnosis.blind.score import score
     from pipeline.files import write_json
 
@@ -180,24 +209,27 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
     places = Places(out)
     record = Path(arguments.record) if arguments.record else out / RECORD
     if places.sealed.is_file():
-        rows = open_truths(places, list(VARIANTS))
+        rows = open_truths(places, [*VARIANTS, SUGGESTED, RANDOM])
         save_rows(rows, record)
     else:
         rows = load_rows(record)
     if not rows:
         raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
     benchmark = load_benchmark(arguments.benchmark)
-    by_variant = {name: judged(rows, benchmark, name) for name in VARIANTS}
+    variants = (*VARIANTS, SUGGESTED, RANDOM)
+    by_variant = {name: judged(rows, benchmark, name) for name in variants}
     scores = {name: score(cases) for name, cases in by_variant.items() if cases}
     write_json(out / "score.json", {name: one.document for name, one in scores.items()})
     method = scores[METHOD]
     lines = [(one.words, method.shares[one.name].words, one.bound) for one in ASKED]
     print(table(("figure", "measured", "asked"), lines))
-    if arguments.page is not None:
+    if arguments.page is not None and SUGGESTED in scores:
+        write_page(Path(arguments.page), SPARSE, generated_sparse(scores))
+    elif arguments.page is not None:
         from diagnosis.blind.draw import draw_all
 
         page = Path(arguments.page)
         pictures = page.parent / "images" / page.stem
         draw_all(pictures, method, by_variant[METHOD])
-        write_page(page, generated(scores, by_variant[METHOD], f"images/{page.stem}"))
+        write_page(page, SCORE, generated(scores, by_variant[METHOD], f"images/{page.stem}"))
     return 0

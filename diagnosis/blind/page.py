@@ -11,12 +11,13 @@ from pathlib import Path
 
 from diagnosis.blind.detectability import BINS
 from diagnosis.blind.intervals import Share
-from diagnosis.blind.run import METHOD
+from diagnosis.blind.run import METHOD, RANDOM, SUGGESTED
 from diagnosis.blind.score import Judged, Score
 from pipeline.cli import InputError
 from pipeline.files import write_text
 
-MARKERS = ("<!-- score: begin -->", "<!-- score: end -->")
+SCORE, SPARSE = "score", "sparse"
+"""Names of the generated parts; the markers of one are `<!-- score: begin -->` and `end`."""
 #: Medians are asked to fall at least by this factor.
 STRENGTH_FACTOR = 3.0
 VARIANT_WORDS = {
@@ -78,17 +79,18 @@ ASKED = (
 )  # fmt: skip
 
 
-def write_page(page: Path, text: str) -> None:
+def write_page(page: Path, part: str, text: str) -> None:
     """Put the generated text between the markers of a page.
 
     Raises:
         InputError: the page has no markers.
     """
     whole = page.read_text(encoding="utf-8")
-    begin, end = (whole.find(marker) for marker in MARKERS)
+    markers = [f"<!-- {part}: {end} -->" for end in ("begin", "end")]
+    begin, end = (whole.find(marker) for marker in markers)
     if not 0 <= begin < end:
-        raise InputError(f"{page}: the lines {MARKERS[0]} and {MARKERS[1]} are missing")
-    write_text(page, f"{whole[: begin + len(MARKERS[0])]}\n{text}{whole[end:]}")
+        raise InputError(f"{page}: the lines {markers[0]} and {markers[1]} are missing")
+    write_text(page, f"{whole[: begin + len(markers[0])]}\n{text}{whole[end:]}")
 
 
 def generated(scores: Mapping[str, Score], judged: Sequence[Judged], pictures: str) -> str:
@@ -115,6 +117,26 @@ def generated(scores: Mapping[str, Score], judged: Sequence[Judged], pictures: s
         "### Every miss", _misses(judged),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
+
+
+def generated_sparse(scores: Mapping[str, Score]) -> str:
+    """What two more measurements did to sparse surveys; variant -> its score."""
+    words = {
+        METHOD: "as it is", SUGGESTED: "with two suggested measurements",
+        RANDOM: "with two random ones",
+    }  # fmt: skip
+    rows = []
+    for variant, named in words.items():
+        found = scores[variant]
+        whole = [found.bins["named_or_set"], found.bins["wrong_name"], found.bins["right"]]
+        rows.append((named, *(_sum(shares).words for shares in whole)))
+    header = ("survey", "named, or look-alikes in a set of three", "a wrong name alone",
+              "named, look-alikes or not")  # fmt: skip
+    return f"{sum(scores[METHOD].counts.values())} cases.\n\n{table(header, rows)}\n"
+
+
+def _sum(shares: Sequence[Share]) -> Share:
+    return Share(sum(share.hits for share in shares), sum(share.n for share in shares))
 
 
 def _asked(method: Score) -> str:

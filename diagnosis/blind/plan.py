@@ -75,6 +75,7 @@ def plan(
     sections: Sequence[str],
     surveys: Sequence[str],
     reach: Reach,
+    kinds: Sequence[Kind] = ROUND,
     bins: int = len(BINS) - 1,
 ) -> list[Planned]:
     """The first `number` cases of a benchmark.
@@ -90,6 +91,7 @@ def plan(
         sections: of the benchmark.
         surveys: sets of measurements.
         reach: what is not in it cannot act there.
+        kinds: of the cases of a round, before they are shuffled.
         bins: number of bins of detectability.
 
     Raises:
@@ -98,10 +100,10 @@ def plan(
     stream = Stream(seed, number_of("plan"))
     dealer = _Dealer(stream, reach, bins)
     everywhere = [(section, survey) for section in sections for survey in surveys]
-    nulls, kinds = Deck(everywhere, stream), Deck(ROUND, stream)
+    nulls, kind_deck = Deck(everywhere, stream), Deck(kinds, stream)
     found = []
     for k in range(number):
-        kind = kinds.deal()
+        kind = kind_deck.deal()
         if kind == "null":
             chosen, (section, survey), rung = (), nulls.deal(), 0
         elif kind == "pair":

@@ -15,7 +15,6 @@ from diagnosis.blind.benchmark import Benchmark
 from diagnosis.blind.laboratory import Laboratory
 from diagnosis.blind.plan import Reach
 from diagnosis.blind.sight import Sight
-from diagnosis.blind.surveys import SURVEYS
 from mpm_taichi.effects import effect as effect_of
 
 #: Strengths at which it is measured, as shares of the logarithm of the range of truths.
@@ -39,7 +38,7 @@ def measure_reach(
         ]
         for level in LEVELS:
             laboratory.forget()
-            sight = Sight.at(laboratory, section, SURVEYS[0], section.typical(level))
+            sight = Sight.at(laboratory, section, "profile", section.typical(level))
             if sight is None:
                 continue
             for name in names:

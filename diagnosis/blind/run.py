@@ -23,6 +23,8 @@ from pipeline.config import Config
 from pipeline.files import write_json
 
 METHOD = "method"
+#: Variants of a sparse survey with more measurements, see `diagnosis.blind.more`.
+SUGGESTED, RANDOM = "suggested", "random"
 #: Variant -> options that differ from the method's.
 VARIANTS: dict[str, dict[str, Any]] = {
     METHOD: {},

@@ -177,6 +177,7 @@ def score(judged: Sequence[Judged]) -> Score:
         "named_or_set": _binned(
             singles, lambda one: one.right if one.separable else one.useful_set
         ),
+        "right": _binned(singles, lambda one: one.right),
         "alarm": _binned(singles, lambda one: one.digest.verdict in ALARMS),
         "wrong_name": _binned(singles, lambda one: one.named is not None and not one.right),
     }

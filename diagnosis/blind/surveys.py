@@ -1,7 +1,8 @@
 """What is surveyed after a hidden slide, and with which errors: the same for every case.
 
-Three sets of measurements, each with all of the one before: `profile` (surface and toe), `markers`
-(and displacements of places on the section), `history` (and the toe at some times).
+Sets of measurements, each with all of the one before: `sparse` (the toe, and the surface at six
+places), `profile` (at all of its places), `markers` (and displacements of places on the section),
+`history` (and the toe at some times).
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from geometry.measurements import Measurement
 from geometry.observables import toe_runout
 from geometry.profiles import WHOLE, Profile
 
-SURVEYS = ("profile", "markers", "history")
+SURVEYS = ("sparse", "profile", "markers", "history")
+#: Places of the profile of a sparse survey.
+FEW = 6
 
 #: Standard deviations of the surveys [m].
 PROFILE_STD, TOE_STD, MARKER_STD, HISTORY_STD = 0.5, 1.0, 0.3, 1.0
@@ -45,16 +48,17 @@ def toe_of(section: Section, deposit: Deposit) -> float:
     return foot - way if side == "left" else foot + way
 
 
-def profile_places(section: Section, toe_x: float) -> np.ndarray:
+def profile_places(section: Section, survey: str, toe_x: float) -> np.ndarray:
     """Places of the profile (n,) [m], ascending, for a deposit that ends at `toe_x` [m]."""
     plan = section.survey.profile
+    points = FEW if survey == "sparse" else plan.points
     first = toe_x + INSIDE * (plan.to_x_m - toe_x)
-    return np.round(np.sort(np.linspace(first, plan.to_x_m, plan.points)), 2)
+    return np.round(np.sort(np.linspace(first, plan.to_x_m, points)), 2)
 
 
 def entries_of(section: Section, survey: str, toe_x: float) -> list[Measured]:
     """The measurements of a survey, without their values (zeros stand for them)."""
-    return with_values(section, survey, profile_places(section, toe_x), None)
+    return with_values(section, survey, profile_places(section, survey, toe_x), None)
 
 
 def with_values(
@@ -95,13 +99,13 @@ def documents(
         {"name": "toe", "type": "toe_runout", "side": plan.side, "value_m": number(),
          "std_m": TOE_STD, **common},
     ]  # fmt: skip
-    if survey in SURVEYS[1:]:
+    if survey in ("markers", "history"):
         found += [
             {"name": f"marker {k}", "type": "marker_displacement", "x_m": x, "y_m": y,
              "dx_m": number(), "dy_m": number(), "std_m": MARKER_STD, **common}
             for k, (x, y) in enumerate(plan.markers_m, start=1)
         ]  # fmt: skip
-    if survey == SURVEYS[2]:
+    if survey == "history":
         found.append({
             "name": "toe in time", "type": "toe_history", "side": plan.side,
             "times_s": list(plan.history_times_s),

@@ -7,7 +7,7 @@ the truth finds effects where there are none.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,9 @@ from diagnosis.blind.plan import Planned
 from diagnosis.blind.seal import SALT, salt_of
 from diagnosis.blind.sections import Section, normal
 from diagnosis.blind.sight import JITTER, Sight, is_slide
+from geometry.measured import Deposit
 from geometry.random_numbers import Stream, number_of
+from pipeline.cli import WorkFailed
 
 #: Spacing of the slide over that of the judge, between these; its Courant number.
 FINER, COURANT = (0.75, 0.85), 0.2
@@ -64,7 +66,7 @@ class Maker:
         stream = Stream(self.seed, number_of(planned.name))
         for _ in range(DRAWS):
             self.laboratory.forget()
-            values = section.draw(stream)
+            values = np.round(section.draw(stream), 6)  # as they are written down
             amplitudes, seen = {}, 0.0
             if planned.effects:
                 sight = Sight.at(self.laboratory, section, planned.survey, values)
@@ -114,18 +116,13 @@ class Maker:
         stream: Stream,
     ) -> Made | None:
         """Simulate and survey the slide; None where it fails or cannot be read."""
-        request = Request(
-            values=tuple(values.tolist()),
-            effects=amplitudes,
-            spacing_factor=round(stream.uniform(*FINER), 3),
-            jitter=JITTER,
-            seed=stream.seed(),
-            courant=COURANT,
+        request = slide_request(
+            values.tolist(), amplitudes, round(stream.uniform(*FINER), 3), stream.seed()
         )
         (deposit,) = self.laboratory.deposits(section, [request])
         if deposit is None or not is_slide(section, deposit):
             return None
-        places = surveys.profile_places(section, surveys.toe_of(section, deposit))
+        places = surveys.profile_places(section, planned.survey, surveys.toe_of(section, deposit))
         entries = surveys.with_values(section, planned.survey, places, None)
         try:
             exact = surveys.reading(entries, deposit)
@@ -140,7 +137,7 @@ class Maker:
             "section": planned.section,
             "survey": planned.survey,
             "effects": amplitudes,
-            "parameters": dict(zip(section.parameters.names, np.round(values, 6).tolist(),
+            "parameters": dict(zip(section.parameters.names, values.tolist(),
                                    strict=True)),
             "lambda": round(seen, 4),
             "bin_wanted": planned.bin,
@@ -153,3 +150,35 @@ class Maker:
         documents = surveys.documents(section, planned.survey, measured, places)
         profile = np.column_stack([places, measured[: len(places)]])
         return Made(truth, documents, profile)
+
+
+def slide_request(
+    values: Sequence[float], effects: Mapping[str, Entry], spacing_factor: float, seed: int
+) -> Request:
+    """The run of the slide that is surveyed."""
+    return Request(
+        values=tuple(values),
+        effects=effects,
+        spacing_factor=spacing_factor,
+        jitter=JITTER,
+        seed=seed,
+        courant=COURANT,
+    )
+
+
+def slide_of(truth: Mapping[str, Any], section: Section, laboratory: Laboratory) -> Deposit:
+    """The slide of a truth, simulated again.
+
+    Raises:
+        WorkFailed: it cannot be.
+    """
+    request = slide_request(
+        list(truth["parameters"].values()),
+        truth["effects"],
+        truth["spacing_factor"],
+        truth["jitter_seed"],
+    )
+    (deposit,) = laboratory.deposits(section, [request])
+    if deposit is None:
+        raise WorkFailed(f"{truth['name']}: the slide of the truth cannot be simulated again")
+    return deposit

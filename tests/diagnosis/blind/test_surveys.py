@@ -19,7 +19,9 @@ SECTIONS = ("reservoir_dam", "tailings_dam")
 @pytest.mark.parametrize("name", SECTIONS)
 def test_a_survey_holds_all_of_the_one_before(name):
     section = load_section(FOLDER / name)
-    rows = [surveys.entries_of(section, survey, 40.0) for survey in surveys.SURVEYS]
+    rows = [
+        surveys.entries_of(section, survey, 40.0) for survey in ("profile", "markers", "history")
+    ]
     names = [[entry.name for entry in entries] for entries in rows]
     assert names[1][: len(names[0])] == names[0] and names[2][: len(names[1])] == names[1]
     assert len(names[0]) < len(names[1]) < len(names[2])
@@ -30,7 +32,9 @@ def test_a_survey_holds_all_of_the_one_before(name):
 @pytest.mark.parametrize("name", SECTIONS)
 def test_values_go_to_their_measurements(name):
     section = load_section(FOLDER / name)
-    places = surveys.profile_places(section, 60.0 if section.survey.side == "left" else 150.0)
+    places = surveys.profile_places(
+        section, "history", 60.0 if section.survey.side == "left" else 150.0
+    )
     entries = surveys.entries_of(section, "history", 50.0)
     values = np.arange(sum(len(entry.values) for entry in entries), dtype=float)
     filled = surveys.with_values(section, "history", places, values)
@@ -41,9 +45,10 @@ def test_values_go_to_their_measurements(name):
 
 def test_the_profile_begins_inside_the_toe():
     section = load_section(FOLDER / "reservoir_dam")
-    places = surveys.profile_places(section, 40.0)
+    places = surveys.profile_places(section, "profile", 40.0)
     assert places[0] == pytest.approx(50.0) and places[-1] == 240.0
     assert np.ptp(np.diff(places)) < 0.02
+    assert len(places) == 20 and len(surveys.profile_places(section, "sparse", 40.0)) == 6
 
 
 def test_a_section_that_has_not_moved_reads_nothing():
