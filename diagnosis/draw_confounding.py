@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from diagnosis.draw_style import SMALL, TEXT, WIDTH, legend
 from diagnosis.report_data import ReportData
-from diagnosis.report_words import NOT_SEPARABLE, WEAKLY, spoken
+from diagnosis.report_words import NOT_SEPARABLE, WEAKLY, shortened
 from geometry.draw import TEXT_COLOUR
 from inversion.draw_style import OURS, new_figure, save_figure, words
 
@@ -38,7 +38,7 @@ def draw_confounding(data: ReportData, path: Path) -> Path | None:
         return None
     cosine = np.abs(np.array(found.cosine))
     places = order(cosine)
-    cosine, names = cosine[np.ix_(places, places)], [spoken(found.names[p]) for p in places]
+    cosine, names = cosine[np.ix_(places, places)], [shortened(found.names[p], 20) for p in places]
     count = len(names)
     cell = min(0.42, (WIDTH - LEFT - RIGHT) / (count - 1))
     height = cell * (count - 1)

@@ -22,7 +22,7 @@ from diagnosis.draw_style import (
     rows,
     title,
 )
-from diagnosis.report_numbers import number
+from diagnosis.report_numbers import MINUS, number
 from diagnosis.report_words import spoken
 from diagnosis.verdict import UnknownCurve
 from geometry.draw import HALO, TEXT_COLOUR
@@ -43,7 +43,8 @@ def plain_knots(curve: UnknownCurve) -> tuple[list[float], str]:
 
 def draw_curve(curve: UnknownCurve, path: Path) -> Path:
     """Save the curve."""
-    others = sorted(curve.chi2.items(), key=lambda item: item[1])
+    gain = curve.ln_evidence
+    others = sorted(curve.chi2.items(), key=lambda item: (-gain.get(item[0], 0.0), item[1]))
     bars = ROW * len(others) if len(others) > 1 else 0.0
     total = 0.32 + HEIGHT + 0.55 + (0.35 + bars + 0.5 if bars else 0.0)
     figure = new_figure(total, WIDTH)
@@ -72,8 +73,11 @@ def draw_curve(curve: UnknownCurve, path: Path) -> Path:
         for place, (name, value) in enumerate(others):
             ax.barh(place, value, height=0.6, linewidth=0, zorder=3,
                     color=AFTER if name == curve.variable else BEFORE)  # fmt: skip
-            ax.annotate(number(value), (value, place), xytext=(4, 0), va="center",
+            told = number(value)
+            if name in gain:
+                told += f",  ln evidence {gain[name]:+.1f}".replace("-", MINUS)
+            ax.annotate(told, (value, place), xytext=(4, 0), va="center",
                         textcoords="offset points", fontsize=SMALL)  # fmt: skip
-        ax.set_xlim(0, 1.15 * max(value for _, value in others))
+        ax.set_xlim(0, 2.1 * max(value for _, value in others))
         label_x(ax, "chi² with a curve over this variable")
     return save_figure(figure, path)

@@ -26,9 +26,11 @@ from inversion.draw_style import new_figure, save_figure, wrapped
 
 ROW, TOP_ROW, LEFT, RIGHT = 0.3, 0.36, 1.45, 0.5
 ABOVE, BELOW, GAP = 0.25, 1.55, 0.06
-LEAST_WIDTH = 0.16
+LEAST_WIDTH = 0.12
 """Width of the cell of a single number [inches]."""
 MOST = 16
+TIGHT = 7.5
+"""Size of a name that takes two lines [points]."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,10 @@ def _draw_block(ax: Axes, values: np.ndarray) -> None:
 
 
 def _name_rows(ax: Axes, names: list[str], *, bold: bool = False) -> None:
-    ax.set_yticks(range(len(names)), [wrapped(n, 22, 1) for n in names], fontsize=TEXT)
+    shown = [wrapped(name, 20, 2) for name in names]
+    ax.set_yticks(range(len(names)), shown, fontsize=TEXT, linespacing=0.95)
+    for tick, text in zip(ax.get_yticklabels(), shown, strict=True):
+        tick.set_fontsize(TEXT if "\n" not in text else TIGHT)
     ax.tick_params(axis="y", length=0, labelcolor=TEXT_COLOUR)
     if bold:
         ax.get_yticklabels()[0].set_fontweight("bold")

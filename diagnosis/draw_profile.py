@@ -22,7 +22,6 @@ from diagnosis.draw_style import (
     HELD_MARKER,
     PALE_AFTER,
     PALE_BEFORE,
-    TEXT,
     chart,
     label_x,
     label_y,
@@ -33,11 +32,13 @@ from diagnosis.draw_style import (
 from diagnosis.report_data import ReportData, Series
 from diagnosis.report_words import explanation
 from diagnosis.verdict import MeasurementVerdict
-from geometry.draw import GROUND_COLOUR, GROUND_LINE, HALO, TEXT_COLOUR
+from geometry.draw import GROUND_COLOUR, GROUND_LINE, TEXT_COLOUR
 from inversion.draw_style import HELD_OUT, save_figure, wrapped
 
 ABOVE, BELOW, LEFT = 0.3, 0.5, 0.6
 HEIGHT, FOOT = 1.75, 0.5
+LONGEST = 50
+"""Characters of a heading."""
 MARKS = {
     "fitted": (FITTED_MARKER, TEXT_COLOUR),
     "held out": (HELD_MARKER, HELD_OUT),
@@ -73,6 +74,15 @@ def _predicted(line: MeasurementVerdict, after: bool) -> bool:
     return (line.predicted_final if after else line.predicted_base) is not None
 
 
+def heading(data: ReportData, series: Series, after: bool) -> str:
+    """What a panel shows; several effects are counted where there is no room for their names."""
+    if not after:
+        return f"{series.name}: base model"
+    effects = list(data.final.effects)
+    named = f"{series.name}: after, with {explanation(effects)}"
+    return named if len(named) <= LONGEST else f"{series.name}: after, with {len(effects)} effects"
+
+
 def _draw(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
     quiet(ax)
     if series.axis == "x_m" and series.unit == "m" and data.sections is not None:
@@ -90,9 +100,7 @@ def _draw(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
         edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
         ax.plot([line.place], [line.measured], marker=mark, color=ink, markersize=5.5, zorder=6,
                 **(edge if mark != CONSTRUCTED_MARKER else {}))  # fmt: skip
-    model_words = explanation(list(data.final.effects)) if after else "base model"
-    name = f"{series.name}: {'after, with ' + model_words if after else model_words}"
-    title(ax, wrapped(name, 52, 1), colour=colour if after else "#50575e")
+    title(ax, wrapped(heading(data, series, after), 52, 1), colour=colour if after else "#50575e")
     label_x(ax, series.axis_words)
     quantity = "elevation" if series.axis == "x_m" and series.unit == "m" else "value"
     label_y(ax, f"{quantity} ({series.unit})")
@@ -124,8 +132,6 @@ def _draw_section(ax: Axes, data: ReportData, series: Series, after: bool) -> No
         height = float(np.interp(place, section.x, section.ground))
         ax.plot([place], [height], marker="^", markersize=9, color=MARKS[line.role][1],
                 markeredgecolor="white", zorder=7, clip_on=False)  # fmt: skip
-        ax.annotate("toe", (place, height), xytext=(0, -7), textcoords="offset points",
-                    ha="center", va="top", fontsize=TEXT, path_effects=HALO, zorder=7)  # fmt: skip
 
 
 def _same_limits(first: Axes, second: Axes) -> None:
@@ -153,4 +159,7 @@ def _handles(data: ReportData, chosen: list[Series]) -> list[Line2D | Patch]:
     if data.sections is not None and chosen[0].axis == "x_m":
         made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
                            label="before the slide"))  # fmt: skip
+        if data.sections.toes:
+            made.append(Line2D([], [], marker="^", color=TEXT_COLOUR, linestyle="none",
+                               markersize=8, label="toe"))  # fmt: skip
     return made

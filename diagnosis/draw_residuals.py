@@ -42,8 +42,12 @@ LONG_LEFT = 1.4
 
 
 def draw_residuals(data: ReportData, path: Path) -> Path | None:
-    """Save the residuals of all series; None where there is none."""
-    shown = [s for s in data.series if any(m.residual_base is not None for m in s.lines)]
+    """Save the residuals of all surveyed series; None where there is none."""
+    shown = [
+        series
+        for series in data.series
+        if any(m.residual_base is not None and m.role != "constructed" for m in series.lines)
+    ]
     if not shown:
         return None
     figure, panels = chart([HEIGHT] * len(shown), above=ABOVE, below=BELOW, left=LEFT, foot=FOOT)

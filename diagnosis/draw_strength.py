@@ -76,10 +76,20 @@ def hidden_bars(data: ReportData, name: str) -> list[tuple[str, float]]:
     return [item for item in found if abs(item[1]) >= LEAST_PERCENT][:MOST]
 
 
+def _sure(data: ReportData, name: str) -> float:
+    """Two standard deviations of a parameter [%]."""
+    value = data.base.values[name]
+    return 100 * 2 * data.base.std.get(name, 0.0) / abs(value) if value else 0.0
+
+
+def _matters(data: ReportData, p: ParameterWords, bars: list[tuple[str, float]]) -> bool:
+    return any(abs(change) > _sure(data, p.name) for _, change in bars)
+
+
 def draw_hidden(data: ReportData, path: Path) -> Path | None:
     """Save the shifts that undetected effects could hide; None where there are none."""
     shown = [(p, hidden_bars(data, p.name)) for p in data.parameters]
-    shown = [(p, bars) for p, bars in shown if bars]
+    shown = [(p, bars) for p, bars in shown if bars and (p.strength or _matters(data, p, bars))]
     if not shown:
         return None
     survey = {c.name for c in data.candidates if c.kind == "survey"}
@@ -88,9 +98,8 @@ def draw_hidden(data: ReportData, path: Path) -> Path | None:
     )
     for ax, (parameter, bars) in zip(panels, shown, strict=True):
         quiet(ax, grid="x", left=False)
-        rows(ax, [spoken(name) for name, _ in bars], width=24, lines=1)
-        value = data.base.values[parameter.name]
-        sure = 100 * 2 * data.base.std.get(parameter.name, 0.0) / abs(value) if value else 0.0
+        rows(ax, [spoken(name) for name, _ in bars], width=20)
+        sure = _sure(data, parameter.name)
         ax.axvspan(-sure, sure, color=LINE, alpha=0.7, linewidth=0, zorder=0)
         ax.axvline(0, color=TEXT_COLOUR, linewidth=0.9, zorder=4)
         for place, (name, change) in enumerate(bars):
@@ -101,7 +110,7 @@ def draw_hidden(data: ReportData, path: Path) -> Path | None:
                         textcoords="offset points", va="center", fontsize=SMALL,
                         path_effects=HALO, zorder=5)  # fmt: skip
         reach = max(sure, *(abs(change) for _, change in bars))
-        ax.set_xlim(-1.3 * reach, 1.3 * reach)
+        ax.set_xlim(-1.45 * reach, 1.45 * reach)
         title(ax, wrapped(parameter.words, 36, 1))
         label_x(ax, "shift it hides, % (shaded: ± 2 std)")
     return save_figure(figure, path)

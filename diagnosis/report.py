@@ -116,8 +116,13 @@ def _answer(data: ReportData) -> Section:
 def _remarks(data: ReportData) -> list[Part]:
     if not data.document.runs.cut_short:
         return []
-    left = ", ".join(data.document.runs.cut_short)
-    return [Paragraph(f"The allowance of forward runs ended before this was done: {left}.")]
+    count = len(data.document.runs.cut_short)
+    told = (
+        f"The allowance of forward runs ended before all was done: {count} "
+        f"step{'' if count == 1 else 's'} of the search {'is' if count == 1 else 'are'} listed "
+        "at the foot of the page."
+    )
+    return [Paragraph(told)]
 
 
 def _profile(data: ReportData) -> Section:

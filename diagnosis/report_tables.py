@@ -35,6 +35,7 @@ from pipeline.page import KeyNumbers, Table
 ONE_LINE = 24
 """Characters of a name that are kept on one line."""
 NOISE = "standard deviations; noise alone has 1"
+FOUND = {"ambiguous": "most probable", "unknown_effect": "added, not enough"}
 ALARMS = {"adequate": "adequate", "suspect": "suspect", "alarm": "alarm"}
 
 
@@ -48,7 +49,7 @@ def key_numbers(data: ReportData) -> KeyNumbers:
         entries.append(("verdict", VERDICTS[verdict.verdict], remark))
         for one in verdict.answer.effects:
             value = plus_minus(one.amplitude, one.std, one.unit)
-            name = "most probable" if verdict.verdict == "ambiguous" else "missing effect"
+            name = FOUND.get(verdict.verdict, "missing effect")
             entries.append((name, spoken(one.name), value))
     elif hasattr(document, "alarm"):
         entries.append(("base model", ALARMS[document.alarm], chance(base.p_combined)))
@@ -60,8 +61,10 @@ def key_numbers(data: ReportData) -> KeyNumbers:
     for p in data.parameters:
         stage = base if final is None or p.name not in final.values else final
         remark = f"{plus_minus(base.values[p.name], base.std.get(p.name, 0.0), p.unit)} before"
-        if stage is base:
-            remark = "carries the error: no result" if unsure else "base model"
+        if unsure:
+            remark = "carries the error: no result"
+        elif stage is base:
+            remark = "base model"
         entries.append((p.words, plus_minus(stage.values[p.name], stage.std.get(p.name, 0.0),
                                             p.unit), remark))  # fmt: skip
     runs = document.runs

@@ -5,6 +5,7 @@ In: a `ReportData`. Out: plain sentences. Whatever is said of effects is said of
 
 from __future__ import annotations
 
+from diagnosis.nuisances import BOUNDARY
 from diagnosis.report_data import ReportData
 from diagnosis.report_numbers import chance, number, plus_minus, root_mean_square, signed_percent
 from diagnosis.verdict import CandidateVerdict, MeasurementVerdict, ParameterWords, Stage, Window
@@ -22,8 +23,16 @@ FAR = 2.0
 
 
 def spoken(name: str) -> str:
-    """The name of an effect or a model as words."""
-    return name.replace("_", " ")
+    """The name of an effect or a model as words; of a boundary, what it bounds."""
+    return name.removeprefix(BOUNDARY).replace("_", " ")
+
+
+def shortened(name: str, width: int) -> str:
+    """A name as words, cut after a whole word where it is longer than `width` characters."""
+    words = spoken(name)
+    if len(words) <= width:
+        return words
+    return f"{words[: width - 1].rsplit(' ', 1)[0]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def explanation(names: list[str]) -> str:
@@ -71,25 +80,28 @@ def answer_sentences(data: ReportData) -> list[str]:
     if data.verdict is None:
         return []
     told = []
+    unknown = data.verdict.verdict == "unknown_effect"
     for one in data.verdict.answer.effects:
         low, high = (number(end) for end in one.interval_95)
         name = spoken(one.name).capitalize()
         if data.verdict.verdict == "ambiguous":
             name = f"Most probable: {spoken(one.name)}"
+        elif unknown:
+            name = f"Added, but not enough: {spoken(one.name)}"
         told.append(
             f"{name} ({one.words}): amplitude "
             f"{plus_minus(one.amplitude, one.std, one.unit)}, 95 % from {low} to {high}."
         )
     rivals = data.verdict.answer.set_90
-    if len(rivals) > 1:
+    if len(rivals) > 1 and not unknown:
         listed = "; ".join(f"{explanation(r.names)} ({100 * r.probability:.0f} %)" for r in rivals)
         told.append(f"The explanations that share 90 % of the probability: {listed}.")
-    elif rivals and rivals[0].names:
+    elif rivals and rivals[0].names and not unknown:
         told.append(
             f"It holds {100 * rivals[0].probability:.0f} % of the probability {AMONG}; no rival is "
             "needed to reach 90 %."
         )
-    if data.verdict.verdict == "unknown_effect":
+    if unknown:
         told.append(
             "The calibrated strength carries the error of the model. It is shown, but is no result."
         )
@@ -213,16 +225,18 @@ def stretch(lines: list[MeasurementVerdict]) -> str:
 
 def candidate_sentence(data: ReportData) -> str:
     """How the candidates rank."""
-    scored = [c for c in data.candidates if c.z is not None]
+    scored = [c for c in data.candidates if c.expected_drop is not None]
     if not scored:
         return ""
-    best = max(scored, key=lambda c: c.z)
+    best = max(scored, key=lambda c: (c.expected_drop, c.z or 0.0))
+    if best.expected_drop <= 0.0:
+        return f"None of the {len(scored)} effects tested would lower the misfit."
     p = "" if best.p_family is None else (
         f"; noise gives any of the {len(scored)} a score as large with {chance(best.p_family)}"
     )  # fmt: skip
     return (
-        f"Best score {AMONG}: {spoken(best.name)} ({best.words}), z = {number(best.z)}{p}. "
-        "It would lower chi² by about z² if it were the only thing missing."
+        f"Most is promised, {AMONG}, by {spoken(best.name)} ({best.words}): chi² would fall by "
+        f"{number(best.expected_drop)} if it were all that is missing{p}."
     )
 
 

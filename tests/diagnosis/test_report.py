@@ -13,6 +13,7 @@ from diagnosis.draw_confounding import order
 from diagnosis.draw_curve import plain_knots
 from diagnosis.draw_effects import ranked
 from diagnosis.draw_fingerprints import blocks, fingerprints
+from diagnosis.draw_profile import heading
 from diagnosis.draw_steps import is_by_hand, step_words
 from diagnosis.draw_strength import hidden_bars
 from diagnosis.report import (
@@ -30,10 +31,13 @@ from diagnosis.report_sections import FILE_NAME, load_sections
 from diagnosis.report_words import (
     alarm_sentence,
     answer_sentences,
+    candidate_sentence,
     confounded,
     fall_sentence,
     lead,
     role_sentence,
+    shortened,
+    spoken,
     transfer_sentence,
     window_sentence,
 )
@@ -282,6 +286,36 @@ def test_rivals_are_told():
     assert "Most probable: pore pressure" in told_
     assert "pore pressure (56 %); overburden strength (39 %)" in told_
     assert confounded(data_of(ambiguous()), 0.95)[0][:2] == ("overburden_strength", "pore_pressure")
+
+
+def test_what_promises_most_is_told():
+    sentence = candidate_sentence(data_of(identified())).replace("\N{NO-BREAK SPACE}", " ")
+    assert sentence.startswith("Most is promised, among the effects tested, by strain softening")
+    assert "chi² would fall by 64" in sentence
+    assert "any of the 10 a score as large with p < 0.001" in sentence
+
+
+def test_steps_left_out_are_counted_above_and_listed_below(tmp_path):
+    runs = identified().runs.model_copy(update={"cut_short": ["refit of a", "refit of b"]})
+    read = told(page_of(identified().model_copy(update={"runs": runs}), tmp_path))
+    assert "2 steps of the search are listed at the foot of the page" in read
+    assert read.index("refit of a, refit of b") > read.index("How this was made")
+
+
+def test_boundaries_are_told_by_what_they_bound():
+    assert spoken("boundary_top_of_the_sand") == "top of the sand"
+    assert shortened("boundary_top_of_the_liquefied_zone", 20) == "top of the…"
+    assert shortened("weak_base", 20) == "weak base"
+
+
+def test_several_effects_are_counted_where_there_is_no_room():
+    verdict = identified()
+    final = verdict.final.model_copy(
+        update={"effects": {"spatial_variability": 1.0, "boundary_top_of_the_sand": 1.0}}
+    )
+    data = data_of(verdict.model_copy(update={"final": final}))
+    assert heading(data, data.series[0], True) == "profile: after, with 2 effects"
+    assert heading(data_of(verdict), data.series[0], True).endswith("with strain softening")
 
 
 # --- what the pictures show ---
