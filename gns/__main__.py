@@ -15,6 +15,9 @@ COMMANDS = (
     "gns.pack_command",
     "gns.show_command",
     "gns.train_command",
+    "gns.evaluate_command",
+    "gns.rollout_command",
+    "gns.schema_command",
     "gns.baselines_command",
 )
 """Modules of the commands, in the order of the help."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -22,6 +23,9 @@ from gns.scene_facts import KINEMATIC, SOIL, SceneFacts
 from gns.shard import SPLITS, PackedRun
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
+
+if TYPE_CHECKING:
+    from gns.rollout import Rollout
 
 SUFFIXES = (".png", ".svg", ".pdf")
 SPLIT_COLOURS = {"train": "#2f6f9f", "valid": "#e69f00", "test": "#c8553d"}
@@ -54,7 +58,7 @@ def numbers_of(
     return RunNumbers(split, template, travel, float(weakest), facts.points, frames)
 
 
-def save_run_picture(run: PackedRun, path: str | Path, title: str) -> None:
+def save_run_picture(run: PackedRun | Rollout, path: str | Path, title: str) -> None:
     """One run: what is known of its points, where they are half-way and at the end, its energy.
 
     Raises:
@@ -66,7 +70,7 @@ def save_run_picture(run: PackedRun, path: str | Path, title: str) -> None:
     facts, positions = run.facts, run.positions
     unit = facts.properties[:, 2] * facts.gravity * facts.spacing
     cohesion = np.maximum(facts.properties[:, 1] / unit, LEAST_COHESION)
-    limits = _limits(positions, facts)
+    limits = limits_of(positions, facts)
     _points(axes[0, 0], facts, positions[0], facts.properties[:, 0], limits,
             "tan phi", Normalize(0.0, 1.0), "viridis")  # fmt: skip
     _points(axes[0, 1], facts, positions[0], cohesion, limits,
@@ -82,7 +86,7 @@ def save_run_picture(run: PackedRun, path: str | Path, title: str) -> None:
     _energy(axes[2, 0], positions, facts)
     _steps(axes[2, 1], positions, facts)
     figure.suptitle(title, fontsize=12, x=0.01, ha="left", weight="bold")
-    _save(figure, path)
+    save(figure, path)
 
 
 def save_overview(runs: Sequence[RunNumbers], path: str | Path, title: str) -> None:
@@ -122,9 +126,9 @@ def save_overview(runs: Sequence[RunNumbers], path: str | Path, title: str) -> N
     sizes.set(xlabel="points", ylabel="frames")
     sizes.set_ylim(0, None)
     for ax in (shares, travels, strengths, sizes):
-        _tidy(ax)
+        tidy(ax)
     figure.suptitle(title, fontsize=12, x=0.01, ha="left", weight="bold")
-    _save(figure, path)
+    save(figure, path)
 
 
 def _points(
@@ -154,10 +158,10 @@ def _points(
         ax.plot(x, level, color=WATER_LINE, linewidth=1.0, linestyle="--")
     ax.figure.colorbar(shown, ax=ax, label=label, shrink=0.6)
     ax.set(xlim=(left, right), ylim=(low, high), aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    _tidy(ax)
+    tidy(ax)
 
 
-def _limits(
+def limits_of(
     positions: np.ndarray, facts: SceneFacts
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """The part of the scene in which there ever is soil, with a margin [m]."""
@@ -175,7 +179,7 @@ def _energy(ax: Axes, positions: np.ndarray, facts: SceneFacts) -> None:
     ax.plot(time, energy.released / 1e6, color=SPLIT_COLOURS["train"], label="released by weight")
     ax.set(xlabel="time (s)", ylabel="MJ per metre", xlim=(0, time[-1]))
     ax.legend(fontsize=8, frameon=False)
-    _tidy(ax)
+    tidy(ax)
 
 
 def _steps(ax: Axes, positions: np.ndarray, facts: SceneFacts) -> None:
@@ -189,15 +193,21 @@ def _steps(ax: Axes, positions: np.ndarray, facts: SceneFacts) -> None:
     ax.set(xlabel="time (s)", ylabel="displacement a frame / d", xlim=(0, time[-1]))
     ax.set_ylim(0.0, 1.3 * max(float(step.max()), 0.1))  # room for the legend
     ax.legend(fontsize=8, frameon=False)
-    _tidy(ax)
+    tidy(ax)
 
 
-def _tidy(ax: Axes) -> None:
+def tidy(ax: Axes) -> None:
+    """Small figures, no frame above and on the right."""
     ax.tick_params(labelsize=8)
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def _save(figure: Figure, path: str | Path) -> None:
+def save(figure: Figure, path: str | Path) -> None:
+    """Write a picture; the file appears when whole.
+
+    Raises:
+        InputError: unknown suffix.
+    """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: suffix {path.suffix!r}; allowed are {', '.join(SUFFIXES)}")

@@ -1,0 +1,177 @@
+"""`python -m gns evaluate`: judge a model on held-out runs and write its card."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from pathlib import Path
+
+from gns.shard import SPLITS
+from pipeline.cli import InputError, add_common
+from pipeline.config import Config, load_config
+from pipeline.progress import Progress
+from pipeline.table import aligned
+
+
+def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
+    """The command line."""
+    parser = commands.add_parser(
+        "evaluate",
+        help="judge a model on held-out runs; write its card",
+        description="Roll out held-out runs, compare them with the simulations, print a table, "
+        "and write card.yaml, evaluation.csv, worst.png and training.png beside the weights.",
+    )
+    parser.add_argument("--scale", help="scale of the data; names data and model")
+    parser.add_argument("--data", metavar="DIR", help="default: RESULTS/SCALE/dataset")
+    parser.add_argument("--model", metavar="DIR", help="default: RESULTS/SCALE/model")
+    parser.add_argument("--split", choices=SPLITS[1:], default="test", help="default: test")
+    parser.add_argument("--runs", type=int, help="the first so many of them; default: all")
+    parser.add_argument(
+        "--mpm", metavar="FILE", help="runs.csv of the data, for the time of the simulations"
+    )
+    parser.add_argument("--name", help="of the model, in the card; default: its folder's or scale")
+    parser.add_argument("--note", default="", help="a sentence for the card")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
+    parser.add_argument("--threads", type=int, help="CPU threads; default: all")
+    return add_common(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Evaluate, print, write."""
+    config = load_config(arguments.config, arguments.overrides)
+    data, model = _folders(arguments, config)
+
+    import torch
+
+    from gns.baselines import baselines, judge, summary
+    from gns.card import CARD_FILE, accuracy, write_card
+    from gns.checkpoints import METRICS_FILE, MODEL_FILE, ModelFolder
+    from gns.dataset import Windows
+    from gns.draw_rollouts import save_history
+    from gns.evaluate import evaluate, read_mpm_seconds, save_scores
+    from gns.simulator import Simulator
+
+    if arguments.threads:
+        torch.set_num_threads(arguments.threads)
+    simulator = Simulator.load(model / MODEL_FILE, arguments.device)
+    windows = Windows(data, arguments.split)
+    runs = [int(number) for number in windows.runs[: arguments.runs]]
+    if not runs:
+        raise InputError(f"{data}: no run in the split {arguments.split}")
+    mpm_seconds = None if arguments.mpm is None else read_mpm_seconds(arguments.mpm)
+    with Progress(len(runs), "evaluating", quiet=arguments.quiet) as bar:
+        found = evaluate(
+            simulator,
+            windows,
+            runs=runs,
+            mpm_seconds=mpm_seconds,
+            on_run=lambda one: bar.advance(1, f"run {one.score.run}"),
+        )
+    guesses = {}
+    for baseline in baselines(Windows(data, "train")):
+        judged = [one for one in judge(baseline, windows) if one.run in set(runs)]
+        guesses[baseline.name] = summary(judged)
+    result = accuracy(arguments.split, found, guesses)
+    save_scores(model / "evaluation.csv", found)
+    _draw_worst(simulator, windows, found, model / "worst.png")
+    if (model / METRICS_FILE).is_file():
+        lines = ModelFolder(model).read_metrics()
+        save_history(lines, model / "training.png", f"{model}: {len(lines)} lines of metrics")
+    name = arguments.name or arguments.scale or model.resolve().name
+    write_card(
+        model / CARD_FILE, _card(name, arguments, config, simulator, data, model, found, result)
+    )
+    _print(result, found)
+    print(f"wrote {model / CARD_FILE}")
+    return 0
+
+
+def _folders(arguments: argparse.Namespace, config: Config) -> tuple[Path, Path]:
+    """Packed data and model, from the options or from the scale."""
+    scale = arguments.scale
+    if scale is None and (arguments.data is None or arguments.model is None):
+        raise InputError("--scale, or both --data and --model: one of them has to be given")
+    if scale is not None:
+        config.scale(scale)
+    folder = Path(config.results_folder) / (scale or "")
+    return Path(arguments.data or folder / "dataset"), Path(arguments.model or folder / "model")
+
+
+def _card(name, arguments, config, simulator, data, model, found, result):
+    """The card of a model that has been evaluated."""
+    from gns.card import Card, Training, known_failures
+    from gns.checkpoints import MODEL_FILE
+    from gns.metadata import read_metadata
+    from gns.simulator import read_document
+    from pipeline.manifest import manifest
+
+    document = read_document(model / MODEL_FILE)
+    metadata = read_metadata(data)
+    settings = dict(document.get("made_from", {}))
+    network = simulator.config.model_dump(mode="json")
+    ranges, contacts = network.pop("ranges"), network.pop("contacts")
+    return Card(
+        name=name,
+        note=arguments.note,
+        network=network,
+        parameters=sum(parameter.numel() for parameter in simulator.parameters()),
+        ranges=ranges,
+        contacts=contacts,
+        training=Training(
+            step=int(document.get("step", 0)),
+            data_hash=str(settings.pop("data_hash", "")),
+            settings=settings,
+            data_scale=metadata.scale,
+            runs=len(metadata.runs("train")),
+            spacing_m=metadata.spacing_m,
+            validation=document.get("validation", {}),
+        ),
+        accuracy=result,
+        known_failures=known_failures(found),
+        weights_sha256=hashlib.sha256((model / MODEL_FILE).read_bytes()).hexdigest(),
+        manifest=manifest(config, {"training": int(settings.get("seed", 0))}),
+    )
+
+
+def _draw_worst(simulator, windows, found, path: Path) -> None:
+    from gns.draw_rollouts import Pair, save_pairs
+    from gns.evaluate import rolled_out
+    from gns.score_tables import worst
+
+    pairs = []
+    for one in worst([item.score for item in found]):
+        positions, facts = windows.positions(one.run), windows.facts(one.run)
+        result, _ = rolled_out(simulator, positions, facts)
+        title = f"run {one.run} ({one.template}), {one.runout_error_spacings:+.1f} d"
+        pairs.append(Pair(title, result.positions, positions, facts))
+    save_pairs(pairs, path, f"The {len(pairs)} worst of {len(found)} rollouts by their runout")
+
+
+def _print(result, found) -> None:
+    columns = list(result.by_template["all"])
+    rows = [["template", *columns]]
+    table = {**result.by_template, **({"far": result.far} if result.far else {})}
+    for name, row in table.items():
+        rows.append([name, *[_cell(row[column]) for column in columns]])
+    print(aligned(rows))
+    if result.far:
+        print("far: runs that travel more than 10 spacings, of all templates")
+    shared = ("runout, m", "runout, d", "90 %, d", "runout, % of travel")
+    rows = [["guess without simulating", *shared]]
+    rows += [
+        [name, *[_cell(row.get(column)) for column in shared]]
+        for name, row in result.baselines.items()
+    ]
+    print(aligned(rows))
+    print(
+        f"single steps, in spacings: {_cell(result.one_step_error_spacings)}; constant velocity: "
+        f"{_cell(result.constant_velocity_error_spacings)}"
+    )
+    mpm = "" if result.mpm_seconds_a_run is None else (
+        f"; the material point method: {result.mpm_seconds_a_run:.2f} s"
+    )  # fmt: skip
+    print(f"a rollout takes {result.seconds_a_run:.2f} s (median){mpm}")
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"

@@ -1,0 +1,173 @@
+"""Judging a model: scores, card, pictures, and the commands evaluate, rollout, schema."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+
+import jsonschema
+import numpy as np
+import pytest
+import torch
+
+from geometry.scene import save_scene
+from gns.__main__ import main
+from gns.card import SCHEMA_FILE, accuracy, known_failures, read_card, schema_text
+from gns.checkpoints import ModelFolder
+from gns.dataset import Windows
+from gns.distributed import Group
+from gns.evaluate import evaluate, one_step_errors, read_mpm_seconds
+from gns.metrics import runout
+from gns.simulator import Simulator
+from gns.train import train
+from pipeline.cli import InputError, WorkFailed
+from pipeline.config import TrainSettings
+from pipeline.files import read_yaml
+from tests.gns.scenes import small_scene
+
+SETTINGS = TrainSettings(
+    width=4, message_passing_steps=1, steps=3, batch_size=1, validate_every=3, validate_runs=1
+)
+
+
+@pytest.fixture(scope="module")
+def model(packed, tmp_path_factory):
+    """Folder of a model that has taken three steps."""
+    folder = tmp_path_factory.mktemp("model")
+    group = Group(0, 1, torch.device("cpu"))
+    train(ModelFolder(folder), Windows(packed, "train"), Windows(packed, "valid"), SETTINGS, group)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(packed, model):
+    simulator = Simulator.load(model / "model.pt")
+    seconds = {int(run): 2.5 for run in Windows(packed, "test").runs}
+    return evaluate(simulator, Windows(packed, "test"), mpm_seconds=seconds)
+
+
+class Exact(Simulator):
+    """A model that knows the future of one run."""
+
+    def advance(self, window, scene, graph=None):
+        # The frame whose positions these are; the one after it.
+        frame = int((self.future - window[-1]).abs().sum((1, 2)).argmin())
+        return self.future[min(frame + 1, len(self.future) - 1)]
+
+
+def test_a_model_that_knows_the_future_makes_no_error(packed, model):
+    windows = Windows(packed, "test")
+    simulator = Simulator.load(model / "model.pt")
+    run = int(windows.runs[0])
+    simulator.__class__ = Exact
+    simulator.future = simulator.scaled(windows.facts(run)).to_spacings(windows.positions(run))
+    (one,) = evaluate(simulator, windows, runs=[run])
+    assert one.score.position_error_m < 1e-3 and abs(one.score.runout_error_m) < 1e-2
+    assert one.one_step_error < 1e-3 < one.constant_velocity_error
+
+
+def test_errors_of_single_steps(packed, model):
+    """Free flight from t = 0: constant velocity misses what gravity does in a frame, g t^2 / 2."""
+    windows = Windows(packed, "test")
+    run = int(windows.runs[0])
+    facts, positions = windows.facts(run), windows.positions(run)
+    flying = positions[:3]  # the block is still in the air
+    _, constant = one_step_errors(Simulator.load(model / "model.pt"), flying, facts)
+    assert constant == pytest.approx(0.5 * 9.81 * facts.frame_time**2 / facts.spacing, rel=0.01)
+
+
+def test_every_run_of_the_split_is_judged(packed, found):
+    windows = Windows(packed, "test")
+    assert [one.score.run for one in found] == [int(run) for run in windows.runs]
+    assert all(one.seconds > 0 and one.mpm_seconds == 2.5 for one in found)
+    assert [one.score.template for one in found] == windows.templates
+
+
+def test_accuracy_is_made_of_medians(found):
+    result = accuracy("test", found, {"guess": {"runout, d": 3.0}})
+    assert result.runs == len(found) and result.mpm_seconds_a_run == 2.5
+    errors = [abs(one.score.runout_error_spacings) for one in found]
+    assert result.by_template["all"]["runout, d"] == pytest.approx(np.median(errors), rel=1e-3)
+    far = [one for one in found if one.score.travel_m > 10 * one.score.spacing_m]
+    assert result.runs_that_travel_far == len(far)
+    assert result.worst[0].runout_error_spacings == pytest.approx(
+        max((one.score.runout_error_spacings for one in found), key=abs), rel=1e-3
+    )
+
+
+def test_failures_are_said(packed, model):
+    windows = Windows(packed, "test")
+    simulator = Simulator.load(model / "model.pt")
+    simulator.network.decoder.third.bias.data[:] = math.nan
+    found = evaluate(simulator, windows, runs=[int(run) for run in windows.runs[:2]])
+    said = known_failures(found)
+    assert said[0].startswith("2 of 2 rollouts fail: runs ")
+    result = accuracy("test", found, {})
+    assert result.by_template["all"]["runout, d"] is None
+    assert result.worst[0].runout_error_spacings is None
+
+
+def test_evaluate_writes_a_card_that_fits_its_schema(packed, model, root, tmp_path, capsys):
+    table = tmp_path / "runs.csv"
+    runs = Windows(packed, "test").runs
+    table.write_text("index,wall_time_s\n" + "".join(f"{run},1.5\n" for run in runs))
+    main(["evaluate", "--data", str(packed), "--model", str(model), "--mpm", str(table),
+          "--name", "tiny", "--note", "a test", "--quiet"])  # fmt: skip
+    printed = capsys.readouterr().out
+    assert "runout, % of travel" in printed and "sliding-block" in printed
+    card = read_card(model / "card.yaml")
+    assert card.name == "tiny" and card.note == "a test" and card.training.step == 3
+    assert card.accuracy.runs == len(runs) and card.accuracy.mpm_seconds_a_run == 1.5
+    assert card.network["width"] == 4 and card.training.settings["steps"] == 3
+    assert card.ranges == Windows(packed, "train").metadata.ranges
+    text = (root / SCHEMA_FILE).read_text()
+    assert text == schema_text(), "run: python -m gns schema --write"
+    jsonschema.validate(read_yaml(model / "card.yaml"), json.loads(text))
+    with (model / "evaluation.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["run"]) for row in rows] == list(runs)
+    for picture in ("worst.png", "training.png"):
+        assert (model / picture).stat().st_size > 10_000
+
+
+def test_rollout_of_a_scene(model, tmp_path, capsys):
+    save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
+    main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(model), "--duration", "1.0",
+          "--out", str(tmp_path / "out"), "--quiet"])  # fmt: skip
+    printed = capsys.readouterr()
+    assert "outside the training's range" in printed.err
+    with np.load(tmp_path / "out" / "rollout.npz") as data:
+        positions, time = data["positions"], data["time"]
+    assert positions.shape[0] == len(time) == round(1.0 / time[1]) + 1
+    assert (tmp_path / "out" / "rollout.png").stat().st_size > 10_000
+    from gns.scene_facts import start_of
+    from pipeline.config import SimulationSettings
+
+    facts, _ = start_of(small_scene(spacing=2.0), SimulationSettings())
+    assert f"{runout(positions[-1], positions[0], facts, 'right'):.2f}" in printed.out
+
+
+def test_a_rollout_that_fails_keeps_its_frames(model, tmp_path, capsys):
+    simulator = Simulator.load(model / "model.pt")
+    simulator.network.decoder.third.bias.data[:] = math.nan
+    simulator.save(tmp_path / "model.pt")
+    save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
+    with pytest.raises(WorkFailed, match="not a finite number"):
+        main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(tmp_path),
+              "--out", str(tmp_path / "out"), "--quiet"])  # fmt: skip
+    with np.load(tmp_path / "out" / "rollout.npz") as data:
+        assert len(data["positions"]) == 1
+
+
+def test_wrong_input_is_one_line(packed, model, tmp_path):
+    with pytest.raises(InputError, match="--scale, or both"):
+        main(["evaluate", "--data", str(packed)])
+    with pytest.raises(InputError, match="no such file"):
+        main(["evaluate", "--data", str(packed), "--model", str(tmp_path)])
+    with pytest.raises(InputError, match="--spacing -1"):
+        main(["rollout", "case_histories/la_marquesa", "--spacing", "-1", "--model", str(model),
+              "--out", str(tmp_path)])  # fmt: skip
+    (tmp_path / "wrong.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="wall_time_s"):
+        read_mpm_seconds(tmp_path / "wrong.csv")
