@@ -4,6 +4,7 @@
 #   snakemake simulate_large         2,500 scenes (paper, Table 1); also simulate_small
 #   snakemake geometry_large         the scenes alone, with a gallery
 #   snakemake pack_coarse            its runs as a learned simulator reads them
+#   snakemake train_coarse           a simulator that has learned from them, and what it is worth: hours
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
 #   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
 #   snakemake diagnose_lsfd          which physical effect its model lacks; any folder with a question
@@ -54,6 +55,7 @@ rule everything:
         [statistics(scale) for scale in SETTINGS.scales],
         [batch_files(scale, "trajectories", "h5") for scale in SETTINGS.scales],
         [dataset(scale) for scale in SETTINGS.scales],
+        [evaluated(scale) for scale in SETTINGS.scales],
         [simulated_case(case) for case in CASES],
         [inverted_case(case) for case in QUESTIONS],
         [diagnosed_case(case) for case in QUESTIONS],

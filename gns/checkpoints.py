@@ -59,6 +59,22 @@ class ModelFolder:
                 pass  # a file system without locks
             yield
 
+    def set_aside(self, made_from: Mapping[str, Any]) -> Path | None:
+        """Make room where the folder holds another training; return where that is now.
+
+        Nothing is removed: a model may have cost weeks.
+        """
+        if not self.state.exists() or self._other(read_document(self.state), made_from) is None:
+            return None
+        number = 1
+        while (place := self.folder.with_name(f"{self.folder.name}.before-{number}")).exists():
+            number += 1
+        make_folder(place)
+        for path in (self.model, self.metrics, self.state):
+            if path.exists():
+                path.rename(place / path.name)
+        return place
+
     def save_model(self, simulator: Simulator, **more: Any) -> None:
         """Write the model that others read; `more` are plain values that are kept with it."""
         simulator.save(self.model, **more)
@@ -90,15 +106,22 @@ class ModelFolder:
                 )
             return None
         document = read_document(self.state, device)
+        if other := self._other(document, made_from):
+            raise InputError(
+                f"{self.folder}: holds a training with {other}; give another folder with --out, or "
+                "set this one aside with --anew"
+            )
+        return document
+
+    @staticmethod
+    def _other(document: Mapping[str, Any], made_from: Mapping[str, Any]) -> str | None:
+        """In what a state is of another training, in words; None: it is of the same."""
         old = json.loads(document["made_from"])
-        new = json.loads(json.dumps(made_from, sort_keys=True))
+        new = json.loads(json.dumps(made_from))
         for name in sorted({*old, *new}):
             if old.get(name) != new.get(name):
-                raise InputError(
-                    f"{self.folder}: holds a training with {name} = {old.get(name)}, not "
-                    f"{new.get(name)}; give another folder with --out, or remove this one"
-                )
-        return document
+                return f"{name} = {old.get(name)}, not {new.get(name)}"
+        return None
 
     # -- metrics -------------------------------------------------------------------------------
 

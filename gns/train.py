@@ -89,6 +89,7 @@ def train(
     group: Group,
     *,
     start: Simulator | None = None,
+    anew: bool = False,
     stop: StopRequest | None = None,
     on_start: Callable[[int], None] | None = None,
     on_step: Callable[[int, float], None] | None = None,
@@ -103,6 +104,7 @@ def train(
         settings: of the training.
         group: the processes that learn together.
         start: a model to learn on from (fine-tuning); None: random weights.
+        anew: set aside another training in the folder instead of refusing to work there.
         stop: when to stop early.
         on_start: called once with the number of steps that are there already.
         on_step: called after each step with its number and loss.
@@ -112,7 +114,7 @@ def train(
         InputError: the folder holds another training, or the data do not fit the model.
         WorkFailed: the loss is not a finite number.
     """
-    training = _begin(folder, learned, settings, group, start)
+    training = _begin(folder, learned, settings, group, start, anew)
     examples = Examples(learned, settings, group.device)
     runs = choose_runs(held_out, settings.validate_runs)
     wrapped = group.wrapped(training.objective)
@@ -196,6 +198,7 @@ def _begin(
     settings: TrainSettings,
     group: Group,
     start: Simulator | None,
+    anew: bool,
 ) -> _Training:
     """A training at its first step, or where it was stopped."""
     simulator = _first_simulator(learned, settings, start).to(group.device)
@@ -212,6 +215,9 @@ def _begin(
         optimizer=optimizer,
         made_from=made_from,
     )
+    if anew and group.leads:
+        folder.set_aside(made_from)
+    group.wait()
     document = folder.load_state(made_from, group.device)
     if document is not None:
         simulator.load_state_dict(document["weights"])

@@ -41,6 +41,11 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         metavar="MODEL",
         help="learn on from the weights of this model (its folder or its model.pt)",
     )
+    parser.add_argument(
+        "--anew",
+        action="store_true",
+        help="where --out holds a training with other settings or data, set it aside (renamed)",
+    )
     parser.add_argument("--steps", type=int, help="steps in all; default: of the settings")
     parser.add_argument("--minutes", type=float, help="stop after this time, to go on later")
     parser.add_argument(
@@ -115,6 +120,7 @@ def _train(arguments, settings, learned, held_out, folder, members) -> int:
                 settings,
                 members,
                 start=start,
+                anew=arguments.anew,
                 stop=stop,
                 on_start=watch.begin,
                 on_step=watch.step,

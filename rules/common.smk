@@ -95,6 +95,14 @@ def dataset(scale):
     return f"{RESULTS}/{scale}/dataset/metadata.json"
 
 
+def trained(scale):
+    return f"{RESULTS}/{scale}/model/trained.txt"
+
+
+def evaluated(scale):
+    return f"{RESULTS}/{scale}/model/card.yaml"
+
+
 def batch_files(scale, folder, suffix):
     batches = range(SETTINGS.scale(scale).number_of_batches)
     return [f"{RESULTS}/{scale}/{folder}/batch_{batch:03d}.{suffix}" for batch in batches]

@@ -1,4 +1,4 @@
-# The learned simulator: trajectories -> packed data.
+# The learned simulator: trajectories -> packed data -> trained model -> what it is worth.
 
 
 def packed_physics(wildcards):
@@ -33,6 +33,90 @@ rule pack_trajectories:
         " --leave-out {input.failed} --config {params.config} > {log} 2>&1"
 
 
+def learned_physics(wildcards):
+    """Everything that decides a model, beside its data."""
+    settings = SETTINGS.training_for(wildcards.scale)
+    return content_hash({"physics": GNS_PHYSICS, "settings": settings})
+
+
+def learner(wildcards, resources):
+    """One process, or one for each GPU."""
+    return f"torchrun --nproc_per_node {resources.gpu} -m" if resources.gpu > 1 else "python -m"
+
+
+# A job that is killed leaves the state of the training in model/, which is no output, so that the next try
+# goes on from it; nor is the best model so far. The output says that the last step was taken.
+rule train_model:
+    input:
+        dataset("{scale}"),
+    output:
+        trained("{scale}"),
+    log:
+        f"{RESULTS}/logs/train_{{scale}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/train_{{scale}}.tsv"
+    threads: 2
+    resources:
+        mem_mb=lambda wildcards, attempt: 8000 * attempt,
+        runtime=lambda wildcards, attempt: 1440 * attempt,
+        gpu=0,
+    params:
+        config=CONFIG_FILE,
+        data=lambda wildcards, input: os.path.dirname(input[0]),
+        folder=lambda wildcards, output: os.path.dirname(output[0]),
+        learner=learner,
+        device=lambda wildcards, resources: "cuda" if resources.gpu else "cpu",
+        physics=learned_physics,
+    message:
+        "Learning from the runs of the scale {wildcards.scale} on the {params.device}"
+    shell:
+        "{params.learner} gns train --scale {wildcards.scale} --data {params.data}"
+        " --out {params.folder} --anew --device {params.device} --threads {threads}"
+        " --config {params.config} > {output} 2> {log}"
+
+
+rule evaluate_model:
+    input:
+        dataset("{scale}"),
+        trained("{scale}"),
+        runs=statistics("{scale}"),
+    output:
+        card=f"{RESULTS}/{{scale}}/model/card.yaml",
+        table=f"{RESULTS}/{{scale}}/model/evaluation.csv",
+        summary=f"{RESULTS}/{{scale}}/model/evaluation.txt",
+        worst=report(
+            f"{RESULTS}/{{scale}}/model/worst.png",
+            caption="../report/model.rst",
+            category="Learned simulators",
+            labels={"scale": "{scale}", "what": "the five worst rollouts"},
+        ),
+        training=report(
+            f"{RESULTS}/{{scale}}/model/training.png",
+            caption="../report/model.rst",
+            category="Learned simulators",
+            labels={"scale": "{scale}", "what": "history of the training"},
+        ),
+    log:
+        f"{RESULTS}/logs/evaluate_{{scale}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/evaluate_{{scale}}.tsv"
+    threads: 2
+    resources:
+        mem_mb=4000,
+        runtime=lambda wildcards, attempt: 240 * attempt,
+    params:
+        config=CONFIG_FILE,
+        data=lambda wildcards, input: os.path.dirname(input[0]),
+        folder=lambda wildcards, output: os.path.dirname(output.card),
+        physics=content_hash(GNS_PHYSICS),
+    message:
+        "Judging the model of the scale {wildcards.scale} on held-out runs"
+    shell:
+        "python -m gns evaluate --scale {wildcards.scale} --data {params.data}"
+        " --model {params.folder} --mpm {input.runs} --threads {threads}"
+        " --config {params.config} > {output.summary} 2> {log}"
+
+
 for scale in SETTINGS.scales:
 
     rule:
@@ -42,3 +126,20 @@ for scale in SETTINGS.scales:
             dataset(scale),
         message:
             f"The scale {scale} is packed: {dataset(scale)}"
+
+    rule:
+        name:
+            f"train_{scale}"
+        input:
+            trained(scale),
+            evaluated(scale),
+        message:
+            f"A simulator has learned from the scale {scale}: {evaluated(scale)}"
+
+    rule:
+        name:
+            f"evaluate_{scale}"
+        input:
+            evaluated(scale),
+        message:
+            f"The model of the scale {scale} is judged: {evaluated(scale)}"

@@ -19,6 +19,8 @@ rule plan_hidden:
         f"{HIDDEN_FOLDER}/reach.json",
     log:
         f"{RESULTS}/logs/plan_hidden.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plan_hidden.tsv"
     threads: 1
     resources:
         mem_mb=3000,
@@ -71,7 +73,12 @@ rule seal_hidden:
         f"{HIDDEN_FOLDER}/sealed.json",
     log:
         f"{RESULTS}/logs/seal_hidden.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/seal_hidden.tsv"
     threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=30,
     params:
         config=CONFIG_FILE,
         benchmark=HIDDEN.benchmark,
@@ -122,7 +129,12 @@ rule hidden_effects:
         f"{HIDDEN_FOLDER}/score.json",
     log:
         f"{RESULTS}/logs/hidden_effects.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/hidden_effects.tsv"
     threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=30,
     params:
         config=CONFIG_FILE,
         benchmark=HIDDEN.benchmark,

@@ -386,6 +386,17 @@ def test_another_training_in_the_same_folder_is_refused(trained, packed, tmp_pat
         run(tmp_path / "model", packed)
 
 
+def test_another_training_is_set_aside_when_asked(trained, packed, tmp_path):
+    shutil.copytree(trained, tmp_path / "model")
+    other = SETTINGS.model_copy(update={"steps": 2})
+    for _ in range(2):  # the second time it is the same training
+        run(tmp_path / "model", packed, other, anew=True)
+        aside = tmp_path / "model.before-1"
+        assert same(weights(aside), weights(trained)) and numbers(aside) == numbers(trained)
+        assert not (tmp_path / "model.before-2").exists()
+        assert numbers(tmp_path / "model")[-1]["step"] == 2
+
+
 def test_two_trainings_in_one_folder_are_refused(tmp_path):
     with (
         ModelFolder(tmp_path).alone(),

@@ -24,6 +24,8 @@ def test_targets_work_as_typed(bench):
         "list_runs": 1,
         "pack_trajectories": 1,
     }
+    assert bench.planned("evaluate_small")["train_model"] == 1
+    assert bench.planned("train_small") == bench.planned("evaluate_small")
     assert bench.planned("simulate_lsfd") == {"simulate_case": 1}
     assert bench.planned("simulate_lower_san_fernando") == {"simulate_case": 1}
     for target in ("invert_lsfd", "invert_lower_san_fernando"):
@@ -101,6 +103,27 @@ def test_what_is_packed_again(bench):
     bench.settings["simulation"]["courant"] = 0.2
     again = {"simulate_batch": 2, "list_runs": 1, "pack_trajectories": 1}
     assert bench.planned("pack_coarse") == again
+
+
+def test_when_a_model_learns_again(bench):
+    bench.snakemake("pack_coarse")
+    (bench.folder / "break").touch()
+    text = bench.snakemake("train_coarse", expect=1)
+    assert "rule train_model" in text
+    assert bench.path("coarse/model/state/last.pt").exists(), "the state survives a failure"
+    (bench.folder / "break").unlink()
+    bench.snakemake("train_coarse")
+    assert bench.path("coarse/model/trained.txt").read_text() == "trained results/coarse/dataset\n"
+    assert bench.path("coarse/model/evaluation.txt").read_text() == "runout 1.5 spacings\n"
+    both = {"train_model": 1, "evaluate_model": 1}
+    bench.settings["gns"]["train"]["noise"] = 0.03
+    assert bench.planned("train_coarse") == both
+    del bench.settings["gns"]["train"]["noise"]
+    bench.settings["gns"]["train_of_scale"]["coarse"]["width"] = 9
+    assert bench.planned("train_coarse") == both
+    assert bench.planned("train_coarse", "train_large").get("train_model") == 2
+    bench.settings["gns"]["train_of_scale"]["coarse"]["width"] = 8
+    assert bench.planned("train_coarse") == {}
 
 
 def test_when_strengths_are_sought_again(bench):
