@@ -1,0 +1,126 @@
+"""Evidence: Laplace's integral against quadrature, shares within bounds, credible sets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from scipy.optimize import lsq_linear
+
+from diagnosis.evidence import (
+    credible_set,
+    ln_evidence,
+    probabilities,
+    share_within,
+)
+from diagnosis.fit import Fit
+from diagnosis.space import Amplitude, Space
+from diagnosis.whitened import Data
+from tests.diagnosis.straight import Straight, straight
+
+
+def fitted(case: Straight, space: Space) -> Fit:
+    """The bounded least of a model that is linear in all its unknowns."""
+    data, slope = case.data, case.slope(space)
+    rows, constants = space.prior
+    matrix = np.vstack([data.whitened(slope), rows])
+    right = np.concatenate([data.whitened(data.measured - case.level), constants])
+    x = lsq_linear(matrix, right, bounds=(space.low, space.high), tol=1e-14).x
+    prediction = case.level + slope @ x
+    total = float(np.sum((matrix @ x - right) ** 2))
+    return Fit(space, x, prediction, slope, total)
+
+
+def by_quadrature(case: Straight, space: Space) -> float:
+    """ln of the integral of likelihood times prior over all unknowns, on a grid of Gauss nodes."""
+    data, slope = case.data, case.slope(space)
+    rows, constants = space.prior
+    matrix = np.vstack([data.whitened(slope), rows])
+    right = np.concatenate([data.whitened(data.measured - case.level), constants])
+    fit = fitted(case, space)
+    std = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    nodes, weights = np.polynomial.legendre.leggauss(32)
+    grids, volumes = [], []
+    for low, high, at, s in zip(space.low, space.high, fit.x, std, strict=True):
+        begin, end = max(low, at - 6.5 * s), min(high, at + 6.5 * s)
+        grids.append(0.5 * (end + begin) + 0.5 * (end - begin) * nodes)
+        volumes.append(0.5 * (end - begin) * weights)
+    points = np.stack([g.ravel() for g in np.meshgrid(*grids, indexing="ij")])
+    weight = np.prod(np.meshgrid(*volumes, indexing="ij"), axis=0).ravel()
+    # |A x - b|^2 by its parts: the points are millions.
+    square = np.einsum("in,ij,jn->n", points, matrix.T @ matrix, points, optimize=True)
+    total = square - 2.0 * (matrix.T @ right) @ points + right @ right
+    least = total.min()
+    value = np.sum(weight * np.exp(-0.5 * (total - least)))
+    return float(np.log(value) - 0.5 * least - space.ln_prior_width)
+
+
+@pytest.mark.parametrize("bounds", [(-50.0, 50.0), (0.0, 0.8), (0.0, 50.0)])
+def test_laplace_is_exact_where_the_model_is_linear(bounds):
+    case = straight(seed=3, effects={"bend": 0.6})
+    free = Amplitude("bend", *bounds, 1.0)
+    with_effect, without = case.space([free]), case.space([])
+    gain = ln_evidence(case.data, fitted(case, with_effect), 1) - ln_evidence(
+        case.data, fitted(case, without), 1
+    )
+    exact = by_quadrature(case, with_effect) - by_quadrature(case, without)
+    assert gain == pytest.approx(exact, abs=0.02)
+
+
+def test_laplace_with_a_prior_and_with_two_amplitudes():
+    case = straight(seed=5, effects={"bend": 0.6, "step": 1.0})
+    two = case.space([Amplitude("bend", -3.0, 3.0, 1.0, 0.5, 0.3), Amplitude("step", 0, 1.5, 1.0)])
+    one = case.space([Amplitude("step", 0.0, 1.5, 1.0)])
+    gain = ln_evidence(case.data, fitted(case, two), 1) - ln_evidence(
+        case.data, fitted(case, one), 1
+    )
+    assert gain == pytest.approx(by_quadrature(case, two) - by_quadrature(case, one), abs=0.03)
+
+
+def test_odds_are_one_in_k_for_each_effect():
+    case = straight(seed=1, effects={})
+    fit = fitted(case, case.space([Amplitude("bend", -2.0, 2.0, 1.0)]))
+    lost = ln_evidence(case.data, fit, 1) - ln_evidence(case.data, fit, 12)
+    assert lost == pytest.approx(math.log(12))
+
+
+def test_evidence_does_not_hang_on_the_unit_of_the_amplitude():
+    case = straight(seed=2, effects={"bend": 0.6})
+    found = []
+    for unit in (0.1, 1.0, 25.0):
+        space = case.space([Amplitude("bend", -3.0, 3.0, unit)])
+        found.append(ln_evidence(case.data, fitted(case, space), 5))
+    assert np.ptp(found) < 1e-6
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(-2, 2), st.floats(-2, 2), st.floats(0.2, 3), st.floats(0.2, 3), st.floats(-0.95, 0.95)
+)
+def test_share_of_a_gaussian_within_a_box(first, second, s1, s2, correlation):
+    mean = np.array([first, second])
+    cross = correlation * s1 * s2
+    covariance = np.array([[s1**2, cross], [cross, s2**2]])
+    low, high = np.array([-1.0, 0.0]), np.array([1.5, 2.0])
+    exact = stats.multivariate_normal(mean, covariance).cdf(high, lower_limit=low)
+    assert share_within(mean, covariance, low, high) == pytest.approx(exact, abs=2e-4)
+
+
+def test_probabilities_and_their_credible_set():
+    share = probabilities({("a",): -3.0, ("b",): -3.0 + math.log(3.0), (): -50.0})
+    assert share[("b",)] == pytest.approx(0.75) and share[("a",)] == pytest.approx(0.25)
+    assert list(share) == [("b",), ("a",), ()]
+    assert list(credible_set(share, 0.7)) == [("b",)]
+    assert list(credible_set(share, 0.9)) == [("b",), ("a",)]
+
+
+def test_data_weighs_by_the_inverse_covariance():
+    covariance = np.array([[4.0, 1.0], [1.0, 9.0]])
+    data = Data(np.array([1.0, 2.0]), covariance, np.array([0, 1]), np.array([], dtype=int))
+    residual = data.residual(np.zeros(2))
+    expected = data.measured @ np.linalg.solve(covariance, data.measured)
+    assert residual @ residual == pytest.approx(expected)
