@@ -17,7 +17,7 @@ COMMANDS = (
     "diagnosis.explain_command",
     "diagnosis.extend_command",
     "diagnosis.track_command",
-    #     "diagnosis.suggest_command",
+    "diagnosis.suggest_command",
     "diagnosis.blind.command",
     "diagnosis.schema_command",
 )

@@ -8,17 +8,23 @@ It knows nothing of the model but `diagnosis.model.Model`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from diagnosis.compare import compare
 from diagnosis.decide import decide
 from diagnosis.explain import explain
-from diagnosis.model import Model
+from diagnosis.model import Model, Proposing
+from diagnosis.next_measurement import Suggestion, suggest
 from diagnosis.options import Options
 from diagnosis.rounds import run_rounds
+from diagnosis.unknown_curve import find_curve
 from diagnosis.verdict import Verdict
 from diagnosis.verdict_document import Diagnosed, verdict_document
 
 Say = Callable[[str], None]
+
+#: Measurements that a verdict suggests.
+NEXT = 3
 
 
 def find(model: Model, options: Options, say: Say = lambda line: None) -> Diagnosed:
@@ -41,16 +47,31 @@ def find(model: Model, options: Options, say: Say = lambda line: None) -> Diagno
     explanation = explain(model, comparison, options)
     if explanation.names:
         best = explanation.names[0]
+        fall = max(explanation.scores.best(best).drop + 0.0, 0.0)
         say(
-            f"of {len(explanation.names)} effects {best} promises most: chi2 "
-            f"-{max(explanation.scores.best(best).drop, 0.0):.1f}, "
+            f"of {len(explanation.names)} effects {best} promises most: chi2 falls by {fall:.1f}, "
             f"p {explanation.scores.p_family[best]:.2g}"
         )
     register = run_rounds(comparison, explanation, options)
     for adopted in register.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
     decision = decide(register, options)
-    return Diagnosed(model, options, comparison, explanation, register, decision)
+    found = Diagnosed(model, options, comparison, explanation, register, decision)
+    if decision.verdict == "unknown_effect" and model.curves:
+        say("nothing in the list explains it: seeking a strength curve that would")
+        found = replace(found, curve=find_curve(explanation.bench, decision.final.model,
+                                                model.curves))  # fmt: skip
+    return replace(found, next_measurement=next_measurements(found, NEXT))
+
+
+def next_measurements(found: Diagnosed, count: int) -> list[Suggestion]:
+    """What to measure next, best first; none where the model proposes nothing."""
+    if not isinstance(found.model, Proposing):
+        return []
+    return suggest(
+        found.model, found.comparison, found.explanation, found.register, found.decision,
+        found.options, count=count,
+    )  # fmt: skip
 
 
 def diagnose(

@@ -22,11 +22,13 @@ class Runs:
     Attributes:
         model: what answers.
         allowance: distinct forward runs that may be asked for.
+        reserve: runs of the allowance that are kept for later.
         cut_short: what was left out because the allowance did not cover it.
     """
 
     model: Model
     allowance: int
+    reserve: int = 0
     cut_short: list[str] = field(default_factory=list)
     _known: dict[State, np.ndarray] = field(default_factory=dict)
     _counted: set[State] = field(default_factory=set)
@@ -48,8 +50,8 @@ class Runs:
 
     @property
     def left(self) -> int:
-        """Runs that the allowance still covers."""
-        return max(self.allowance - self.asked, 0)
+        """Runs that the allowance still covers, the reserve not counted."""
+        return max(self.allowance - self.reserve - self.asked, 0)
 
     def cost(self, states: Sequence[State]) -> int:
         """Runs that asking for these states would add."""

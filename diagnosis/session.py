@@ -37,7 +37,7 @@ from inversion.run_store import RunStore
 from mpm_taichi.effects import load_effects_file
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
-from pipeline.files import content_hash, write_json
+from pipeline.files import content_hash, read_json, write_json
 from pipeline.manifest import code_version, machine, package_versions
 
 TIMING = "timing.json"
@@ -183,20 +183,19 @@ class Session:
         return document.model_copy(update=changes)
 
     def write_timing(self, command: str) -> None:
-        """Put what depends on the clock and the machine into a file of its own."""
-        write_json(
-            self.folder / TIMING,
-            {
-                "command": command,
-                "made": datetime.now(UTC).isoformat(timespec="seconds"),
-                "seconds": round(self.seconds, 2),
-                "runs_asked": self.model.runs,
-                "runs_computed": self.model.computed,
-                "code_version": code_version(),
-                "packages": package_versions(),
-                "machine": machine(),
-            },
-        )
+        """Put what depends on the clock and the machine into a file of its own, by command."""
+        path = self.folder / TIMING
+        before = read_json(path) if path.is_file() else {}
+        own = {
+            "made": datetime.now(UTC).isoformat(timespec="seconds"),
+            "seconds": round(self.seconds, 2),
+            "runs_asked": self.model.runs,
+            "runs_computed": self.model.computed,
+            "code_version": code_version(),
+            "packages": package_versions(),
+            "machine": machine(),
+        }
+        write_json(path, {**before, command: own})
 
     def write_sections(self, base: State, final: State) -> None:
         """Write the points before and after the slide, for the pictures."""

@@ -22,9 +22,11 @@ from diagnosis.documents import (
 from diagnosis.explain import Explanation
 from diagnosis.kept_steps import judge, step_of
 from diagnosis.model import Model
+from diagnosis.next_measurement import Suggestion
 from diagnosis.options import Options
 from diagnosis.rounds import Adopted, Register
 from diagnosis.stages import effect_answers, measurement_lines, parameter_words, runs_part, stage
+from diagnosis.unknown_curve import FoundCurve
 from diagnosis.windows import worst_window
 
 
@@ -49,8 +51,8 @@ class Diagnosed:
     explanation: Explanation
     register: Register
     decision: Decision
-    curve: verdict.UnknownCurve | None = None
-    next_measurement: Sequence[verdict.NextMeasurement] = ()
+    curve: FoundCurve | None = None
+    next_measurement: Sequence[Suggestion] = ()
 
 
 def verdict_document(
@@ -94,13 +96,37 @@ def verdict_document(
             final.model.fit.prediction if has_effects else None,
         ),
         hidden=hidden_part(explanation, model),
-        unknown_curve=found.curve,
-        next_measurement=list(found.next_measurement),
+        unknown_curve=None if found.curve is None else curve_part(found.curve),
+        next_measurement=next_part(found.next_measurement),
         runs=runs_part(base.runs),
         seconds=None,
         hashes={},
         manifest={},
     )
+
+
+def curve_part(found: FoundCurve) -> verdict.UnknownCurve:
+    """The unknown strength curve with its band."""
+    low, high = found.band
+    return verdict.UnknownCurve(
+        variable=found.curve.variable,
+        words=found.curve.words,
+        unit=found.curve.unit,
+        knots=list(found.curve.knots),
+        multiplier=found.multiplier.tolist(),
+        low=low.tolist(),
+        high=high.tolist(),
+        chi2=dict(found.chi2),
+        ln_evidence=dict(found.ln_evidence),
+    )
+
+
+def next_part(suggested: Sequence[Suggestion]) -> list[verdict.NextMeasurement]:
+    """What to measure next."""
+    return [
+        verdict.NextMeasurement(name=one.proposal.name, words=one.proposal.words, gain=one.gain)
+        for one in suggested
+    ]
 
 
 def sentence(found: Diagnosed) -> str:
