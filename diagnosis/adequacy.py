@@ -161,10 +161,13 @@ def neighbour_pairs(data: Data, places: list[Places]) -> np.ndarray:
 
 
 def autocorrelation(residuals: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Lag-1 autocorrelation of residuals (k, draws) over pairs of neighbours (n, 2): (draws,)."""
+    """Mean product of neighbours, residuals (k, draws), pairs (n, 2): (draws,).
+
+    Not divided by the residuals' size: where that is smaller than the noise, what they have in
+    common is no misfit, however smooth. How smooth the model's own error is nobody knows well.
+    """
     before, after = residuals[pairs[:, 0]], residuals[pairs[:, 1]]
-    size = 0.5 * (np.sum(before**2, axis=0) + np.sum(after**2, axis=0))
-    return np.sum(before * after, axis=0) / np.maximum(size, 1e-300)
+    return np.mean(before * after, axis=0)
 
 
 def group_misfits(found: Judged, places: list[Places]) -> list[GroupMisfit]:

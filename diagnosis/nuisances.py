@@ -71,7 +71,14 @@ def survey_errors(targets: Targets) -> list[SurveyError]:
     # A crest or a marker beyond the levelled line has the error of its end.
     share = np.clip((np.where(levelled, place, middle) - middle) / half, -1.0, 1.0)
     ladder = tuple(sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS)
-    wide = {"low": -RUNGS[-1] * std, "high": RUNGS[-1] * std, "ladder": tuple(sorted(ladder))}
+    # A benchmark or a line that is off by more than the survey's own std is as rare as that.
+    wide = {
+        "low": -RUNGS[-1] * std,
+        "high": RUNGS[-1] * std,
+        "ladder": tuple(sorted(ladder)),
+        "prior_mean": 0.0,
+        "prior_std": std,
+    }
     shift = Candidate(
         name=DATUM_SHIFT,
         kind="survey",

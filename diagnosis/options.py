@@ -54,8 +54,8 @@ class Options:
         same_signature: cosine that the signature of a second seed must reach.
         least_gain: of ln evidence, odds included, before an effect is accepted.
         least_drop: of chi2.
-        worse_held_out: fall of the ln density of the held-out data that is forgiven, as a share of
-            the gain: where an effect does little to them, noise decides.
+        worse_held_out: fall of the ln density of held-out data that is forgiven, as a share of the
+            gain; more only while they still agree with the model (p at least `suspect`).
         drop_below: an effect whose removal costs less ln evidence is dropped.
         credible: probability of the set of explanations that is the answer.
         detectable: |s| at which an effect is found with near certainty.
@@ -85,7 +85,7 @@ class Options:
     same_signature: float = 0.9
     least_gain: float = 2.3
     least_drop: float = 6.0
-    worse_held_out: float = 0.1
+    worse_held_out: float = 0.5
     drop_below: float = 1.0
     credible: float = 0.9
     detectable: float = 3.3

@@ -20,11 +20,13 @@ from diagnosis.fit import SEEN, Fit, best_of, least, search, settled
 from diagnosis.runs import Runs
 from diagnosis.space import Amplitude, Space
 from diagnosis.surface import Surface
-from diagnosis.surrogate import Surrogate, spreads
+from diagnosis.surrogate import Surrogate, anchor_of, spreads
 from diagnosis.whitened import Data, system
 
 #: Turns of a refit, two runs each.
 TURNS = 4
+#: Combinations of ladder amplitudes that are tried as first guesses.
+MOST_GUESSES = 100
 #: Jitters of the points that judge a refit; the second set where the first has moved it.
 JUDGES = ((11, 12, 13, 14), (15, 16, 17))
 #: Runs that the prediction of a refit is worth, its noise averaged.
@@ -85,7 +87,8 @@ class Refitted:
 def first_guesses(surface: Surface, space: Space) -> list[np.ndarray]:
     """Every combination of ladder amplitudes, with the anchor's parameters and own effects.
 
-    A surface of bent signatures has several valleys; these lead to all of them.
+    A surface of bent signatures has several valleys; these lead to all of them. Where there are too
+    many combinations the anchor alone.
     """
     own = surface.space.amplitudes(surface.x)
     choices = []
@@ -93,6 +96,8 @@ def first_guesses(surface: Surface, space: Space) -> list[np.ndarray]:
         known = effect.name in surface.ladders
         rungs = surface.ladders[effect.name].rungs if known else [own[effect.name]]
         choices.append([rung / effect.unit for rung in rungs])
+    if np.prod([len(choice) for choice in choices]) > MOST_GUESSES or len(choices) > 3:
+        return [space.clipped(anchor_of(surface, space))]
     return [
         space.clipped(np.concatenate([surface.x[: space.p], rungs])) for rungs in product(*choices)
     ]

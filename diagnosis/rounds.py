@@ -7,7 +7,7 @@ also the best pairs, since one effect may have stood for two. The best is adopte
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -21,9 +21,12 @@ from diagnosis.refit import ANCHORED, Refitted, adopted, judge, refit, weighed
 from diagnosis.scores import Scores, score_all
 from diagnosis.signatures import Signature, take_signatures
 from diagnosis.surface import Surface
+from diagnosis.unknown_curve import runs_wanted
 
 #: Pairs that are refitted in a round.
 PAIRS = 2
+#: Runs that are kept for an unknown strength curve, at most.
+LARGEST_RESERVE = 50
 #: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
 NEAR_BEST = 3.0
 
@@ -67,18 +70,46 @@ class Register:
         return self.way[-1]
 
 
-def why_not(before: Refitted, after: Refitted, options: Options) -> str:
-    """The condition for acceptance that fails; empty if none does."""
+def why_not(
+    before: Refitted, after: Refitted, options: Options, *, together: float | None = None
+) -> str:
+    """The condition for acceptance that fails; empty if none does.
+
+    Args:
+        before: the model so far.
+        after: the one with an effect more.
+        options: what is asked for.
+        together: ln evidence of all that were tried, in place of that of this model alone.
+    """
     gain = after.ln_evidence - before.ln_evidence
     drop = before.fit.total - after.fit.total
     if drop <= options.least_drop:
         return f"chi2 falls by {drop:.1f} only; {options.least_drop:g} are asked for"
-    if gain <= options.least_gain:
+    if (gain if together is None else together - before.ln_evidence) <= options.least_gain:
         return f"ln evidence rises by {gain:.1f} only; {options.least_gain:g} are asked for"
-    worse = before.held_out.ln_density - after.held_out.ln_density
-    if worse > options.worse_held_out * gain:
-        return f"held-out misfit rises from {before.held_out.chi2:.1f} to {after.held_out.chi2:.1f}"
+    held_out = after.held_out
+    worse = before.held_out.ln_density - held_out.ln_density
+    failing = held_out.p is not None and held_out.p < options.suspect
+    if failing and worse > options.worse_held_out * gain:
+        return f"held-out misfit rises from {before.held_out.chi2:.1f} to {held_out.chi2:.1f}"
     return ""
+
+
+def accepted(now: Refitted, tried: Sequence[Refitted], options: Options) -> Refitted | None:
+    """The model that is adopted: the best by itself, or the best for all that were tried.
+
+    Explanations that look alike share the evidence among them: each by itself may have too little
+    although together they leave no doubt that something is missing. Then the question "is there
+    anything?" is put to their sum, and "what is it?" has several answers.
+    """
+    order = sorted(tried, key=lambda after: -after.ln_evidence)
+    for after in order:
+        if not why_not(now, after, options):
+            return after
+    if not order:
+        return None
+    together = float(np.logaddexp.reduce([after.ln_evidence for after in order]))
+    return None if why_not(now, order[0], options, together=together) else order[0]
 
 
 def run_rounds(comparison: Comparison, explanation: Explanation, options: Options) -> Register:
@@ -92,6 +123,9 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         Adopted(base, explanation.adequacy, comparison.judged, explanation.scores, "base model")
     )
     signatures = dict(explanation.signatures)
+    runs = comparison.base.runs
+    # What fails in the end is to be shown as a curve, and that takes runs, too.
+    runs.reserve = min(runs_wanted(runs.model.curves), LARGEST_RESERVE)
     for number in range(options.rounds):
         now = register.current
         if now.adequacy.p_combined >= options.suspect:
@@ -99,15 +133,16 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         names = wanted_models(comparison, explanation, now, signatures, options, first=number == 0)
         tried = _try(register, comparison, explanation, ground, now, names)
         tried = _judge_best(register, explanation, now, tried, options)
+        best = accepted(now.model, tried, options)
         if number == 0:
             for after in tried:
-                register.first[after.names[0]] = (after, why_not(now.model, after, options))
-        passing = [after for after in tried if not why_not(now.model, after, options)]
-        if not passing:
+                reason = "" if after is best else why_not(now.model, after, options)
+                register.first[after.names[0]] = (after, reason)
+        if best is None:
             break
-        best = max(passing, key=lambda after: after.ln_evidence)
         _adopt(register, comparison, explanation, best, signatures, options)
         _drop(register, comparison, explanation, ground, signatures, options)
+    runs.reserve = 0
     return register
 
 

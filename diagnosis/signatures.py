@@ -8,7 +8,10 @@ A large effect is met by other parameters: with drag a slide fits with less stre
 does to that slide is not what it does to the stronger one. So the middle amplitude is run with the
 parameters of the anchor, and once more, like the others, with parameters theta + e that undo what
 it does as far as they can. Then d = f(theta + e, a) - f(theta, 0) - J e, of which the parameters
-imitate the same share. A second jitter must give the same direction after projection, or the
+imitate the same share. What a ladder calls large may hardly be seen by these data, while an effect
+that has caused a misfit was seen: then the ladder is drawn out upwards.
+
+A second jitter must give the same direction after projection, or the
 signature is marked unresolved: what it shows may be the points' positions. The mean of both then
 stands for it.
 """
@@ -27,6 +30,8 @@ from diagnosis.whitened import System
 
 #: Farthest that a parameter is moved to meet an effect.
 FARTHEST = 1.0
+#: A top rung of which less is seen, |s|, is raised, to at most so many times itself.
+TOP_SEEN, TOP_RAISED = 8.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ def take_signatures(
     *,
     finite: bool = True,
 ) -> dict[str, Signature]:
-    """Run every candidate's ladder at an anchor, in four batches.
+    """Run every candidate's ladder at an anchor, in four batches, drawn out where little is seen.
 
     Where the allowance does not cover all, the largest come before the smallest. A candidate all of
     whose runs failed is not among the answers.
@@ -85,11 +90,12 @@ def take_signatures(
     bench.run([(c.name, _first(c, finite), stay) for c in candidates])
     raw = {name: next(iter(changes.items())) for name, changes in bench.changes.items()}
     if finite:
-        middles = [(c.name, a) for c in candidates for a in _turn(c, 0)]
+        middles = [(c.name, a) for c in candidates for a in _middles(c)]
         bench.run([(name, a, bench.meeting(name, a)) for name, a in middles])
-        for turn in (1, 2):
-            others = [(c.name, a) for c in candidates for a in _turn(c, turn)]
-            bench.run([(name, a, bench.meeting(name, a)) for name, a in others])
+        others = [(c.name, bench.others(c.name, sign)) for c in candidates for sign in (1.0, -1.0)]
+        for turn in (0, 1):
+            wanted = [(name, rungs[turn]) for name, rungs in others if len(rungs) > turn]
+            bench.run([(name, a, bench.meeting(name, a)) for name, a in wanted])
     return {
         c.name: Signature(c.name, bench.changes[c.name], bench.moves[c.name], raw[c.name])
         for c in candidates
@@ -125,6 +131,32 @@ class _Ladders:
         wanted[: space.p] = np.clip(wanted[: space.p], -FARTHEST, FARTHEST)
         return space.clipped(x + wanted) - x
 
+    def others(self, name: str, sign: float) -> list[float]:
+        """Amplitudes of one sign beside the middle one, in the order in which they are run.
+
+        The top rung, then the lowest; where too little would be seen at the top rung, one between
+        the middle and a raised top, then that top.
+        """
+        candidate = self.candidates[name]
+        side = _side(candidate, sign)
+        if len(side) < 2:
+            return []
+        middle, top = side[len(side) // 2], side[-1]
+        seen = self._seen(name, middle)
+        if candidate.free or seen is None or seen * (top / middle) >= TOP_SEEN:
+            return [*reversed(side[len(side) // 2 + 1 :]), *side[: len(side) // 2]]
+        share = min(TOP_RAISED, TOP_SEEN / max(seen * (top / middle), 1e-6))
+        high = candidate.high if sign > 0 else -candidate.low
+        raised = sign * min(abs(top) * share, max(high, abs(top)))
+        return [sign * float(np.sqrt(middle * raised)), raised]
+
+    def _seen(self, name: str, amplitude: float) -> float | None:
+        """|s| of an amplitude that was run; None where its run failed."""
+        change = self.changes.get(name, {}).get(amplitude)
+        if change is None:
+            return None
+        return float(np.linalg.norm(self.linear.project(self.linear.augmented(change))))
+
     def run(self, wanted: Sequence[tuple[str, float, np.ndarray]]) -> None:
         """Run amplitudes with moves, as far as the allowance goes; a later run replaces another."""
         changes = run_moved(self.runs, self.surface, wanted)
@@ -140,14 +172,10 @@ def _first(candidate: Candidate, finite: bool) -> float:
     return side[len(side) // 2 if finite else 0]
 
 
-def _turn(candidate: Candidate, turn: int) -> list[float]:
-    """Amplitudes of a turn, of each sign: 0 the middle ones, 1 those beyond, 2 those below."""
-    found = []
-    for sign in (1.0, -1.0):
-        side = _side(candidate, sign)
-        half = len(side) // 2
-        found += (side[half : half + 1], side[half + 1 :], side[:half])[turn]
-    return found
+def _middles(candidate: Candidate) -> list[float]:
+    """The middle amplitude of each sign."""
+    sides = [side for sign in (1.0, -1.0) if (side := _side(candidate, sign))]
+    return [side[len(side) // 2] for side in sides]
 
 
 def _side(candidate: Candidate, sign: float) -> list[float]:

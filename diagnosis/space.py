@@ -15,11 +15,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import ndtr
 
 from diagnosis.model import Candidate, State, state
 from inversion.objective import Objective
 from inversion.parameters import Parameters
 from inversion.predictions import Targets
+
+#: Standard deviation of an amplitude of which nothing else is known, in top rungs of its ladder.
+WIDE = 2.0
+#: Least share of a prior within its bounds: one that lies wholly outside is an error of its author.
+LEAST_WITHIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -44,17 +50,29 @@ class Amplitude:
 
     @property
     def ln_prior_width(self) -> float:
-        """Logarithm of the prior's volume: ln prior density = -this - (x - x0)^2 / 2."""
+        """Logarithm of the prior's volume: ln prior density = -this - (x - x0)^2 / 2.
+
+        A Gaussian that is cut off at the bounds has the volume that lies within them.
+        """
         if self.std is not None:
-            return math.log(math.sqrt(2.0 * math.pi) * self.std / self.unit)
+            low, high = ((bound - self.mean) / self.std for bound in (self.low, self.high))
+            within = max(float(ndtr(high) - ndtr(low)), LEAST_WITHIN)
+            return math.log(math.sqrt(2.0 * math.pi) * within * self.std / self.unit)
         return math.log((self.high - self.low) / self.unit)
 
 
 def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None) -> Amplitude:
-    """The amplitude of a candidate; `prior` (mean, std) replaces its own."""
+    """The amplitude of a candidate; `prior` (mean, std) replaces its own.
+
+    Of one without a prior the ladder says what is small and what is large: a Gaussian around none,
+    `WIDE` times the top rung wide, cut off at the bounds. Bounds alone would not do: they are what
+    the solver can bear, and an effect would gain or lose evidence by how far that is.
+    """
     mean, std = prior if prior is not None else (candidate.prior_mean, candidate.prior_std)
     rungs = sorted(abs(rung) for rung in candidate.ladder)
     middle = rungs[len(rungs) // 2]
+    if std is None:
+        mean, std = 0.0, WIDE * rungs[-1]
     return Amplitude(candidate.name, candidate.low, candidate.high, middle, mean, std)
 
 

@@ -15,10 +15,12 @@ may, and runs with different jitters of the points average by themselves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from diagnosis.model import State
 from diagnosis.runs import Runs
 from diagnosis.space import Space
 from diagnosis.surface import Surface
@@ -133,8 +135,17 @@ class Surrogate:
 
         Runs at the anchor itself have made the surface: they teach nothing new.
         """
+        self.recall_from(runs.every, also_here=False)
+
+    def recall_from(self, every: Sequence[tuple[State, np.ndarray]], *, also_here: bool) -> None:
+        """Take in runs of this model, or of one with fewer effects, nearby.
+
+        Args:
+            every: states with their numbers (m,).
+            also_here: those at the anchor too.
+        """
         place = {effect.name: effect for effect in self.space.effects}
-        for state, row in runs.every:
+        for state, row in every:
             if state.numerics != "own" or not {name for name, _ in state.effects} <= set(place):
                 continue
             amplitudes = dict(state.effects)
@@ -146,7 +157,8 @@ class Surrogate:
             )
             own = np.concatenate([np.arange(self.space.p), self._own])
             away = np.max(np.abs((x - self.anchor)[own.astype(int)]))
-            if 1e-9 < away and np.max(np.abs((x - self.anchor)[: self.space.p])) <= NEAR:
+            near = np.max(np.abs((x - self.anchor)[: self.space.p])) <= NEAR
+            if near and (also_here or away > 1e-9):
                 self.learn(x, row)
 
     def predict(self, x: np.ndarray) -> np.ndarray:
