@@ -128,7 +128,7 @@ def _plan(arguments: argparse.Namespace, config: Config) -> int:
             benchmark,
             Places(_out(arguments, config)),
             laboratory,
-            lambda done, _, words: progress.advance(1, words),
+            on_case=lambda done, _, words: progress.advance(1, words),
         )
     return 0
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from diagnosis.blind.base_model import BaseModel
 from diagnosis.blind.benchmark import Benchmark, Places
 from diagnosis.blind.laboratory import Laboratory
 from diagnosis.blind.plan import Planned, Reach
@@ -49,8 +50,9 @@ def make(
         part: (k, n): every n-th case from the k-th on, for several jobs side by side.
         on_case: told of each case.
     """
-    row = benchmark.cases(reach_of(benchmark, places, laboratory, on_case))
-    maker = Maker(laboratory, benchmark.plan.seed, benchmark.plan.other_realisation)
+    base = base_models(laboratory)
+    row = benchmark.cases(reach_of(benchmark, places, laboratory, base, on_case))
+    maker = Maker(laboratory, benchmark.plan.seed, base, benchmark.plan.other_realisation)
     mine = row[part[0] :: part[1]]
     for number, planned in enumerate(mine, start=1):
         words = "was there"
@@ -61,12 +63,37 @@ def make(
         seal_all(row, places)
 
 
+def base_models(laboratory: Laboratory) -> Callable[[Section], BaseModel]:
+    """The base model of each section, simulated when it is first asked for."""
+    found: dict[str, BaseModel] = {}
+
+    def base(section: Section) -> BaseModel:
+        if section.name not in found:
+            found[section.name] = BaseModel.simulate(laboratory, section)
+        return found[section.name]
+
+    return base
+
+
 def reach_of(
-    benchmark: Benchmark, places: Places, laboratory: Laboratory, on_case: OnCase = _told_nobody
+    benchmark: Benchmark,
+    places: Places,
+    laboratory: Laboratory,
+    base: Callable[[Section], BaseModel] | None = None,
+    on_case: OnCase = _told_nobody,
 ) -> Reach:
-    """How well each effect can be seen, measured once."""
+    """How well each effect can be seen, measured once.
+
+    Args:
+        benchmark: what is to be made.
+        places: where it is kept.
+        laboratory: that simulates.
+        base: base models of the sections; None: they are simulated where they are needed.
+        on_case: told of each effect.
+    """
     if not places.reach.is_file():
-        reach = measure_reach(benchmark, laboratory, lambda words: on_case(0, 0, words))
+        base = base_models(laboratory) if base is None else base
+        reach = measure_reach(benchmark, laboratory, base, lambda words: on_case(0, 0, words))
         write_json(
             places.reach, [{"of": key, "lambda": round(seen, 3)} for key, seen in reach.items()]
         )

@@ -11,21 +11,24 @@ from collections.abc import Callable
 
 import numpy as np
 
+from diagnosis.blind.base_model import BaseModel
 from diagnosis.blind.benchmark import Benchmark
 from diagnosis.blind.laboratory import Laboratory
 from diagnosis.blind.plan import Reach
-from diagnosis.blind.sight import Sight
+from diagnosis.blind.sections import Section
+from diagnosis.blind.sight import LOOKS, Sight, strongest
 from mpm_taichi.effects import effect as effect_of
 
 #: Strengths at which it is measured, as shares of the logarithm of the range of truths.
-LEVELS = (0.1, 0.6)
-#: Amplitudes from half the lowest rung of the ladder up to below the largest allowed.
-AMPLITUDES = 4
+LEVELS = (0.2, 0.6)
+#: Amplitudes from half the lowest rung of the ladder up to the strongest.
+AMPLITUDES = 5
 
 
 def measure_reach(
     benchmark: Benchmark,
     laboratory: Laboratory,
+    base: Callable[[Section], BaseModel],
     on_effect: Callable[[str], None] = lambda words: None,
 ) -> Reach:
     """Largest lambda of each effect in each section and survey; absent where it cannot act."""
@@ -37,10 +40,7 @@ def measure_reach(
             if not effect_of(name).applies(section.scene)
         ]
         for level in LEVELS:
-            laboratory.forget()
-            sight = Sight.at(laboratory, section, "profile", section.typical(level))
-            if sight is None:
-                continue
+            sight = Sight(laboratory, base(section), "profile", section.typical(level))
             for name in names:
                 for survey, seen in _seen(sight, name, benchmark.plan.surveys).items():
                     key = (name, section.name, survey)
@@ -52,12 +52,11 @@ def measure_reach(
 def _seen(sight: Sight, name: str, surveys: list[str]) -> dict[str, float]:
     """Largest lambda over the amplitudes, by survey; what stops the slide does not count."""
     scale = effect_of(name).amplitude
-    sizes = np.geomspace(0.5 * scale.ladder[0], scale.high, AMPLITUDES + 1)[:-1]
-    signs = (1.0, -1.0) if scale.two_signed else (1.0,)
-    entries = [{name: float(max(sign * size, scale.low))} for sign in signs for size in sizes]
     largest = dict.fromkeys(surveys, 0.0)
-    for deposit in sight.slides(entries):
-        for survey in surveys:
-            value = 0.0 if deposit is None else sight.seen(deposit, survey)
-            largest[survey] = max(largest[survey], value if np.isfinite(value) else 0.0)
+    for sign in (1.0, -1.0) if scale.two_signed else (1.0,):
+        for size in np.geomspace(0.5 * scale.ladder[0], strongest(scale, sign), AMPLITUDES):
+            slides = sight.slides({name: float(sign * size)}, LOOKS)
+            for survey in surveys:
+                found = None if slides is None else sight.refit(slides, survey)
+                largest[survey] = max(largest[survey], 0.0 if found is None else found.seen)
     return largest

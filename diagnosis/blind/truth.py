@@ -7,19 +7,20 @@ the truth finds effects where there are none.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from diagnosis.blind import surveys
-from diagnosis.blind.detectability import BINS, middle_of
+from diagnosis.blind.base_model import JITTER, BaseModel
+from diagnosis.blind.detectability import BINS, Refit, middle_of
 from diagnosis.blind.laboratory import Entry, Laboratory, Request
 from diagnosis.blind.plan import Planned
 from diagnosis.blind.seal import SALT, salt_of
 from diagnosis.blind.sections import Section, normal
-from diagnosis.blind.sight import JITTER, Sight, is_slide
+from diagnosis.blind.sight import Sight, is_slide
 from geometry.measured import Deposit
 from geometry.random_numbers import Stream, number_of
 from pipeline.cli import WorkFailed
@@ -51,14 +52,20 @@ class Maker:
     Args:
         laboratory: that simulates.
         seed: of the benchmark.
+        base: base model of a section.
         other_realisation: random effects, hidden with another seed than the judge's.
     """
 
     def __init__(
-        self, laboratory: Laboratory, seed: int, other_realisation: Sequence[str] = ()
+        self,
+        laboratory: Laboratory,
+        seed: int,
+        base: Callable[[Section], BaseModel],
+        other_realisation: Sequence[str] = (),
     ) -> None:
         self.laboratory = laboratory
         self.seed = seed
+        self.base = base
         self.other_realisation = tuple(other_realisation)
 
     def make(self, planned: Planned, section: Section) -> Made | None:
@@ -67,13 +74,11 @@ class Maker:
         for _ in range(DRAWS):
             self.laboratory.forget()
             values = np.round(section.draw(stream), 6)  # as they are written down
-            amplitudes, seen = {}, 0.0
+            amplitudes, seen = {}, None
             if planned.effects:
-                sight = Sight.at(self.laboratory, section, planned.survey, values)
-                if sight is None:
-                    continue
+                sight = Sight(self.laboratory, self.base(section), planned.survey, values)
                 amplitudes, seen = self._amplitudes(planned, sight, stream)
-                if not BINS[0] <= seen <= BINS[-1]:
+                if seen is None or not BINS[0] <= seen.seen <= BINS[-1]:
                     continue
             made = self._slide(planned, section, values, amplitudes, seen, stream)
             if made is not None:
@@ -82,16 +87,16 @@ class Maker:
 
     def _amplitudes(
         self, planned: Planned, sight: Sight, stream: Stream
-    ) -> tuple[dict[str, Entry], float]:
-        """Entries of the scene by name, and lambda of all of them together."""
-        wanted, found, seen = middle_of(planned.bin), {}, 0.0
+    ) -> tuple[dict[str, Entry], Refit | None]:
+        """Entries of the scene by name, and how well all of them together can be seen."""
+        wanted, found = middle_of(planned.bin), {}
         more = {
             name: {"seed": float(stream.integer(1000, 999_999))}
             for name in planned.effects
             if name in self.other_realisation
         }
         for name in planned.effects:
-            found[name], seen = sight.amplitude(name, wanted, stream, more.get(name, {}))
+            found[name], _ = sight.amplitude(name, wanted, stream, more.get(name, {}))
         found = {name: float(f"{a:.6g}") for name, a in found.items()}
         for _ in range(4):
             entries = {
@@ -99,9 +104,7 @@ class Maker:
                 for name, a in found.items()
             }
             seen = sight.seen_for_good(entries)
-            if not np.isfinite(seen):
-                return entries, 0.0
-            if seen <= BINS[-1]:
+            if seen is None or seen.seen <= BINS[-1]:
                 break
             found = {name: float(f"{0.7 * a:.6g}") for name, a in found.items()}
         return entries, seen
@@ -112,7 +115,7 @@ class Maker:
         section: Section,
         values: np.ndarray,
         amplitudes: dict[str, Entry],
-        seen: float,
+        seen: Refit | None,
         stream: Stream,
     ) -> Made | None:
         """Simulate and survey the slide; None where it fails or cannot be read."""
@@ -139,7 +142,8 @@ class Maker:
             "effects": amplitudes,
             "parameters": dict(zip(section.parameters.names, values.tolist(),
                                    strict=True)),
-            "lambda": round(seen, 4),
+            "lambda": 0.0 if seen is None else round(seen.seen, 4),
+            "refitted": {} if seen is None else self._refitted(section, seen),
             "bin_wanted": planned.bin,
             "spacing_factor": request.spacing_factor,
             "jitter_seed": request.seed,
@@ -150,6 +154,11 @@ class Maker:
         documents = surveys.documents(section, planned.survey, measured, places)
         profile = np.column_stack([places, measured[: len(places)]])
         return Made(truth, documents, profile)
+
+    def _refitted(self, section: Section, seen: Refit) -> dict[str, float]:
+        """Parameters of the base model that comes nearest to the slide."""
+        values = self.base(section).joined(seen.u, seen.held)
+        return dict(zip(section.parameters.names, np.round(values, 4).tolist(), strict=True))
 
 
 def slide_request(

@@ -1,0 +1,86 @@
+"""What can be seen on a section: nothing of nothing; amplitudes stay believable."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.blind import base_model
+from diagnosis.blind.base_model import BaseModel, strength_of
+from diagnosis.blind.laboratory import Laboratory
+from diagnosis.blind.sections import Section, load_section
+from diagnosis.blind.sight import BEYOND_LADDER, Sight, strongest
+from geometry.random_numbers import Stream
+from mpm_taichi.effects import Amplitude, effects
+from pipeline.cli import InputError
+from pipeline.config import SimulationSettings
+
+FOLDER = Path(__file__).resolve().parents[3] / "hidden_effects" / "sections"
+
+
+@pytest.fixture(scope="module")
+def sight():
+    """A section with few points, strong enough for short runs; a coarse base model."""
+    section = load_section(FOLDER / "tailings_dam")
+    scene = section.scene.changed(spacing=3.6)
+    section = Section(section.folder, scene, section.question, section.survey)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, number in {"LEVELS": 7, "REPLICATES": 3, "PAIRS": 1}.items():
+            patch.setattr(base_model, name, number)
+        laboratory = Laboratory(SimulationSettings(duration_s=40.0), threads=1)
+        base = BaseModel.simulate(laboratory, section)
+    return Sight(laboratory, base, "markers", np.array([22.0, 34.0]))
+
+
+def test_nothing_hidden_is_not_seen_and_refits_to_itself(sight):
+    found = sight.seen_for_good({})
+    assert found.seen < 3.0
+    strength, friction = sight.base.joined(found.u, found.held)
+    assert strength == pytest.approx(22.0, rel=0.1)
+    assert friction == pytest.approx(34.0, abs=2.0)
+
+
+def test_a_strong_effect_is_seen_better_than_a_faint_one(sight):
+    faint, strong = (sight.seen({"overburden_strength": a}) for a in (0.05, 0.9))
+    assert strong > 5.0 and strong > 2.0 * faint
+
+
+def test_what_does_not_slide_is_not_seen(sight):
+    assert np.isnan(sight.seen({"side_shear": 10.0}))
+
+
+def test_an_amplitude_that_is_found_is_believable(sight):
+    scale = effects()["side_friction"].amplitude
+    amplitude, _ = sight.amplitude("side_friction", 1e6, Stream(1), {})
+    assert 0.0 < amplitude <= BEYOND_LADDER * scale.ladder[-1]
+
+
+def test_parameters_split_and_join(sight):
+    values = np.array([27.0, 31.5])
+    u, held = sight.base.split(values)
+    assert held == pytest.approx([-1.25])  # (31.5 - 34) / 2
+    assert sight.base.joined(u, held) == pytest.approx(values)
+
+
+def test_curves_are_read_once_for_toes_that_lie_near(sight):
+    one, near, far = (sight.base.curve("profile", toe) for toe in (150.4, 151.2, 158.0))
+    assert one is near and one is not far
+    assert np.all(np.diff(one.u) > 0.0)
+    assert one.halves.shape == (2, len(one.u), 21) and one.slopes.shape == (len(one.u), 21, 1)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "sign", "expected"),
+    [(0.0, 10.0, 1.0, 3.0), (0.0, 2.0, 1.0, 2.0), (-0.5, 10.0, -1.0, 0.5)],
+)
+def test_truths_are_no_stronger_than_three_top_rungs(low, high, sign, expected):
+    scale = Amplitude("", low, high, (0.1, 0.3, 1.0), "", two_signed=low < 0.0)
+    assert strongest(scale, sign) == expected
+
+
+def test_a_section_with_two_free_parameters_is_refused():
+    section = load_section(FOLDER / "tailings_dam")
+    question = section.question.model_copy(deep=True)
+    question.parameters[1] = question.parameters[1].model_copy(update={"prior": None})
+    with pytest.raises(InputError, match="2 parameters without prior"):
+        strength_of(Section(section.folder, section.scene, question, section.survey))
