@@ -29,6 +29,8 @@ FEW = 6
 PROFILE_STD, TOE_STD, MARKER_STD, HISTORY_STD = 0.5, 1.0, 0.3, 1.0
 #: The profile begins this share of its length inside the toe.
 INSIDE = 0.05
+#: Places keep so many spacings away from the ends of the section's domain.
+MARGIN = 3.0
 PROFILE_FILE = "profile.csv"
 
 _ENTRY = TypeAdapter(Measurement)
@@ -49,10 +51,15 @@ def toe_of(section: Section, deposit: Deposit) -> float:
 
 
 def profile_places(section: Section, survey: str, toe_x: float) -> np.ndarray:
-    """Places of the profile (n,) [m], ascending, for a deposit that ends at `toe_x` [m]."""
-    plan = section.survey.profile
+    """Places of the profile (n,) [m], ascending, for a deposit that ends at `toe_x` [m].
+
+    A slide that leaves the section's domain is surveyed within it.
+    """
+    plan, domain = section.survey.profile, section.scene.domain
     points = FEW if survey == "sparse" else plan.points
+    margin = MARGIN * section.scene.spacing
     first = toe_x + INSIDE * (plan.to_x_m - toe_x)
+    first = min(max(first, domain.x_min + margin), domain.x_max - margin)
     return np.round(np.sort(np.linspace(first, plan.to_x_m, points)), 2)
 
 

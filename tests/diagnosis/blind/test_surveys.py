@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 
 from diagnosis.blind import surveys
+from diagnosis.blind.benchmark import Places
 from diagnosis.blind.laboratory import Laboratory, Request
+from diagnosis.blind.make import write_case
+from diagnosis.blind.plan import Planned
 from diagnosis.blind.sections import load_section, normal
+from diagnosis.blind.truth import Made
+from diagnosis.case import load_diagnosis
 from geometry.random_numbers import Stream
 from pipeline.cli import InputError
-from pipeline.config import SimulationSettings
+from pipeline.config import SimulationSettings, load_config
 
 FOLDER = Path(__file__).resolve().parents[3] / "hidden_effects" / "sections"
 SECTIONS = ("reservoir_dam", "tailings_dam")
@@ -49,6 +54,26 @@ def test_the_profile_begins_inside_the_toe():
     assert places[0] == pytest.approx(50.0) and places[-1] == 240.0
     assert np.ptp(np.diff(places)) < 0.02
     assert len(places) == 20 and len(surveys.profile_places(section, "sparse", 40.0)) == 6
+
+
+@pytest.mark.parametrize(("name", "toe"), [("reservoir_dam", -19.6), ("tailings_dam", 263.8)])
+@pytest.mark.parametrize("survey", surveys.SURVEYS)
+def test_a_slide_that_leaves_the_domain_is_surveyed_within_it(tmp_path, name, toe, survey):
+    """What is written can be read as a case again."""
+    section = load_section(FOLDER / name)
+    places = surveys.profile_places(section, survey, toe)
+    margin = 3.0 * section.scene.spacing
+    domain = section.scene.domain
+    front = places[0] if section.survey.side == "left" else places[-1]
+    assert domain.x_min + margin <= front <= domain.x_max - margin
+    assert len(set(places)) == len(places)
+    values = np.full(60, 10.0)
+    planned = Planned("case_0001", "null", (), name, survey, 0)
+    profile = np.column_stack([places, values[: len(places)]])
+    made = Made({}, surveys.documents(section, survey, values, places), profile)
+    write_case(section, planned, made, Places(tmp_path), 40.0)
+    loaded = load_diagnosis(tmp_path / "cases" / "case_0001", load_config(None))
+    assert loaded.name == "case_0001"
 
 
 def test_a_section_that_has_not_moved_reads_nothing():
