@@ -2,9 +2,10 @@
 
 - single: one effect of the library; null: none; pair: two; outside: one that no library has.
 
-Each twelve of the row hold five singles, five nulls, a pair and one outside the library, in random
-order, so that any number of finished cases is a fair sample. Effects, sections, surveys and bins of
-detectability are dealt from shuffled decks: all cards before any comes again.
+Each sixteen of the row hold eight nulls, six singles, a pair and one outside the library, in random
+order, so that any number of finished cases is a fair sample. Nulls are half: a rare accusation
+takes many to be measured, and a null is made in a single run. Effects, sections, surveys and bins
+of detectability are dealt from shuffled decks: all cards before any comes again.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from geometry.random_numbers import Stream, number_of
 Kind = Literal["single", "null", "pair", "outside"]
 KINDS: tuple[Kind, ...] = ("single", "null", "pair", "outside")
 
-#: Kinds of twelve cases that follow each other, before they are shuffled.
-ROUND: tuple[Kind, ...] = ("single",) * 5 + ("null",) * 5 + ("pair", "outside")
+#: Kinds of sixteen cases that follow each other, before they are shuffled.
+ROUND: tuple[Kind, ...] = ("null",) * 8 + ("single",) * 6 + ("pair", "outside")
 
 Card = TypeVar("Card")
 

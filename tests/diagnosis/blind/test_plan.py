@@ -23,9 +23,30 @@ def row(number, seed=3):
 
 
 def test_each_round_has_its_kinds():
-    cases = row(36)
-    for first in (0, 12, 24):
-        assert Counter(c.kind for c in cases[first : first + 12]) == Counter(ROUND)
+    cases = row(48)
+    for first in (0, 16, 32):
+        assert Counter(c.kind for c in cases[first : first + 16]) == Counter(ROUND)
+
+
+def test_a_full_benchmark():
+    counts = Counter(case.kind for case in row(240))
+    assert counts == {"null": 120, "single": 90, "pair": 15, "outside": 15}
+
+
+@pytest.mark.parametrize("n", [7, 50, 101, 150])
+def test_wherever_it_ends_the_kinds_have_their_shares(n):
+    counts = Counter(case.kind for case in row(240)[:n])
+    for kind, share in (("null", 8), ("single", 6), ("pair", 1), ("outside", 1)):
+        assert abs(counts[kind] - n * share / 16) <= share / 2 + 0.5
+
+
+@pytest.mark.parametrize("n", [64, 100, 160])
+def test_wherever_it_ends_singles_are_balanced(n):
+    singles = [case for case in row(240)[:n] if case.kind == "single"]
+    bins = Counter(case.bin for case in singles)
+    assert max(bins.values()) - min(bins[k] for k in range(4)) <= 1
+    used = Counter(case.effects[0] for case in singles)
+    assert min(used[name] for name in EFFECTS) >= len(singles) // 5
 
 
 def test_a_longer_row_begins_as_a_shorter_one():
@@ -45,7 +66,7 @@ def test_effects_hide_where_they_can_be_seen():
 
 
 def test_singles_are_balanced():
-    singles = [case for case in row(288) if case.kind == "single"]  # 120
+    singles = [case for case in row(320) if case.kind == "single"]  # 120
     assert set(Counter(case.bin for case in singles).values()) == {30}
     used = Counter(case.effects[0] for case in singles)
     assert used == {"rate": 30, "softening": 45, "pool": 45}  # the faint one has all low bins
@@ -53,8 +74,8 @@ def test_singles_are_balanced():
 
 
 def test_nulls_are_everywhere():
-    nulls = [case for case in row(288) if case.kind == "null"]
-    assert set(Counter((case.section, case.survey) for case in nulls).values()) == {30}
+    nulls = [case for case in row(320) if case.kind == "null"]  # 160
+    assert set(Counter((case.section, case.survey) for case in nulls).values()) == {40}
 
 
 def test_pairs_are_not_hidden_where_they_cannot_be_seen():
@@ -64,8 +85,8 @@ def test_pairs_are_not_hidden_where_they_cannot_be_seen():
 
 
 def test_the_order_of_kinds_says_nothing():
-    cases = row(120)
-    places = [Counter(case.kind for case in cases[k::12])["null"] for k in range(12)]
+    cases = row(160)
+    places = [Counter(case.kind for case in cases[k::16])["null"] for k in range(16)]
     assert max(places) < 10  # no place of a round is always a null
     assert cases[0].name == "case_0001"
 
