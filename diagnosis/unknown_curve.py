@@ -113,8 +113,9 @@ def find_curve(bench: Bench, before: Refitted, curves: Sequence[Curve]) -> Found
     fit, curve = fits[best].fit, estimates[best][0]
     places = [fit.space.p + fit.space.names.index(name) for name in curve.names]
     linear = system(bench.data, fit.space, fit.derivative, fit.x)
-    # Of the strength as calibrated before; the fit holds the strengths where the surface has them.
-    moved = (before.surface.x - before.fit.x)[list(strengths)]
+    # Of the strength as calibrated before; the fit holds the strengths where its first guess, a
+    # run, had them.
+    moved = fit.x[list(strengths)] - before.fit.x[list(strengths)]
     level = float(np.mean(moved * bench.base.parameters.prior_std[list(strengths)]))
     return FoundCurve(
         curve=curve,
