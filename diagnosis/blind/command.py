@@ -191,10 +191,10 @@ def _more(arguments: argparse.Namespace, config: Config) -> int:
 
 
 def _score(arguments: argparse.Namespace, config: Config) -> int:
+    from diagnosis.blind.asked import ASKED
     from diagnosis.blind.benchmark import Places, load_benchmark
     from diagnosis.blind.opened import judged, load_rows, open_truths, save_rows
     from diagnosis.blind.page import (
-        ASKED,
         SCORE,
         SPARSE,
         generated,

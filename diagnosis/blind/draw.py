@@ -1,4 +1,4 @@
-"""Pictures of a score: named over detectability, hidden against said, S_r before and after."""
+"""Pictures of a score: every figure, named over detectability, hidden against said, S_r."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.blind.asked import ASKED, MISSED
 from diagnosis.blind.detectability import BINS
 from diagnosis.blind.intervals import Share
 from diagnosis.blind.score import Judged, Score
-from diagnosis.draw_style import AFTER, ALIKE, BEFORE
+from diagnosis.draw_style import AFTER, ALIKE, BEFORE, PALE_AFTER
 from geometry.draw import TEXT_COLOUR
-from inversion.draw_style import HELD_OUT, LINE, OURS, clean, new_figure, save_figure
+from inversion.draw_style import HELD_OUT, LINE, OURS, clean, new_figure, save_figure, wrapped
 
 NOTHING, UNKNOWN, SEVERAL = "nothing", "unknown", "several"
 WIDTH = 7.0
@@ -22,10 +23,39 @@ WIDTH = 7.0
 def draw_all(folder: Path, method: Score, judged: Sequence[Judged]) -> list[Path]:
     """All pictures."""
     return [
+        asked(folder / "asked.png", method),
         detectability(folder / "detectability.png", method),
         confusion(folder / "confusion.png", judged),
         strength(folder / "strength.png", judged),
     ]
+
+
+def asked(path: Path, method: Score) -> Path:
+    """Every figure with its interval; the side on which it should lie is shaded."""
+    known = [one for one in ASKED if method.shares[one.name].n]
+    figure = new_figure(0.9 + 0.34 * len(known), WIDTH)
+    height = figure.get_size_inches()[1]
+    ax = figure.add_axes((0.5, 0.55 / height, 0.33, 0.34 * len(known) / height))
+    for row, one in enumerate(known):
+        share = method.shares[one.name]
+        if one.limit is not None:
+            ends = (100.0 * one.limit, 100.0) if one.least else (0.0, 100.0 * one.limit)
+            ax.barh(row, ends[1] - ends[0], left=ends[0], height=0.86, color=PALE_AFTER)
+        value, (low, high) = 100.0 * share.hits / share.n, share.interval
+        met = one.verdict(share) != MISSED
+        ax.hlines(row, 100.0 * low, 100.0 * high, color=OURS if met else HELD_OUT, linewidth=1.8)
+        ax.plot(value, row, "o" if met else "D", color=OURS if met else HELD_OUT, markersize=5.5,
+                clip_on=False)  # fmt: skip
+        ax.text(103.0, row, f"{value:.0f} %, {share.hits} of {share.n}", va="center", fontsize=8,
+                color=TEXT_COLOUR)  # fmt: skip
+    labels = [wrapped(one.words, 48) for one in known]
+    ax.set_yticks(range(len(known)), labels, fontsize=8)
+    ax.set_ylim(len(known) - 0.5, -0.5)
+    ax.set_xlim(0.0, 100.0)
+    ax.set_xlabel("share and its 95 % interval [%]; shaded: asked for", fontsize=8.5,
+                  color=TEXT_COLOUR)  # fmt: skip
+    clean(ax, grid="x", left=True)
+    return save_figure(figure, path)
 
 
 def detectability(path: Path, method: Score) -> Path:
@@ -97,7 +127,7 @@ def _hidden(one: Judged) -> str:
 def _said(one: Judged) -> str:
     if one.named is not None:
         return one.named
-    if one.digest.verdict in ("identified", "ambiguous"):
+    if one.attributed:
         return SEVERAL
     return UNKNOWN if one.digest.verdict == "unknown_effect" else NOTHING
 

@@ -6,9 +6,9 @@ In: the record's rows. Out: Markdown between two markers of `docs/hidden-effects
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+from diagnosis.blind.asked import ASKED, MISSED, STRENGTH_FACTOR
 from diagnosis.blind.detectability import BINS
 from diagnosis.blind.intervals import Share
 from diagnosis.blind.run import METHOD, RANDOM, SUGGESTED
@@ -18,65 +18,12 @@ from pipeline.files import write_text
 
 SCORE, SPARSE = "score", "sparse"
 """Names of the generated parts; the markers of one are `<!-- score: begin -->` and `end`."""
-#: Medians are asked to fall at least by this factor.
-STRENGTH_FACTOR = 3.0
 VARIANT_WORDS = {
     METHOD: "the method",
     "no_model_error": "without the model's own error (C_num)",
     "no_projection": "without projection",
     "tangent_only": "smallest amplitude alone (tangent)",
 }
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A figure and what is asked of it.
-
-    Attributes:
-        name: of the share; words: what it is; limit: its bound; least: at least, or at most.
-    """
-
-    name: str
-    words: str
-    limit: float | None
-    least: bool = True
-
-    def verdict(self, share: Share) -> str:
-        """Met, missed, or nothing where nothing is asked or known."""
-        if self.limit is None or share.value is None:
-            return ""
-        met = share.value >= self.limit if self.least else share.value <= self.limit
-        return "met" if met else "**missed**"
-
-    @property
-    def bound(self) -> str:
-        """What is asked, in words."""
-        if self.limit is None:
-            return ""
-        return f"{'at least' if self.least else 'at most'} {100 * self.limit:.0f} %"
-
-
-ASKED = (
-    Asked("false_attribution", "nulls to which an effect is attributed", 0.03, least=False),
-    Asked("false_alarm", "nulls with an alarm", 0.08, least=False),
-    Asked("precision", "right, when one effect is named (singles and nulls)", 0.90),
-    Asked("precision_all_kinds", "the same with pairs and strangers, which one name cannot "
-          "describe", None),
-    Asked("named_25", "named at lambda 25 and more, where no rival looks alike", 0.80),
-    Asked("named_60", "named at lambda 60 and more, where no rival looks alike", 0.90),
-    Asked("set_of_three_25", "look-alikes at lambda 25 and more: a 90 % set of at most three "
-          "holds the truth", None),
-    Asked("set_holds_truth", "the 90 % set holds the truth, when effects are attributed", 0.90),
-    Asked("held_out_falls", "held-out error falls, where the name is right", 0.90),
-    Asked("strength_within_2_std", "S_r within two standard deviations, where the name is right",
-          0.85),
-    Asked("strength_within_2_std_all", "the same in all cases", None),
-    Asked("pair_exact", "pairs found exactly", 0.50),
-    Asked("pair_half", "pairs of which at least one effect is found", None),
-    Asked("explained_away", "strangers explained away by effects of the library", 0.30,
-          least=False),
-    Asked("curve_recovered", "strangers that are a strength law: its curve recovered", None),
-)  # fmt: skip
 
 
 def write_page(page: Path, part: str, text: str) -> None:
@@ -108,6 +55,7 @@ def generated(scores: Mapping[str, Score], judged: Sequence[Judged], pictures: s
         f"none, {counts['pair']} with two, {counts['outside']} with a stranger to the library. "
         f"Median of {method.medians['runs']:.0f} forward runs a case. Intervals: 95 %, Wilson.",
         "### What was asked", _asked(method),
+        f"![Every figure with its interval and what is asked of it]({pictures}/asked.png)",
         f"![Named and alarmed over detectability]({pictures}/detectability.png)",
         "### By detectability", _bins(method),
         f"![What was hidden and what was said]({pictures}/confusion.png)",
@@ -148,12 +96,16 @@ def _asked(method: Score) -> str:
     before, after = (method.medians[f"strength_error_{stage}"] for stage in ("base", "final"))
     if before is not None and after is not None:
         factor = before / max(after, 1e-9)
-        met = "met" if factor >= STRENGTH_FACTOR else "**missed**"
+        met = "met" if factor >= STRENGTH_FACTOR else MISSED
         rows.append(
             ("median error of ln S_r before and after, where the name is right",
              f"{before:.3f} -> {after:.3f}, {factor:.1f} times less",
              f"at least {STRENGTH_FACTOR:.0f} times less", met)
         )  # fmt: skip
+    everywhere = [method.medians[f"strength_error_{stage}_all"] for stage in ("base", "final")]
+    if None not in everywhere:
+        rows.append(("the same in all singles", f"{everywhere[0]:.3f} -> {everywhere[1]:.3f}",
+                     "", ""))  # fmt: skip
     held = [method.medians[f"held_out_{stage}"] for stage in ("base", "final")]
     if None not in held:
         rows.append(("median of held-out chi2 per number, before and after",
@@ -167,6 +119,7 @@ def _bins(method: Score) -> str:
         "named": "named, where no rival looks alike",
         "set_of_three": "look-alikes: set of at most three holds the truth",
         "named_or_set": "either of the two, as it applies",
+        "set_holds": "the 90 % set holds the truth",
         "wrong_name": "a wrong name alone",
     }
     ends = [f"lambda {low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
@@ -175,26 +128,32 @@ def _bins(method: Score) -> str:
 
 
 def _effects(judged: Sequence[Judged]) -> str:
+    """By effect and bin of lambda: how many were named, of how many."""
     singles = [one for one in judged if one.truth["kind"] == "single"]
     rows = []
     for name in sorted({min(one.hidden) for one in singles}):
         own = [one for one in singles if one.hidden == {name}]
-        seen = [one for one in own if one.seen >= BINS[2]]
-        wrong = [min(one.digest.effects) for one in own if one.named is not None and not one.right]
+        wrong = [one.named for one in own if one.named is not None and not one.right]
         nearest = max(one.digest.nearest.get(name, 0.0) for one in own)
         rows.append(
-            (name, str(len(own)), f"{sum(one.right for one in own)}",
-             f"{sum(one.right for one in seen)} of {len(seen)}",
-             f"{sum(one.set_holds for one in own)}", f"{nearest:.2f}",
+            (name, *(_of([one for one in own if one.bin == k]) for k in range(len(BINS) - 1)),
+             f"{sum(one.useful_set for one in own)} of {len(own)}", f"{nearest:.2f}",
              ", ".join(sorted(set(wrong))) or "none")
         )  # fmt: skip
-    header = ("hidden", "cases", "named", "named at lambda >= 25", "set holds it",
+    ends = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
+    header = ("hidden", *(f"named at lambda {end}" for end in ends), "set of three holds it",
               "largest cosine to a rival", "wrong names")  # fmt: skip
     return table(header, rows)
 
 
+def _of(cases: Sequence[Judged]) -> str:
+    """How many were named, of how many; a dash of none."""
+    return f"{sum(one.right for one in cases)} of {len(cases)}" if cases else "-"
+
+
 def _ablations(scores: Mapping[str, Score]) -> str:
-    chosen = ("false_attribution", "false_alarm", "precision", "named_25", "set_holds_truth")
+    chosen = ("false_attribution", "false_alarm", "precision", "named_25", "set_of_three_25",
+              "set_holds_truth", "pair_exact", "explained_away")  # fmt: skip
     words = {one.name: one.words for one in ASKED}
     rows = [
         (VARIANT_WORDS.get(variant, variant), *(found.shares[name].words for name in chosen))
@@ -205,14 +164,14 @@ def _ablations(scores: Mapping[str, Score]) -> str:
 
 def _misses(judged: Sequence[Judged]) -> str:
     tests: dict[str, Callable[[Judged], bool]] = {
-        "null": lambda one: one.digest.verdict in ("identified", "ambiguous", "unknown_effect"),
+        "null": lambda one: one.attributed or one.alarmed,
         "single": lambda one: (
             one.seen >= BINS[2]
             and not (one.right if one.separable else one.useful_set)
             or (one.named is not None and not one.right)
         ),
         "pair": lambda one: set(one.digest.effects) != one.hidden,
-        "outside": lambda one: one.digest.verdict in ("identified", "ambiguous"),
+        "outside": lambda one: one.attributed,
     }
     rows = [
         (one.truth["name"], one.truth["section"], one.truth["survey"],
@@ -224,9 +183,9 @@ def _misses(judged: Sequence[Judged]) -> str:
     ]  # fmt: skip
     header = ("case", "section", "survey", "hidden", "lambda", "verdict", "effects", "90 % set")
     note = (
-        "Nulls with an alarm; singles that bear a wrong name, and from lambda 25 on those that "
-        "were neither named nor held by a useful set; pairs not found exactly; strangers "
-        "explained away."
+        "Nulls with an alarm or an attribution; singles that bear a wrong name, and from lambda 25 "
+        "on those that were neither named nor held by a useful set; pairs not found exactly; "
+        "strangers explained away."
     )
     return f"{note}\n\n{table(header, rows)}" if rows else "None."
 

@@ -25,8 +25,8 @@ from diagnosis.blind.intervals import Share
 INSEPARABLE, MOST = 0.95, 3
 #: Verdicts that attribute the misfit to effects.
 ATTRIBUTED = ("identified", "ambiguous")
-#: Verdicts that say that something is missing.
-ALARMS = ("identified", "ambiguous", "unknown_effect")
+#: Combined p of the base model below which it is inadequate: an alarm.
+ALARM_P = 0.05
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,17 @@ class Judged:
     def hidden(self) -> frozenset[str]:
         """Names of what was hidden."""
         return frozenset(self.truth["effects"])
+
+    @property
+    def attributed(self) -> bool:
+        """The misfit is attributed to effects, one or several that cannot be told apart."""
+        digest = self.digest
+        return digest.verdict in ATTRIBUTED and bool(digest.effects or any(digest.set_90))
+
+    @property
+    def alarmed(self) -> bool:
+        """The base model is called inadequate, whatever is said of the cause."""
+        return self.digest.base.p < ALARM_P
 
     @property
     def named(self) -> str | None:
@@ -103,7 +114,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Score:
-    """Figures of a benchmark; see `FIGURES` for what each is and what is asked of it.
+    """Figures of a benchmark; `diagnosis.blind.asked` says what is asked of them.
 
     Attributes:
         shares: name -> share.
@@ -139,18 +150,19 @@ def score(judged: Sequence[Judged]) -> Score:
     singles, nulls, pairs, outside = kinds.values()
     clear = [one for one in singles if one.separable]
     alike = [one for one in singles if not one.separable]
-    answered = [one for one in singles if one.digest.verdict in ATTRIBUTED]
+    answered = [one for one in singles if one.attributed]
     right = [one for one in singles if one.right]
     named = [one for one in (*singles, *nulls) if one.named is not None]
     laws = [one.curve_found for one in outside if one.curve_found is not None]
     shares = {
-        "false_attribution": Share.of(one.digest.verdict in ATTRIBUTED for one in nulls),
-        "false_alarm": Share.of(one.digest.verdict in ALARMS for one in nulls),
+        "false_attribution": Share.of(one.attributed for one in nulls),
+        "false_alarm": Share.of(one.alarmed for one in nulls),
         "precision": Share.of(one.right for one in named),
         "precision_all_kinds": Share.of(one.right for one in judged if one.named is not None),
         "named_25": _share(clear, lambda one: one.right, 25.0),
         "named_60": _share(clear, lambda one: one.right, 60.0),
         "set_of_three_25": _share(alike, lambda one: one.useful_set, 25.0),
+        "set_of_three_60": _share(alike, lambda one: one.useful_set, 60.0),
         "set_holds_truth": Share.of(one.set_holds for one in answered),
         "held_out_falls": Share.of(
             one.digest.final.held_out_chi2 < one.digest.base.held_out_chi2 for one in right
@@ -159,12 +171,14 @@ def score(judged: Sequence[Judged]) -> Score:
         "strength_within_2_std_all": Share.of(one.strength_within for one in judged),
         "pair_exact": Share.of(set(one.digest.effects) == one.hidden for one in pairs),
         "pair_half": Share.of(bool(set(one.digest.effects) & one.hidden) for one in pairs),
-        "explained_away": Share.of(one.digest.verdict in ATTRIBUTED for one in outside),
+        "explained_away": Share.of(one.attributed for one in outside),
         "curve_recovered": Share.of(laws),
     }
     medians = {
         "strength_error_base": _median(abs(one.strength_error("base")) for one in right),
         "strength_error_final": _median(abs(one.strength_error("final")) for one in right),
+        "strength_error_base_all": _median(abs(one.strength_error("base")) for one in singles),
+        "strength_error_final_all": _median(abs(one.strength_error("final")) for one in singles),
         "held_out_base": _median(_per_number(one, "base") for one in right),
         "held_out_final": _median(_per_number(one, "final") for one in right),
         "set_size": _median(float(len(one.digest.set_90)) for one in answered),
@@ -178,7 +192,8 @@ def score(judged: Sequence[Judged]) -> Score:
             singles, lambda one: one.right if one.separable else one.useful_set
         ),
         "right": _binned(singles, lambda one: one.right),
-        "alarm": _binned(singles, lambda one: one.digest.verdict in ALARMS),
+        "alarm": _binned(singles, lambda one: one.alarmed),
+        "set_holds": _binned(singles, lambda one: one.set_holds),
         "wrong_name": _binned(singles, lambda one: one.named is not None and not one.right),
     }
     counts = {kind: len(members) for kind, members in kinds.items()}

@@ -3,54 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.blind.digest import Digest, StageDigest
 from diagnosis.blind.score import Judged, score
-
-EFFECTS = [f"effect_{k}" for k in range(10)]
-
-
-def truths(number, seed=0):
-    """Cases of all kinds; lambda evenly in the logarithm from 3 to 200."""
-    draw = np.random.default_rng(seed)
-    for k in range(number):
-        kind = ("single", "null", "single", "null", "single", "null", "pair", "outside")[k % 8]
-        n = {"single": 1, "null": 0, "pair": 2, "outside": 0}[kind]
-        names = [str(name) for name in draw.choice(EFFECTS, n, replace=False)]
-        if kind == "outside":
-            names = ["stranger"]
-        seen = 0.0 if kind == "null" else float(np.exp(draw.uniform(np.log(3), np.log(200))))
-        yield {
-            "kind": kind,
-            "effects": {name: 1.0 for name in names},
-            "parameters": {"strength": float(draw.uniform(10, 40))},
-            "lambda": seen,
-        }  # fmt: skip
-
-
-def digest(
-    truth, verdict, names, *, sets=None, error=(0.2, 0.02), held_out=(9.0, 4.0), nearest=0.5
-):
-    def stage(relative, chi2):
-        value = truth["parameters"]["strength"] * np.exp(relative)
-        return StageDigest(values={"strength": value}, std={"strength": 0.05 * value}, chi2=10.0,
-                           dof=10, p=0.5, held_out_chi2=chi2, held_out_n=4)  # fmt: skip
-
-    return Digest(
-        case="x", verdict=verdict, effects={name: 1.0 for name in names},
-        set_90=[list(names)] if sets is None else sets,
-        base=stage(error[0], held_out[0]), final=stage(error[1], held_out[1]),
-        nearest={name: nearest for name in EFFECTS}, scores={}, curve=None, runs=100,
-        cut_short=[], seconds=1.0,
-    )  # fmt: skip
-
-
-def perfect(truth):
-    names = sorted(truth["effects"])
-    if truth["kind"] == "null":
-        return digest(truth, "adequate", [], error=(0.02, 0.02))
-    if truth["kind"] == "outside":
-        return digest(truth, "unknown_effect", [], sets=[])
-    return digest(truth, "identified", names)
+from tests.diagnosis.blind.judges import EFFECTS, digest, perfect, truths
 
 
 def test_a_perfect_judge():
@@ -68,6 +22,54 @@ def test_a_perfect_judge():
     assert sum(share.n for share in found.bins["named"]) == 150
     assert found.medians["strength_error_base"] == pytest.approx(0.2)
     assert found.medians["strength_error_final"] == pytest.approx(0.02)
+
+
+def test_an_alarm_is_a_base_model_called_inadequate():
+    """A small p alone is an alarm and no attribution; a name beside a fair p is the reverse."""
+    nulls = [t for t in truths(80) if t["kind"] == "null"]
+    said = [digest(t, "suspect", [], sets=[[]], p=0.04) for t in nulls[:6]]
+    said += [digest(t, "identified", ["effect_1"], p=0.06) for t in nulls[6:9]]
+    said += [digest(t, "ambiguous", [], sets=[[]], p=0.3) for t in nulls[9:10]]  # no effect in it
+    said += [digest(t, "adequate", [], sets=[[]], p=0.3) for t in nulls[10:]]
+    found = score([Judged(t, d) for t, d in zip(nulls, said, strict=True)])
+    assert (found.shares["false_alarm"].hits, found.shares["false_alarm"].n) == (6, 30)
+    assert (found.shares["false_attribution"].hits, found.shares["false_attribution"].n) == (3, 30)
+
+
+def test_bins_count_their_own_cases():
+    """Named from lambda 25 on, silent below: each bin says what happened in it."""
+    judged = [
+        Judged(t, perfect(t) if t["lambda"] >= 25.0 else digest(t, "adequate", [], sets=[[]]))
+        for t in truths(400) if t["kind"] == "single"
+    ]  # fmt: skip
+    found = score(judged)
+    for name in ("named", "named_or_set", "right", "alarm", "set_holds"):
+        assert [share.value for share in found.bins[name]] == [0.0, 0.0, 1.0, 1.0], name
+    for number, (low, high) in enumerate([(3, 10), (10, 25), (25, 60), (60, 201)]):
+        own = [one for one in judged if low <= one.seen < high]
+        assert found.bins["alarm"][number].n == len(own)
+    beyond = [one for one in judged if one.seen >= 60.0]
+    assert found.shares["named_60"].n == len(beyond) and found.shares["named_60"].value == 1.0
+
+
+def test_the_strength_of_all_singles_is_told_beside_that_of_the_right_ones():
+    singles = [t for t in truths(80) if t["kind"] == "single"]
+    judged = [Judged(t, digest(t, "adequate", [], sets=[[]], error=(0.3, 0.3))) for t in singles]
+    judged[:10] = [Judged(t, perfect(t)) for t in singles[:10]]
+    found = score(judged)
+    assert found.medians["strength_error_final"] == pytest.approx(0.02)
+    assert found.medians["strength_error_final_all"] == pytest.approx(0.3)
+
+
+def test_a_curve_counts_where_there_was_one_to_be_found():
+    strangers = [t for t in truths(80) if t["kind"] == "outside"]
+    outcomes = [True, False, None, True, None, True, True, False, False, True]
+    judged = [
+        Judged(t, digest(t, "unknown_effect", [], sets=[]), outcome)
+        for t, outcome in zip(strangers, outcomes, strict=True)
+    ]
+    share = score(judged).shares["curve_recovered"]
+    assert (share.hits, share.n) == (5, 8)
 
 
 def test_a_judge_that_draws_a_name_for_every_case():
