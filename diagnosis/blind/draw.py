@@ -147,7 +147,7 @@ def strength(path: Path, judged: Sequence[Judged]) -> Path:
         ax.vlines(x, before, after, color=LINE, linewidth=1.0)
         ax.plot(x, before, "s", color=BEFORE, markersize=4, label="base model")
         ax.plot(x, after, "o", color=AFTER, markersize=4.5, label="with the effect that was named")
-        ax.legend(frameon=False, fontsize=8.5, loc="upper left")
+        figure.legend(loc="upper center", ncol=2, frameon=False, fontsize=8.5)
     ax.axhline(0.0, color=TEXT_COLOUR, linewidth=0.8)
     ax.set_xticks([])
     ax.set_xlabel(f"{len(right)} cases whose effect was named", fontsize=9, color=TEXT_COLOUR)
