@@ -28,6 +28,8 @@ BINS = (3.0, 10.0, 25.0, 60.0, 200.0)
 NEAR = 0.3
 #: Amplitudes that are tried after the first.
 TRIES = 5
+#: Lambda below which nothing was seen: a larger amplitude is tried.
+UNSEEN = 0.3
 #: Strengths looked at from one level of the curve to the next; refits, each with the covariance of
 #: the one before.
 BETWEEN, REFITS = 12, 3
@@ -152,7 +154,7 @@ def find_amplitude(
 
     The middle rung of the ladder is tried first; then ln lambda is interpolated over ln a, or drawn
     out as the square of the amplitude, up to `highest`. What comes nearest is returned, also where
-    it is not near.
+    it is not near; (0, 0) where every run failed.
 
     Args:
         lambdas: lambda of each amplitude (magnitudes); NaN where a run failed.
@@ -163,7 +165,8 @@ def find_amplitude(
     known: dict[float, float] = {}
 
     def look(amplitudes: list[float]) -> None:
-        known.update(zip(amplitudes, lambdas(amplitudes), strict=True))
+        found = lambdas(amplitudes)
+        known.update((a, max(value, UNSEEN)) for a, value in zip(amplitudes, found, strict=True))
 
     look([ladder[1]])
     for _ in range(TRIES):
@@ -179,13 +182,13 @@ def find_amplitude(
 
 
 def _nearest(known: dict[float, float], wanted: float) -> float | None:
-    usable = {a: value for a, value in known.items() if np.isfinite(value) and value > 0.0}
+    usable = {a: value for a, value in known.items() if np.isfinite(value)}
     return min(usable, key=lambda a: abs(math.log(usable[a] / wanted))) if usable else None
 
 
 def _next(known: dict[float, float], wanted: float, highest: float) -> float | None:
     """The next amplitude to try; None where there is nothing new to try."""
-    usable = sorted((a, value) for a, value in known.items() if np.isfinite(value) and value > 0)
+    usable = sorted((a, value) for a, value in known.items() if np.isfinite(value))
     failed = min((a for a, value in known.items() if not np.isfinite(value)), default=math.inf)
     if not usable:
         return failed / 3.0 if math.isfinite(failed) else None

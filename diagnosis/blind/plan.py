@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
-from diagnosis.blind.detectability import BINS, middle_of
+from diagnosis.blind.detectability import BINS
 from geometry.random_numbers import Stream, number_of
 
 Kind = Literal["single", "null", "pair", "outside"]
@@ -63,8 +63,16 @@ class Deck(Generic[Card]):
         return self._left.pop(self._stream.integer(0, len(self._left) - 1))
 
 
+#: An effect reaches a bin where its largest lambda is so many times the bin's lower end.
+REACHES = 1.2
+
 Reach = Mapping[tuple[str, str, str], float]
 """(effect, section, survey) -> the largest lambda that its amplitudes give."""
+
+
+def reaches(seen: float, rung: int) -> bool:
+    """An effect with this largest lambda can be hidden in a bin."""
+    return seen >= REACHES * BINS[rung]
 
 
 def plan(
@@ -160,11 +168,11 @@ class _Dealer:
         raise ValueError("no two effects can be seen in the same place")
 
     def _places(self, name: str, rung: int) -> list[tuple[str, str]]:
-        """Where an effect reaches the middle of a bin."""
+        """Where an effect reaches a bin."""
         return [
             (section, survey)
             for (effect, section, survey), seen in self.reach.items()
-            if effect == name and seen >= middle_of(rung)
+            if effect == name and reaches(seen, rung)
         ]
 
     def _deck(self, key: tuple, cards: Sequence) -> Deck:

@@ -73,7 +73,7 @@ class Sight:
         if scale.two_signed:
             first = 1.0 if stream.unit() < 0.5 else -1.0
             signs = [first, -first]
-        best = (0.0, 0.0)
+        best, least_off = (0.0, 0.0), np.inf
         for sign in signs:
             magnitude, seen = find_amplitude(
                 lambda sizes, sign=sign: [
@@ -83,7 +83,9 @@ class Sight:
                 strongest(scale, sign),
                 wanted,
             )
-            best = (sign * magnitude, seen)
+            off = abs(np.log(seen / wanted)) if seen > 0.0 else np.inf
+            if off < least_off:
+                best, least_off = (sign * magnitude, seen), off
             if BINS[0] <= seen <= BINS[-1]:
                 break
         return best

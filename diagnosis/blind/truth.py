@@ -7,6 +7,7 @@ the truth finds effects where there are none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 
 from diagnosis.blind import surveys
 from diagnosis.blind.base_model import JITTER, BaseModel
-from diagnosis.blind.detectability import BINS, Refit, middle_of
+from diagnosis.blind.detectability import BINS, Refit, bin_of, middle_of
 from diagnosis.blind.laboratory import Entry, Laboratory, Request
 from diagnosis.blind.plan import Planned
 from diagnosis.blind.seal import SALT, salt_of
@@ -28,7 +29,9 @@ from pipeline.cli import WorkFailed
 #: Spacing of the slide over that of the judge, between these; its Courant number.
 FINER, COURANT = (0.75, 0.85), 0.2
 #: Drawings of parameters before a case is given up.
-DRAWS = 5
+DRAWS = 6
+#: Times amplitudes are made smaller where they can be seen too well together.
+SMALLER = 5
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,26 @@ class Made:
     truth: dict[str, Any]
     entries: list[dict[str, Any]]
     profile: np.ndarray
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What is true of a case.
+
+    Attributes:
+        values: parameters (p,) in outside units.
+        amplitudes: entries of the scene's effects.
+        refit: the base model that comes nearest; None where nothing is hidden.
+    """
+
+    values: np.ndarray
+    amplitudes: dict[str, Entry]
+    refit: Refit | None
+
+    @property
+    def seen(self) -> float:
+        """Lambda."""
+        return 0.0 if self.refit is None else self.refit.seen
 
 
 class Maker:
@@ -69,58 +92,76 @@ class Maker:
         self.other_realisation = tuple(other_realisation)
 
     def make(self, planned: Planned, section: Section) -> Made | None:
-        """Make a case; None where nothing that can be seen comes of several drawings."""
+        """Make a case; None where nothing that can be seen comes of several drawings.
+
+        Drawings end with the first that falls into the bin that was dealt; where none does, the one
+        that comes nearest is taken.
+        """
+        self.laboratory.forget()
         stream = Stream(self.seed, number_of(planned.name))
+        others: list[Drawn] = []
         for _ in range(DRAWS):
-            self.laboratory.forget()
-            values = np.round(section.draw(stream), 6)  # as they are written down
-            amplitudes, seen = {}, None
-            if planned.effects:
-                sight = Sight(self.laboratory, self.base(section), planned.survey, values)
-                amplitudes, seen = self._amplitudes(planned, sight, stream)
-                if seen is None or not BINS[0] <= seen.seen <= BINS[-1]:
-                    continue
-            made = self._slide(planned, section, values, amplitudes, seen, stream)
+            drawn = self._draw(planned, section, stream)
+            if drawn is None:
+                continue
+            if planned.effects and bin_of(drawn.seen) != planned.bin:
+                others.append(drawn)
+                continue
+            made = self._slide(planned, section, drawn, stream)
+            if made is not None:
+                return made
+        wanted = middle_of(planned.bin)
+        for drawn in sorted(others, key=lambda one: abs(math.log(one.seen / wanted))):
+            made = self._slide(planned, section, drawn, stream)
             if made is not None:
                 return made
         return None
 
+    def _draw(self, planned: Planned, section: Section, stream: Stream) -> Drawn | None:
+        """Parameters and amplitudes; None where what is hidden cannot be seen, or too well."""
+        values = np.round(section.draw(stream), 6)  # as they are written down
+        if not planned.effects:
+            return Drawn(values, {}, None)
+        sight = Sight(self.laboratory, self.base(section), planned.survey, values)
+        amplitudes = self._amplitudes(planned, sight, stream)
+        if amplitudes is None:
+            return None
+        for _ in range(SMALLER):
+            refit = sight.seen_for_good(amplitudes)
+            if refit is None or refit.seen < BINS[0]:
+                return None
+            if refit.seen < BINS[-1]:
+                return Drawn(values, amplitudes, refit)
+            amplitudes = {name: _times(entry, 0.7) for name, entry in amplitudes.items()}
+        return None
+
     def _amplitudes(
         self, planned: Planned, sight: Sight, stream: Stream
-    ) -> tuple[dict[str, Entry], Refit | None]:
-        """Entries of the scene by name, and how well all of them together can be seen."""
-        wanted, found = middle_of(planned.bin), {}
-        more = {
-            name: {"seed": float(stream.integer(1000, 999_999))}
-            for name in planned.effects
-            if name in self.other_realisation
-        }
+    ) -> dict[str, Entry] | None:
+        """Entries of the scene by name; None where one of them cannot be seen by itself."""
+        found: dict[str, Entry] = {}
         for name in planned.effects:
-            found[name], _ = sight.amplitude(name, wanted, stream, more.get(name, {}))
-        found = {name: float(f"{a:.6g}") for name, a in found.items()}
-        for _ in range(4):
-            entries = {
-                name: {"amplitude": a, **more[name]} if name in more else a
-                for name, a in found.items()
-            }
-            seen = sight.seen_for_good(entries)
-            if seen is None or seen.seen <= BINS[-1]:
-                break
-            found = {name: float(f"{0.7 * a:.6g}") for name, a in found.items()}
-        return entries, seen
+            more = {}
+            if name in self.other_realisation:
+                more = {"seed": float(stream.integer(1000, 999_999))}
+            amplitude, seen = sight.amplitude(name, middle_of(planned.bin), stream, more)
+            if seen < BINS[0]:
+                return None
+            amplitude = float(f"{amplitude:.6g}")
+            found[name] = {"amplitude": amplitude, **more} if more else amplitude
+        return found
 
     def _slide(
         self,
         planned: Planned,
         section: Section,
-        values: np.ndarray,
-        amplitudes: dict[str, Entry],
-        seen: Refit | None,
+        drawn: Drawn,
         stream: Stream,
     ) -> Made | None:
         """Simulate and survey the slide; None where it fails or cannot be read."""
+        values = drawn.values
         request = slide_request(
-            values.tolist(), amplitudes, round(stream.uniform(*FINER), 3), stream.seed()
+            values.tolist(), drawn.amplitudes, round(stream.uniform(*FINER), 3), stream.seed()
         )
         (deposit,) = self.laboratory.deposits(section, [request])
         if deposit is None or not is_slide(section, deposit):
@@ -139,11 +180,11 @@ class Maker:
             "kind": planned.kind,
             "section": planned.section,
             "survey": planned.survey,
-            "effects": amplitudes,
+            "effects": drawn.amplitudes,
             "parameters": dict(zip(section.parameters.names, values.tolist(),
                                    strict=True)),
-            "lambda": 0.0 if seen is None else round(seen.seen, 4),
-            "refitted": {} if seen is None else self._refitted(section, seen),
+            "lambda": round(drawn.seen, 4),
+            "refitted": {} if drawn.refit is None else self._refitted(section, drawn.refit),
             "bin_wanted": planned.bin,
             "spacing_factor": request.spacing_factor,
             "jitter_seed": request.seed,
@@ -155,10 +196,17 @@ class Maker:
         profile = np.column_stack([places, measured[: len(places)]])
         return Made(truth, documents, profile)
 
-    def _refitted(self, section: Section, seen: Refit) -> dict[str, float]:
+    def _refitted(self, section: Section, refit: Refit) -> dict[str, float]:
         """Parameters of the base model that comes nearest to the slide."""
-        values = self.base(section).joined(seen.u, seen.held)
+        values = self.base(section).joined(refit.u, refit.held)
         return dict(zip(section.parameters.names, np.round(values, 4).tolist(), strict=True))
+
+
+def _times(entry: Entry, factor: float) -> Entry:
+    """An effect's entry with its amplitude multiplied."""
+    if isinstance(entry, Mapping):
+        return {**entry, "amplitude": float(f"{factor * entry['amplitude']:.6g}")}
+    return float(f"{factor * entry:.6g}")
 
 
 def slide_request(

@@ -182,8 +182,16 @@ def test_the_search_avoids_what_fails():
     assert 0.3 < amplitude <= 0.5
 
 
-def test_nothing_to_be_seen():
-    assert find_amplitude(lambda sizes: [0.0] * len(sizes), (1.0, 2.0, 3.0), 4.0, 10.0) == (
-        0.0,
-        0.0,
+def test_where_nothing_was_seen_more_is_tried():
+    """At first the noise of the runs hides the effect whole."""
+    amplitude, seen = find_amplitude(
+        lambda sizes: [max(a**2 - 4.0, 0.0) for a in sizes], (0.5, 1.0, 2.0), 6.0, 20.0
     )
+    assert seen == pytest.approx(20.0, rel=0.35)
+    assert amplitude == pytest.approx(math.sqrt(4.0 + seen))
+
+
+def test_nothing_to_be_seen():
+    _, seen = find_amplitude(lambda sizes: [0.0] * len(sizes), (1.0, 2.0, 3.0), 4.0, 10.0)
+    assert seen < 1.0
+    assert find_amplitude(lambda sizes: [math.nan], (1.0, 2.0, 3.0), 4.0, 10.0) == (0.0, 0.0)

@@ -7,9 +7,12 @@ import pytest
 
 from diagnosis.blind import base_model
 from diagnosis.blind.base_model import BaseModel, strength_of
+from diagnosis.blind.detectability import bin_of
 from diagnosis.blind.laboratory import Laboratory
+from diagnosis.blind.plan import Planned
 from diagnosis.blind.sections import Section, load_section
 from diagnosis.blind.sight import BEYOND_LADDER, Sight, strongest
+from diagnosis.blind.truth import Maker
 from geometry.random_numbers import Stream
 from mpm_taichi.effects import Amplitude, effects
 from pipeline.cli import InputError
@@ -84,3 +87,34 @@ def test_a_section_with_two_free_parameters_is_refused():
     question.parameters[1] = question.parameters[1].model_copy(update={"prior": None})
     with pytest.raises(InputError, match="2 parameters without prior"):
         strength_of(Section(section.folder, section.scene, question, section.survey))
+
+
+def test_a_case_is_made_in_its_bin_and_twice_the_same(sight):
+    """What is written was seen; the numerics are not the judge's; nothing depends on chance."""
+    planned = Planned("case_0003", "single", ("overburden_strength",), "tailings_dam", "markers", 1)
+    made = [
+        Maker(sight.laboratory, 11, lambda section: sight.base).make(planned, sight.section)
+        for _ in range(2)
+    ]
+    truth = made[0].truth
+    assert truth == made[1].truth
+    assert bin_of(truth["lambda"]) == 1
+    assert 0.75 <= truth["spacing_factor"] <= 0.85
+    assert truth["effects"]["overburden_strength"] > 0.0
+    assert set(truth["refitted"]) == set(truth["parameters"])
+
+
+def test_a_pair_has_two_effects_that_can_be_seen(sight):
+    """Cracking is faint here, so that no pair is made of it."""
+    names = ("cracking", "overburden_strength")
+    planned = Planned("case_0004", "pair", names, "tailings_dam", "markers", 2)
+    maker = Maker(sight.laboratory, 11, lambda section: sight.base)
+    assert maker.make(planned, sight.section) is None
+
+
+def test_a_null_costs_one_run(sight):
+    planned = Planned("case_0005", "null", (), "tailings_dam", "markers", 0)
+    before = sight.laboratory.runs
+    made = Maker(sight.laboratory, 11, lambda section: sight.base).make(planned, sight.section)
+    assert made.truth["effects"] == {} and made.truth["lambda"] == 0.0
+    assert sight.laboratory.runs - before <= 3  # drawings that are no flow slide are thrown away
