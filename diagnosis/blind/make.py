@@ -6,6 +6,7 @@ written last; no diagnosis starts without it.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -133,16 +134,18 @@ def _is_there(places: Places, planned: Planned) -> bool:
 
 def _make_one(maker: Maker, planned: Planned, section: Section, places: Places) -> str:
     """Make one case; the truth is written last, so that it stands for the whole."""
+    began, runs = time.perf_counter(), maker.laboratory.runs
     made = maker.make(planned, section)
+    cost = f"{maker.laboratory.runs - runs} runs, {time.perf_counter() - began:.1f} s"
     if made is None:
         write_json(places.truth(planned.name), {
             "name": planned.name, "kind": planned.kind, "effects": list(planned.effects),
             "section": planned.section, "survey": planned.survey, "skipped": True,
         })  # fmt: skip
-        return "skipped: what was to be hidden cannot be seen, or sees no end"
+        return f"skipped, it cannot be seen or sees no end: {cost}"
     write_case(section, planned, made, places, maker.laboratory.settings.duration_s)
     write_json(places.truth(planned.name), made.truth)
-    return "made"
+    return f"made at {made.truth['spacing_factor']:.2f} spacings: {cost}"
 
 
 def write_case(
