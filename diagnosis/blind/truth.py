@@ -30,6 +30,8 @@ from pipeline.cli import WorkFailed
 FINER, COURANT = (0.75, 0.85), 0.2
 #: Drawings of parameters before a case is given up.
 DRAWS = 6
+#: Runs from which on nothing is drawn again.
+RUNS = 80
 #: Times amplitudes are made smaller where they can be seen too well together.
 SMALLER = 5
 
@@ -100,7 +102,12 @@ class Maker:
         self.laboratory.forget()
         stream = Stream(self.seed, number_of(planned.name))
         others: list[Drawn] = []
+        if planned.effects:
+            self.base(section)  # its runs belong to all cases
+        begin = self.laboratory.runs
         for _ in range(DRAWS):
+            if self.laboratory.runs - begin >= RUNS:
+                break
             drawn = self._draw(planned, section, stream)
             if drawn is None:
                 continue
