@@ -2,8 +2,8 @@
 
 - single: one effect of the library; null: none; pair: two; outside: one that no library has.
 
-Each sixteen of the row hold eight nulls, six singles, a pair and one outside the library, in random
-order, so that any number of finished cases is a fair sample. Nulls are half: a rare accusation
+Each sixteen of the row hold seven nulls, seven singles, a pair and one outside the library, in random
+order, so that any number of finished cases is a fair sample. Nulls are many: a rare accusation
 takes many to be measured, and a null is made in a single run. Effects, sections, surveys and bins
 of detectability are dealt from shuffled decks: all cards before any comes again.
 """
@@ -22,7 +22,7 @@ Kind = Literal["single", "null", "pair", "outside"]
 KINDS: tuple[Kind, ...] = ("single", "null", "pair", "outside")
 
 #: Kinds of sixteen cases that follow each other, before they are shuffled.
-ROUND: tuple[Kind, ...] = ("null",) * 8 + ("single",) * 6 + ("pair", "outside")
+ROUND: tuple[Kind, ...] = ("null",) * 7 + ("single",) * 7 + ("pair", "outside")
 
 Card = TypeVar("Card")
 

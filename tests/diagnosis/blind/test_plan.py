@@ -28,14 +28,14 @@ def test_each_round_has_its_kinds():
 
 
 def test_a_full_benchmark():
-    counts = Counter(case.kind for case in row(240))
-    assert counts == {"null": 120, "single": 90, "pair": 15, "outside": 15}
+    counts = Counter(case.kind for case in row(352))
+    assert counts == {"null": 154, "single": 154, "pair": 22, "outside": 22}
 
 
 @pytest.mark.parametrize("n", [7, 50, 101, 150])
 def test_wherever_it_ends_the_kinds_have_their_shares(n):
     counts = Counter(case.kind for case in row(240)[:n])
-    for kind, share in (("null", 8), ("single", 6), ("pair", 1), ("outside", 1)):
+    for kind, share in (("null", 7), ("single", 7), ("pair", 1), ("outside", 1)):
         assert abs(counts[kind] - n * share / 16) <= share / 2 + 0.5
 
 
@@ -65,16 +65,16 @@ def test_effects_hide_where_they_can_be_seen():
 
 
 def test_singles_are_balanced():
-    singles = [case for case in row(320) if case.kind == "single"]  # 120
-    assert set(Counter(case.bin for case in singles).values()) == {30}
+    singles = [case for case in row(320) if case.kind == "single"]  # 140
+    assert set(Counter(case.bin for case in singles).values()) == {35}
     used = Counter(case.effects[0] for case in singles)
-    assert used == {"rate": 30, "softening": 45, "pool": 45}  # the faint one has all low bins
+    assert used == {"rate": 35, "softening": 52, "pool": 53}  # the faint one has all low bins
     assert {case.bin for case in singles if case.effects == ("rate",)} == {0}
 
 
 def test_nulls_are_everywhere():
-    nulls = [case for case in row(320) if case.kind == "null"]  # 160
-    assert set(Counter((case.section, case.survey) for case in nulls).values()) == {40}
+    nulls = [case for case in row(320) if case.kind == "null"]  # 140
+    assert set(Counter((case.section, case.survey) for case in nulls).values()) == {35}
 
 
 def test_pairs_are_not_hidden_where_they_cannot_be_seen():
