@@ -3,7 +3,8 @@
 - *adequate*: the base model passes its tests (combined p at least 0.20). Effects may still hide.
 - *identified*: an explanation was accepted, and alone it has 90 % of the probability.
 - *ambiguous*: an explanation was accepted, but it takes several to reach 90 %.
-- *unknown_effect*: the base model fails its tests and nothing passes, or what passes still fails.
+- *unknown_effect*: the base model fails its tests and nothing passes, or what passes still fails
+  and leaves much of the misfit.
 - *suspect*: p between 0.05 and 0.20, and nothing passes.
 
 Probabilities are those of ln Z among all models that were tried. A model that adds to another an
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from diagnosis.adequacy import Adequacy
 from diagnosis.evidence import credible_set, probabilities
 from diagnosis.options import Options
 from diagnosis.rounds import Adopted, Register, why_not
@@ -50,10 +52,27 @@ def decide(register: Register, options: Options) -> Decision:
         alone = {(): probability.get((), 0.0)}
         return Decision(verdict, final, alone if verdict == "adequate" else {}, probability)
     sets = credible_set(probability, options.credible)
-    if final.adequacy.p_combined < options.still_failing:
+    if still_failing(register.way[0].adequacy, final.adequacy, options):
         return Decision("unknown_effect", final, sets, probability)
     one = len(sets) == 1 and next(iter(sets)) == final.model.names
     return Decision("identified" if one else "ambiguous", final, sets, probability)
+
+
+def still_failing(base: Adequacy, final: Adequacy, options: Options) -> bool:
+    """What was accepted does not do: the model fails, and much of the misfit is left.
+
+    An effect that takes nearly all of a large misfit away is not doubted for what is left of it:
+    the larger an effect, the more is left by what no model has exactly.
+    """
+    if final.p_combined >= options.still_failing:
+        return False
+    return excess(final) > options.left_over * excess(base)
+
+
+def excess(found: Adequacy) -> float:
+    """Sum of squares beyond that of noise, of fitted and held-out numbers."""
+    held_out = found.held_out
+    return max(found.chi2 - found.dof, 0.0) + max(held_out.chi2 - held_out.n, 0.0)
 
 
 def explanations(register: Register, options: Options) -> dict[tuple[str, ...], float]:

@@ -23,7 +23,7 @@ JITTERS = ((1, 2), (3, 4), (5, 6), (7, 8))
 #: A proposal this near to a run, in every unknown, is not worth another.
 SEEN = 0.15
 #: Half-width in the parameters within which a surrogate may be believed at all.
-REACH = 1.5
+REACH = 3.0
 #: Two first guesses are different where some unknown differs by this much.
 APART = 0.3
 

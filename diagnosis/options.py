@@ -48,7 +48,8 @@ class Options:
         rounds: effects that may be added one after another.
         alarm: combined p below which the model is inadequate.
         suspect: combined p below which it is suspect.
-        still_failing: combined p of an accepted model below which its answer does not stand.
+        still_failing: combined p of an accepted model below which its answer does not stand,
+        left_over: unless no more than this share of the base model's excess misfit is left.
         refitted: candidates that are refitted by their score.
         inseparable: |cosine| from which two signatures are the same to these data.
         same_signature: cosine that the signature of a second seed must reach.
@@ -80,6 +81,7 @@ class Options:
     alarm: float = 0.05
     suspect: float = 0.20
     still_failing: float = 0.01
+    left_over: float = 0.2
     refitted: int = 5
     inseparable: float = 0.95
     same_signature: float = 0.9

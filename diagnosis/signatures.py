@@ -29,7 +29,7 @@ from diagnosis.surface import Ladder, Surface
 from diagnosis.whitened import System
 
 #: Farthest that a parameter is moved to meet an effect.
-FARTHEST = 1.0
+FARTHEST = 1.5
 #: A top rung of which less is seen, |s|, is raised, to at most so many times itself.
 TOP_SEEN, TOP_RAISED = 8.0, 4.0
 

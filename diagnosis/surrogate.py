@@ -33,7 +33,7 @@ LOCAL, LENGTH = 0.06, 0.5
 #: Noise of a slope taken from two runs about this far apart, in units of the noise of a run.
 SLOPE_STEP = 0.25
 #: Runs whose parameters are farther from the anchor than this follow other bends.
-NEAR = 0.9
+NEAR = 2.0
 
 
 @dataclass(frozen=True)

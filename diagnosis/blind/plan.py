@@ -2,10 +2,10 @@
 
 - single: one effect of the library; null: none; pair: two; outside: one that no library has.
 
-Each sixteen of the row hold seven nulls, seven singles, a pair and one outside the library, in random
-order, so that any number of finished cases is a fair sample. Nulls are many: a rare accusation
-takes many to be measured, and a null is made in a single run. Effects, sections, surveys and bins
-of detectability are dealt from shuffled decks: all cards before any comes again.
+Each sixteen of the row hold seven nulls, seven singles, a pair and one outside the library, in
+random order, so that any number of finished cases is a fair sample. Nulls are many: a rare
+accusation takes many to be measured, and a null is made in a single run. Effects, sections, surveys
+and bins of detectability are dealt from shuffled decks: all cards before any comes again.
 """
 
 from __future__ import annotations

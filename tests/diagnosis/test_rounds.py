@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from diagnosis import diagnose
-from diagnosis.adequacy import HeldOutMisfit
+from diagnosis.adequacy import Adequacy, HeldOutMisfit
+from diagnosis.decide import excess, still_failing
 from diagnosis.fit import Fit
 from diagnosis.options import Options
 from diagnosis.refit import Refitted
@@ -103,3 +104,17 @@ def test_several_that_share_the_evidence_are_accepted_together():
     alike[0] = refitted(1.6, 59.0, 4.0)
     assert accepted(BASE, alike, Options()) is None
     assert accepted(BASE, [], Options()) is None
+
+
+def found(chi2: float, held_out: float, p: float) -> Adequacy:
+    """Thirty degrees of freedom, five numbers held out."""
+    return Adequacy([], p, [], HeldOutMisfit(held_out, 5, p, 0.0), chi2, 30)
+
+
+def test_an_answer_that_leaves_much_of_the_misfit_does_not_stand():
+    base = found(chi2=120.0, held_out=15.0, p=1e-9)  # 100 beyond the noise
+    assert not still_failing(base, found(60.0, 10.0, 0.02), Options())
+    assert still_failing(base, found(60.0, 10.0, 0.005), Options())
+    assert not still_failing(base, found(40.0, 14.0, 0.005), Options()), "19 of 100 are left"
+    assert still_failing(base, found(40.0, 16.0, 0.005), Options())
+    assert excess(found(20.0, 3.0, 0.9)) == 0.0
