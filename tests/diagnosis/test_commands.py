@@ -29,7 +29,7 @@ from pipeline.config import Config
 QUICK = [
     "--threads", "1", "--page", "no", "--quiet",
     *(part for name, value in {
-        "replicates": 3, "draws": 300, "starts": 1, "rounds": 1, "refitted": 1, "max_runs": 120,
+        "replicates": 3, "draws": 300, "starts": 1, "rounds": 1, "refitted": 1, "max_runs": 70,
     }.items() for part in ("--set", f"diagnosis.{name}={value}")),
 ]  # fmt: skip
 ASKED = """
@@ -82,7 +82,7 @@ def test_compare(folder, out, verdict_text, capsys):
     ask("compare", folder, out)
     text = capsys.readouterr().out
     asked, most, computed = runs_told(text)
-    assert 10 < asked <= most == 120 and computed == 0, "the run had made them already"
+    assert 10 < asked <= most == 70 and computed == 0, "the run had made them already"
     assert "S_r of the loose sand" in text and "held_out" in text and "toe in time at 7 s" in text
     document = CompareDocument.model_validate(json.loads((out / "compare.json").read_text()))
     assert document.runs.asked <= asked and document.runs.computed is None
@@ -115,7 +115,7 @@ def test_run(folder, out, verdict_text, capsys):
     assert (verdict.final.chi2, verdict.final.values) == (last.chi2, last.values)
     if verdict.verdict != "unknown_effect":
         assert last.effects and last.chi2 < 0.5 * verdict.base.chi2
-    assert verdict.runs.asked <= 120 and verdict.runs.computed is None
+    assert verdict.runs.asked <= 70 and verdict.runs.computed is None
     assert verdict.seconds is None and set(verdict.hashes) >= {"scene.yaml", "profile.csv"}
     assert verdict.manifest["physics_versions"].keys() == {
         "geometry", "mpm_taichi", "inversion", "diagnosis"
