@@ -5,10 +5,10 @@ density, water level: all that a `ScaledScene` carries), a first window, and a r
 with its derivative with respect to the positions (those of `geometry.observables` have one). Two
 exact ways through the steps:
 
-- reverse mode, `gradient`: of one number with respect to any number of parameters. The rollout
-  keeps only the positions of each frame; the backward pass takes one step after the other from the
-  end, each worked out anew from the positions before it. Memory: that of one step; a frame more
-  costs 8 N bytes in single precision.
+- reverse mode, `gradient` and `reverse_jacobian`: of one number, or one after the other, with
+  respect to any number of parameters. The rollout keeps only the positions of each frame; the
+  backward pass takes one step after the other from the end, each worked out anew from the positions
+  before it. Memory: that of one step; a frame more costs 8 N bytes in single precision.
 - forward mode, `jacobian`: of any number of readings with respect to p parameters; changes travel
   with the rollout. Memory: one step with p directions; a frame more costs (1 + p) 8 N bytes.
 
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -32,6 +32,7 @@ from gns.features import edge_features, fading_of
 from gns.graph import Graph
 from gns.simulator import Simulator
 from gns.tangents import Moving, network_with_tangents
+from gns.trace import Trace, Until, finite_step, trace
 from gns.units import ScaledScene
 from pipeline.cli import WorkFailed
 
@@ -53,69 +54,6 @@ kept, the edges' layers anew, and the gradients (weights, being frozen, have non
 
 DIFFERENTIABLE = ("friction", "cohesion", "density", "phreatic_line")
 """Fields of a scene through which parameters act."""
-
-
-@dataclass
-class Trace:
-    """What a rollout leaves for its derivative.
-
-    Attributes:
-        positions: (history - 1 + T, N, 2) [spacings], the first window's own frames before t = 0.
-        scene: the scene that was rolled out.
-        graphs: edges of each step, where they were asked for.
-    """
-
-    positions: Tensor
-    scene: ScaledScene
-    history: int
-    graphs: list[Graph] = field(default_factory=list)
-
-    @property
-    def frames(self) -> np.ndarray:
-        """(T, N, 2) float64 [m], the first at t = 0."""
-        return self.scene.to_metres(self.positions[self.history - 1 :])
-
-    def window(self, frame: int) -> Tensor:
-        """(history, N, 2), the last of which is `frame`."""
-        return self.positions[frame : frame + self.history]
-
-
-def trace(
-    simulator: Simulator,
-    scene: ScaledScene,
-    window: np.ndarray,
-    frames: int,
-    *,
-    record: bool = False,
-    graphs: Sequence[Graph] | None = None,
-) -> Trace:
-    """Roll out and keep the positions.
-
-    Args:
-        simulator: the model.
-        scene: of any type of number; it decides that of the rollout.
-        window: (history, N, 2) [m], the last at t = 0.
-        frames: T, t = 0 among them.
-        record: keep the edges of each step too (a finite-difference check wants them).
-        graphs: edges to be used instead of those found, one for each step.
-
-    Raises:
-        WorkFailed: a position is not a finite number.
-    """
-    history = simulator.config.history
-    first = scene.to_spacings(window)
-    positions = first.new_empty(history - 1 + frames, *first.shape[1:])
-    positions[:history] = first
-    result = Trace(positions, scene, history)
-    with torch.no_grad():
-        for frame in range(frames - 1):
-            known = result.window(frame)
-            graph = simulator.graph(known[-1]) if graphs is None else graphs[frame]
-            if record:
-                result.graphs.append(graph)
-            after = simulator.advance(known, scene, graph)
-            positions[frame + history] = _finite_step(after, frame + 1)
-    return result
 
 
 def gradient(
@@ -154,14 +92,10 @@ def gradient(
                 simulator, scene_of, parameters, window, frames, _as_readings(loss), graphs=graphs
             )
             return float(value[0]), slope[0], seen
-        theta = _theta(simulator, parameters).requires_grad_()
-        scene = scene_of(theta)
-        rolled = trace(simulator, _detached(scene), window, frames, graphs=graphs)
-        seen = rolled.frames
-        value, slopes = loss(seen)
-        pulled = _pull_back(simulator, rolled, slopes, graphs)
-        result = _to_parameters(scene, theta, pulled)
-    return float(value), _finite(result.detach().cpu().double().numpy()), seen
+        value, slope, seen = reverse_jacobian(
+            simulator, scene_of, parameters, window, frames, _as_readings(loss), graphs=graphs
+        )
+    return float(value[0]), slope[0], seen
 
 
 def jacobian(
@@ -173,6 +107,7 @@ def jacobian(
     readings: Readings,
     *,
     graphs: Sequence[Graph] | None = None,
+    until: Until | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers read from a rollout, and their derivatives, by forward mode.
 
@@ -184,6 +119,7 @@ def jacobian(
         frames: T, t = 0 among them.
         readings: what is read.
         graphs: edges to be used instead of those found, one for each step.
+        until: ends the rollout before its last frame; None: never.
 
     Returns:
         the numbers (m,); their derivatives (m, p); the frames (T, N, 2) [m].
@@ -212,8 +148,11 @@ def jacobian(
                 directions,
                 graph,
             )
-            positions[frame + history] = _finite_step(after.value, frame + 1)
+            positions[frame + history] = finite_step(after.value, frame + 1)
             changes[:, frame + history] = after.change
+            if until is not None and until(after.value, positions[frame + history - 1]):
+                positions = positions[: frame + history + 1]
+                break
     seen = Trace(positions, scene, history).frames
     values, slopes = readings(seen)
     result = np.zeros((len(values), len(theta)))
@@ -221,6 +160,36 @@ def jacobian(
         moved = changes[:, history - 1 + frame].cpu().double().numpy() * scene.spacing
         result += np.einsum("mnk,pnk->mp", slope, moved)
     return np.asarray(values, float), _finite(result), seen
+
+
+def reverse_jacobian(
+    simulator: Simulator,
+    scene_of: SceneOf,
+    parameters: np.ndarray,
+    window: np.ndarray,
+    frames: int,
+    readings: Readings,
+    *,
+    graphs: Sequence[Graph] | None = None,
+    until: Until | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same as `jacobian` by reverse mode: one rollout, and a way back for each number.
+
+    A number costs REVERSE_COST - 1 steps a frame, whatever the number of parameters. Arguments,
+    results and errors are those of `jacobian`.
+    """
+    with frozen(simulator):
+        theta = _theta(simulator, parameters).requires_grad_()
+        scene = scene_of(theta)
+        rolled = trace(simulator, _detached(scene), window, frames, graphs=graphs, until=until)
+        seen = rolled.frames
+        values, slopes = readings(seen)
+        rows = []
+        for number in range(len(values)):
+            own = {frame: slope[number] for frame, slope in slopes.items()}
+            pulled = _pull_back(simulator, rolled, own, graphs)
+            rows.append(_to_parameters(scene, theta, pulled).detach().cpu().double().numpy())
+    return np.asarray(values, float), _finite(np.reshape(rows, (len(values), len(theta)))), seen
 
 
 @contextmanager
@@ -285,7 +254,7 @@ def _to_parameters(scene: ScaledScene, theta: Tensor, totals: dict[str, Tensor])
     if not outputs:
         return torch.zeros_like(theta)
     fields, values = zip(*outputs, strict=True)
-    (result,) = torch.autograd.grad(fields, theta, values, allow_unused=True)
+    (result,) = torch.autograd.grad(fields, theta, values, allow_unused=True, retain_graph=True)
     return torch.zeros_like(theta) if result is None else result
 
 
@@ -367,12 +336,6 @@ def _as_readings(loss: Loss) -> Readings:
         return np.array([value]), {frame: slope[None] for frame, slope in slopes.items()}
 
     return readings
-
-
-def _finite_step(positions: Tensor, frame: int) -> Tensor:
-    if not bool(torch.isfinite(positions).all()):
-        raise WorkFailed(f"the rollout fails at frame {frame}: a position is not a finite number")
-    return positions
 
 
 def _finite(values: np.ndarray) -> np.ndarray:

@@ -105,12 +105,12 @@ def rollout_window(
     now = scene.to_spacings(window)
     kept = np.empty((frames, facts.points, 2), np.float32)
     kept[0] = window[-1]
-    watch = _RestWatch(rest, facts)
+    watch = RestWatch(rest, facts)
     done, reason, at_rest = 1, "", False
     with torch.no_grad():
         while done < frames and not at_rest:
             after = simulator.advance(now, scene)
-            reason = _wrong(after, now[-1], scene.frame_interval)
+            reason = wrong_step(after, now[-1], scene.frame_interval)
             if reason:
                 reason = f"frame {done}, t = {done * facts.frame_time:.2f} s: {reason}"
                 break
@@ -136,7 +136,7 @@ def frames_of(duration_s: float, facts: SceneFacts) -> int:
     return int(round(duration_s / facts.frame_time)) + 1
 
 
-def _wrong(after: Tensor, now: Tensor, frame_interval: float) -> str:
+def wrong_step(after: Tensor, now: Tensor, frame_interval: float) -> str:
     """What is wrong with the next positions (N, 2) [spacings]; empty if nothing."""
     step = (after - now).abs().amax(dim=1)
     finite = torch.isfinite(step)
@@ -148,8 +148,13 @@ def _wrong(after: Tensor, now: Tensor, frame_interval: float) -> str:
     return ""
 
 
-class _RestWatch:
-    """Watches the kinetic energy of the soil."""
+class RestWatch:
+    """Watches the kinetic energy of the soil.
+
+    Args:
+        rest: when it is at rest; None: never.
+        facts: of the scene.
+    """
 
     def __init__(self, rest: Rest | None, facts: SceneFacts) -> None:
         self.rest = rest

@@ -10,9 +10,10 @@ import pytest
 import torch
 
 import gns.edge_chunks
-from gns.differentiate import REVERSE_COST, gradient, jacobian, trace
+from gns.differentiate import REVERSE_COST, gradient, jacobian, reverse_jacobian
 from gns.scene_facts import first_window
 from gns.tangents import Moving, network_with_tangents
+from gns.trace import trace
 from pipeline.cli import WorkFailed
 from tests.gns.scenes import simulator, start
 
@@ -111,6 +112,28 @@ def test_jacobian_of_many_readings(case):
         value, expected, _ = gradient(model, scene_of, THETA, window, FRAMES, one, mode="reverse")
         assert value == pytest.approx(values[row])
         assert np.allclose(found[row], expected, rtol=1e-8, atol=1e-10 * np.abs(expected).max())
+    again, backward, _ = reverse_jacobian(model, scene_of, THETA, window, FRAMES, readings)
+    assert np.allclose(again, values)
+    assert np.allclose(backward, found, rtol=1e-8, atol=1e-10 * np.abs(found).max())
+
+
+@pytest.mark.parametrize("way", [jacobian, reverse_jacobian])
+def test_a_rollout_that_ends_early_is_as_one_that_was_to_be_so_short(case, way):
+    model, scene_of, window, _ = case
+
+    def readings(frames):
+        value, slopes = _last_x(frames)
+        return np.array([value]), {frame: slope[None] for frame, slope in slopes.items()}
+
+    short = way(model, scene_of, THETA, window, 4, readings)
+    steps = []
+    ended = way(
+        model, scene_of, THETA, window, 40, readings,
+        until=lambda after, now: steps.append((after - now).abs().max() > 0) or len(steps) == 3,
+    )  # fmt: skip
+    assert all(steps) and len(ended[2]) == 4
+    for one, other in zip(short, ended, strict=True):
+        assert np.array_equal(one, other)
 
 
 def test_the_cheaper_way_is_taken(case, monkeypatch):
