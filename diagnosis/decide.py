@@ -2,7 +2,8 @@
 
 - *adequate*: the base model passes its tests (combined p at least 0.20). Effects may still hide.
 - *identified*: an explanation was accepted, and alone it has 90 % of the probability.
-- *ambiguous*: an explanation was accepted, but it takes several to reach 90 %.
+- *ambiguous*: an explanation was accepted, but it takes several to reach 90 %, or the runs that
+  were allowed did not suffice to try its rivals.
 - *unknown_effect*: the base model fails its tests and nothing passes, or what passes still fails
   and leaves much of the misfit.
 - *suspect*: p between 0.05 and 0.20, and nothing passes.
@@ -31,12 +32,14 @@ class Decision:
         final: the model of the answer; the base model where there is none.
         sets: explanations that together reach the wanted probability, most probable first.
         probability: of every explanation that was tried.
+        untried: rivals of the answer that were wanted and could not be had.
     """
 
     verdict: Verdicts
     final: Adopted
     sets: dict[tuple[str, ...], float]
     probability: dict[tuple[str, ...], float]
+    untried: tuple[tuple[str, ...], ...] = ()
 
 
 def decide(register: Register, options: Options) -> Decision:
@@ -54,8 +57,11 @@ def decide(register: Register, options: Options) -> Decision:
     sets = credible_set(probability, options.credible)
     if still_failing(register.way[0].adequacy, final.adequacy, options):
         return Decision("unknown_effect", final, sets, probability)
-    one = len(sets) == 1 and next(iter(sets)) == final.model.names
-    return Decision("identified" if one else "ambiguous", final, sets, probability)
+    # What adds to the answer is no rival of it.
+    own = set(final.model.names)
+    untried = tuple(dict.fromkeys(key for key in register.untried if not own <= set(key)))
+    one = len(sets) == 1 and next(iter(sets)) == final.model.names and not untried
+    return Decision("identified" if one else "ambiguous", final, sets, probability, untried)
 
 
 def still_failing(base: Adequacy, final: Adequacy, options: Options) -> bool:

@@ -46,6 +46,7 @@ class Options:
         draws: simulated noises for every null distribution.
         starts: first guesses of the base calibration.
         rounds: effects that may be added one after another.
+        spare: degrees of freedom that must be left to contradict an answer.
         alarm: combined p below which the model is inadequate.
         suspect: combined p below which it is suspect.
         still_failing: combined p of an accepted model below which its answer does not stand,
@@ -78,6 +79,7 @@ class Options:
     draws: int = 4000
     starts: int = 3
     rounds: int = 3
+    spare: int = 2
     alarm: float = 0.05
     suspect: float = 0.20
     still_failing: float = 0.01

@@ -58,11 +58,13 @@ class Register:
         models: by their effects.
         way: adopted models in order, the base model first.
         first: refits of the first round, by candidate, with the condition each failed.
+        untried: models that were wanted and could not be had: for want of runs, or none succeeded.
     """
 
     models: dict[tuple[str, ...], Refitted] = field(default_factory=dict)
     way: list[Adopted] = field(default_factory=list)
     first: dict[str, tuple[Refitted, str]] = field(default_factory=dict)
+    untried: list[tuple[str, ...]] = field(default_factory=list)
 
     @property
     def current(self) -> Adopted:
@@ -131,6 +133,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         if now.adequacy.p_combined >= options.suspect:
             break
         names = wanted_models(comparison, explanation, now, signatures, options, first=number == 0)
+        names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(register, comparison, explanation, ground, now, names)
         tried = _judge_best(register, explanation, now, tried, options)
         best = accepted(now.model, tried, options)
@@ -218,6 +221,7 @@ def _try(
             seeds = ANCHORED if surface.space.effects else comparison.base.seeds
             found = refit(explanation.bench, surface, key, seeds=seeds)
             if found is None:
+                register.untried.append(key)
                 continue
             register.models[key] = found
         tried.append(register.models[key])

@@ -161,6 +161,8 @@ def sentence(found: Diagnosed) -> str:
             )
         case _:
             rivals = [_joined(names) if names else "none" for names in decision.sets]
+            if decision.untried:
+                rivals.append("what could not be tried within the runs allowed")
             return f"The measurements ask for one of {'; '.join(rivals)}, {among}: {_fall(found)}."
 
 
