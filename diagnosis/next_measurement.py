@@ -191,7 +191,8 @@ def _hidden(
 ) -> list[Rival]:
     """The base model, and each candidate at the amplitude that would just be found.
 
-    Its weight is large against theirs, so that each is compared with it and not with the others.
+    Beyond the top of its ladder no amplitude is believed. The base model's weight is large against
+    theirs, so that each is compared with it and not with the others.
     """
     base = comparison.base
     fit = base.fit
@@ -200,6 +201,7 @@ def _hidden(
     rivals = [Rival((), 1.0, mean, covariance)]
     anchor = base.surface.space.state(base.surface.x)
     linear = comparison.judged.system
+    ladders = {candidate.name: candidate.ladder for candidate in explanation.candidates}
     for name in explanation.names:
         amplitude, change = explanation.signatures[name].plain
         states = [anchor, anchor.with_effects({name: amplitude})]
@@ -208,8 +210,7 @@ def _hidden(
             continue
         size = float(np.linalg.norm(linear.project(linear.augmented(change))))
         share = options.detectable / max(size, 1e-9)
-        within = explanation.bench.amplitudes[name]
-        most = (within.high if amplitude > 0 else within.low) / amplitude
+        most = max(abs(rung) for rung in ladders[name]) / abs(amplitude)
         met = -linear.imitating(linear.augmented(change))
         apart = min(share, most) * (after - before + slope @ met)
         rivals.append(Rival((name,), 1e-3, mean + apart, np.zeros_like(covariance)))
