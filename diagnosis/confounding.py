@@ -26,7 +26,8 @@ class Visibility:
     Attributes:
         fraction: |s| / |d| at its representative amplitude.
         smallest: amplitude that would be found with near certainty; beyond its bounds: never.
-        bias: parameter -> change of its value [%] while that amplitude remains unfound.
+        bias: parameter -> change of its value [%] while that amplitude, or the largest that was run
+            if that is smaller, remains unfound.
     """
 
     fraction: float
@@ -96,8 +97,9 @@ def visibility(
     share = detectable / max(nearest.visible, 1e-12)
     change = signature.changes[nearest.rung]
     imitation = linear.imitating(linear.augmented(change))[: space.p]
-    # An effect scaled far beyond its run would shift a logarithm without end.
-    moved = space.clipped(np.concatenate([x[: space.p] + share * imitation, x[space.p :]]))
+    # Nobody believes in an amplitude beyond the largest that was run, seen or not.
+    believed = min(share, max(abs(score.rung) for score in scored) / abs(nearest.rung))
+    moved = space.clipped(np.concatenate([x[: space.p] + believed * imitation, x[space.p :]]))
     before, after = space.values(x), space.values(moved)
     bias = {
         name: float(100.0 * (b - a) / a) if a else 0.0
