@@ -141,6 +141,7 @@ def answer(
     sensitivities: Sequence[SensitivityAnswer],
     ratio_changes: Mapping[str, Mapping[str, float]],
     noise_std: Mapping[str, float],
+    more_sources: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Answer:
     """Put the answer together.
 
@@ -155,12 +156,14 @@ def answer(
         ratio_changes: source -> parameter -> change of strength / sigma'_v0 for one standard
             deviation.
         noise_std: parameter -> scatter over jitter seeds; empty: not measured.
+        more_sources: source -> parameter -> standard deviation from it.
     """
     parameters, targets = objective.parameters, objective.targets
     sources = {
         name: {
             **{entry.name: entry.std[name] for entry in sensitivities if entry.kind != "target"},
             **({NOISE_SOURCE: noise_std[name]} if noise_std else {}),
+            **{source: std[name] for source, std in (more_sources or {}).items()},
         }
         for name in parameters.names
     }
@@ -212,7 +215,7 @@ def answer(
         derivative={
             name: parameters.as_mapping(np.nan_to_num(row))
             for name, row, wanted in zip(targets.names, look.derivative, targets.shown, strict=True)
-            if wanted
+            if wanted and not np.all(np.isnan(row))
         },
         derivative_resolved=dict(zip(parameters.names, map(bool, resolved), strict=True)),
         steps=parameters.as_mapping(look.steps),

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from inversion.calibrate import calibrate, further_starts
 from inversion.changes import Changed
 from inversion.equally_good import Stop, walk
 from inversion.finite_steps import FiniteSteps, measured_noise
+from inversion.forward import Forward
 from inversion.load import LoadedCase
 from inversion.mpm_engine import MPMEngine, Setup
 from inversion.objective import Objective
@@ -44,9 +45,6 @@ from inversion.uncertainty import Posterior, posterior, root_mean_square
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest
 
-#: The engine's name in the result.
-ENGINE = "mpm"
-
 
 @dataclass
 class BackAnalysis:
@@ -54,7 +52,7 @@ class BackAnalysis:
 
     Attributes:
         case: the case.
-        store: where runs are kept.
+        store: where runs of the material point method are kept.
         say: told in a line what is happening.
     """
 
@@ -69,13 +67,17 @@ class BackAnalysis:
     sensitivities: list[SensitivityAnswer] = field(default_factory=list)
     ratio_changes: dict[str, dict[str, float]] = field(default_factory=dict)
     noise: Noise | None = None
+    more_sources: dict[str, dict[str, float]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
     runs: int = 0
 
+    #: The engine's name in the result.
+    engine_name: ClassVar[str] = "mpm"
+
     def __post_init__(self) -> None:
-        self.engine = MPMEngine(self.case.setup, self.store)
-        self.objective = self.case.objective()
+        self.engine = self.engine_of(self.case.setup)
+        self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
         self.least_m = 2.0 * self.case.scene.spacing
 
@@ -83,7 +85,7 @@ class BackAnalysis:
         """All stages."""
         settings = self.case.config.inversion
         stages: list[tuple[str, Callable[[], None]]] = [
-            ("answer", self.search),
+            *self.stages_to_answer(),
             ("starts", self.search_from_elsewhere),
             ("equally good", self.find_equally_good),
             ("seeds", self.measure_noise),
@@ -97,13 +99,31 @@ class BackAnalysis:
                 stage()
         return self.result()
 
+    # --- what an engine decides ---
+
+    def engine_of(self, setup: Setup) -> Forward:
+        """The forward engine of a reading of the question."""
+        return MPMEngine(setup, self.store)
+
+    def objective_of(self, setup: Setup) -> Objective:
+        """What is made small for a reading of the question."""
+        return self.case.objective(setup)
+
+    def stages_to_answer(self) -> list[tuple[str, Callable[[], None]]]:
+        """The stages that leave `found` and `spread`, by name."""
+        return [("answer", self.search)]
+
+    def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
+        """The sensitivities that the engine can tell, and lines about those left out."""
+        return self.case.sensitivities
+
     # --- stages ---
 
     def search(self) -> None:
         """Find the answer from the question's first guess."""
         settings = self.case.config.inversion
         seeds = [
-            MPMEngine(self.case.jittered(self.case.setup, seed), self.store)
+            self.engine_of(self.case.jittered(self.case.setup, seed))
             for seed in range(1, settings.step_seeds + 1)
         ]
         search = self._search(self.engine, self.steps, seeds=seeds, tell=True)
@@ -115,6 +135,10 @@ class BackAnalysis:
             mask = self.objective.targets.fitted
             self.steps.noise, _ = measured_noise(seeds, self.found.values, mask)
         self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
+        self.tell_doubts()
+
+    def tell_doubts(self) -> None:
+        """What a reader of the answer must know."""
         for line in assemble.doubts(self.found.look.prediction, self.case.setup.settings):
             self.remark(line)
         for line in assemble.unknown_derivatives(self.case.parameters, self.found.look.derivative):
@@ -203,7 +227,7 @@ class BackAnalysis:
 
     def solve_sensitivities(self) -> None:
         """Solve again under every changed assumption, all of them side by side."""
-        entries, left_out = self.case.sensitivities
+        entries, left_out = self.known_sensitivities()
         for line in left_out:
             self.remark(line)
         asked = [(entry, changed) for entry, changes in entries for changed in changes]
@@ -254,6 +278,7 @@ class BackAnalysis:
         parameters, targets = self.case.parameters, changed.setup.targets
         here, there = self._refined, problem.refined
         sigma, new_sigma = self.found.look.prediction.sigma_v0_kpa, problem.prediction.sigma_v0_kpa
+        new_sigma = np.where(np.isnan(new_sigma), sigma, new_sigma)  # the engine does not know it
         with np.errstate(invalid="ignore"):
             ratio_change = there / new_sigma - here / sigma
         return Side(
@@ -300,13 +325,13 @@ class BackAnalysis:
             case=case.name,
             title=case.title,
             measurement_set=case.measurement_set,
-            engine=ENGINE,
+            engine=self.engine_name,
             spacing_m=case.scene.spacing,
             manifest=self._manifest(),
             question=case.question,
             answer=assemble.answer(
                 case, self.objective, found, self.spread, self.stops, resolved,
-                self.sensitivities, changes, noise_std,
+                self.sensitivities, changes, noise_std, self.more_sources,
             ),
             iterations=assemble.iterations(found.looks, self.objective),
             starts=self.starts,
@@ -361,16 +386,16 @@ class BackAnalysis:
 
     def _search(
         self,
-        engine: MPMEngine,
+        engine: Forward,
         steps: FiniteSteps,
         *,
-        seeds: list[MPMEngine] | tuple = (),
+        seeds: list[Forward] | tuple = (),
         tell: bool = False,
     ) -> Search:
         settings = self.case.config.inversion
         return Search(
             engine,
-            self.case.objective(engine.setup),
+            self.objective_of(engine.setup),
             steps,
             seeds=seeds,
             max_iterations=settings.max_iterations,
@@ -380,11 +405,11 @@ class BackAnalysis:
 
     def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> Found | None:
         """Another search with the noise that is known; None, and a line, where there is none."""
-        engine = MPMEngine(setup, self.store)
+        engine = self.engine_of(setup)
         noise = self.steps.noise
         if int(setup.targets.fitted.sum()) != len(noise):
             noise = np.full(int(setup.targets.fitted.sum()), float(np.max(noise)))
-        search = self._search(engine, self._steps(noise, self.case.objective(setup)))
+        search = self._search(engine, self._steps(noise, self.objective_of(setup)))
         try:
             found = calibrate(
                 search, start, method=self.case.config.inversion.method, least_m=self.least_m
@@ -398,7 +423,7 @@ class BackAnalysis:
     def _problem(self, setup: Setup) -> Problem:
         """A question a little beside the answer's."""
         return Problem(
-            MPMEngine(setup, self.store), self.case.objective(setup), self.found.values, self.slope
+            self.engine_of(setup), self.objective_of(setup), self.found.values, self.slope
         )
 
     def _resolve(self, problems: list[Problem]) -> None:

@@ -8,9 +8,15 @@ from pipeline.progress import Progress
 
 
 class BatchBar:
-    """Told by a `RunStore` of each run of a batch; a log has the lines of the stages instead."""
+    """Told of each run of a batch or frame of a rollout; a log has the lines of the stages.
 
-    def __init__(self, *, quiet: bool) -> None:
+    Args:
+        quiet: show nothing.
+        label: what is counted.
+    """
+
+    def __init__(self, *, quiet: bool, label: str = "simulating") -> None:
+        self._label = label
         self._wanted = sys.stderr.isatty() and not quiet
         self._progress: Progress | None = None
 
@@ -19,7 +25,7 @@ class BatchBar:
         if not self._wanted:
             return
         if self._progress is None:
-            self._progress = Progress(of, "simulating").__enter__()
+            self._progress = Progress(of, self._label).__enter__()
         self._progress.advance()
         if done >= of:
             self._progress.__exit__(None, None, None)

@@ -17,6 +17,7 @@ from geometry.measured_numbers import SingleLength
 from geometry.scene import Point, Scene, document_error, scene_from_mapping
 from inversion.mpm_engine import Setup
 from inversion.parameters import with_properties
+from inversion.pool import SAME_PLACE_M, pool_at
 from inversion.predictions import Targets
 from inversion.question import (
     CellSize,
@@ -31,9 +32,6 @@ from inversion.question import (
     ZoneBoundary,
 )
 from pipeline.cli import InputError
-
-#: Vertices nearer than this to a place named in the question are that vertex [m].
-SAME_PLACE_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -56,6 +54,7 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
     where = f"{source}: variants: {variant.name}"
     scene, settings, words = setup.scene, setup.settings, []
     if variant.water == "none":
+        _refuse_sought_level(setup, f"{where}: water: none")
         scene = scene.changed(water_level=None)
         words.append("no water")
     elif variant.water is not None:
@@ -81,6 +80,12 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
         words += [f"{name} {value:g}" for name, value in variant.targets.items()]
     changed = replace(setup, scene=scene, settings=settings, targets=targets)
     return Changed(changed, ", ".join(words))
+
+
+def _refuse_sought_level(setup: Setup, where: str) -> None:
+    for spec in setup.parameters.specs:
+        if spec.property == "water_level":
+            raise InputError(f"{where}: the level of the pool is sought by {spec.name!r}")
 
 
 def _check_fitted(names: Iterable[str], targets: Targets, where: str) -> None:
@@ -169,16 +174,11 @@ def _levels(setup: Setup, sensitivity: WaterLevel, where: str) -> list[Changed]:
     scene = setup.scene
     if scene.water_level is None:
         raise InputError(f"{where}: the scene has no water_level")
+    _refuse_sought_level(setup, where)
     found = []
     for change in (sensitivity.std_m, -sensitivity.std_m):
         level = scene.water_level + change
-        line = scene.phreatic_line and [
-            (x, level if abs(y - scene.water_level) <= SAME_PLACE_M else y)
-            for x, y in scene.phreatic_line
-        ]
-        changed = _checked(
-            {**scene.model_dump(), "water_level": level, "phreatic_line": line}, where
-        )
+        changed = _checked(pool_at(scene, level), where)
         found.append(Changed(replace(setup, scene=changed), f"pool at {level:g} m"))
     return found
 

@@ -122,7 +122,7 @@ def _heading(data: ReportData, look: int) -> str:
     line = data.result.iterations[look]
     kind = {"start": "start", "scan": "scan"}.get(line.kind, f"iteration {line.iteration}")
     values = ", ".join(
-        f"zone {', '.join(p.zones)}: {line.values[p.name]:.3g} {p.unit.replace('deg', '°')}"
+        f"{_where(p.zones)}: {line.values[p.name]:.3g} {p.unit.replace('deg', '°')}"
         for p in data.result.answer.parameters
     )
     toes = ", ".join(
@@ -220,3 +220,7 @@ def _end_labels(
                     xycoords=("axes fraction", "data"), xytext=(6, 0), annotation_clip=False,
                     textcoords="offset points", va="center", fontsize=8, linespacing=1.1,
                     color=COLOURS[number], path_effects=HALO)  # fmt: skip
+
+
+def _where(zones: list[str]) -> str:
+    return f"zone {', '.join(zones)}" if zones else "pool"

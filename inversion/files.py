@@ -11,6 +11,7 @@ import numpy as np
 
 from geometry.fill import fill
 from inversion.back_analysis import BackAnalysis
+from inversion.engines import side_by_side
 from inversion.result import Result, save_result
 from inversion.run_store import write_arrays
 from pipeline.cli import InputError
@@ -29,7 +30,8 @@ def save_all(analysis: BackAnalysis, result: Result, folder: Path) -> Result:
     save_answer_run(analysis, folder / RUN)
     timings = {**result.timings, "final run": round(time.perf_counter() - began, 3)}
     timings["in all"] = round(sum(timings.values()), 3)
-    result = result.model_copy(update={"timings": timings, "classical": classical_beside(folder)})
+    beside = {"classical": classical_beside(folder), "engines": side_by_side(result, folder)}
+    result = result.model_copy(update={"timings": timings, **beside})
     save_result(result, folder)
     return result
 

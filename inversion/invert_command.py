@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from inversion.back_analysis import BackAnalysis
 from inversion.batch_bar import BatchBar
+from inversion.engines import FOLDERS, Choice, chosen_engine
 from inversion.files import save_all
-from inversion.load import case_folder, load_case
+from inversion.load import LoadedCase, case_folder, load_case
 from inversion.run_store import RunStore
 from inversion.summary import summary
 from mpm_taichi.effects import add_effects_option, load_given_effects
@@ -28,7 +30,19 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     )
     parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
     parser.add_argument(
-        "--out", metavar="DIR", help="folder of the results; default: results/<case>/inversion"
+        "--out",
+        metavar="DIR",
+        help="folder of the results; default: results/<case>/inversion, with the engine gns "
+        "inversion_gns beside it",
+    )
+    parser.add_argument(
+        "--engine",
+        choices=("mpm", "gns"),
+        help="material point method, or a learned simulator that is differentiated; default: the "
+        "question's, else inversion.engine",
+    )
+    parser.add_argument(
+        "--model", metavar="DIR", help="of the engine gns: a folder, or a name in models/"
     )
     parser.add_argument(
         "--set-of-measurements", metavar="NAME", help="default: the one the file names"
@@ -67,7 +81,9 @@ def run(arguments: argparse.Namespace) -> int:
         spacing_m=arguments.spacing,
         use_constructed=arguments.use_constructed,
     )
-    folder = Path(arguments.out or Path(config.results_folder) / case.name / "inversion")
+    choice = chosen_engine(case, arguments.engine, arguments.model)
+    beside = Path(config.results_folder) / case.name
+    folder = Path(arguments.out or beside / FOLDERS[choice.name])
     store = RunStore(
         folder / "runs",
         device=arguments.device,
@@ -79,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.quiet:
             print(line, file=sys.stderr, flush=True)
 
-    analysis = BackAnalysis(case, store, say)
+    analysis = _analysis(choice, case, store, say, folder, arguments)
     result = analysis.run()
     result = save_all(analysis, result, folder)
     print(summary(result))
@@ -89,6 +105,33 @@ def run(arguments: argparse.Namespace) -> int:
         write_report(folder, case.folder, film=arguments.report == "film")
     say(f"wrote {folder}")
     return 0
+
+
+def _analysis(
+    choice: Choice,
+    case: LoadedCase,
+    store: RunStore,
+    say: Callable[[str], None],
+    folder: Path,
+    arguments: argparse.Namespace,
+) -> BackAnalysis:
+    """The back-analysis with the engine that was chosen."""
+    if choice.name == "mpm":
+        return BackAnalysis(case, store, say)
+    from inversion.gns_engine import prepare  # torch takes its time
+    from inversion.rollout_store import RolloutStore
+    from inversion.surrogate_analysis import SurrogateAnalysis
+    from inversion.trained_model import load_model
+
+    prepare(arguments.device, arguments.threads)
+    return SurrogateAnalysis(
+        case,
+        store,
+        say,
+        model=load_model(choice.model, arguments.device),
+        rollouts=RolloutStore(folder / "rollouts"),
+        on_frame=BatchBar(quiet=arguments.quiet, label="rolling out"),
+    )
 
 
 def _config(arguments: argparse.Namespace) -> Config:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.scene import Scene
+from inversion.pool import pool_at
 from inversion.question import ParameterSpec
 
 #: Properties that are fitted as logarithms.
@@ -125,7 +126,10 @@ class Parameters:
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}
 
     def scene(self, base: Scene, values: np.ndarray) -> Scene:
-        """The scene with the values put in; see `with_properties`."""
+        """The scene with the values put in; see `with_properties` and `pool.pool_at`."""
+        for spec, value in zip(self.specs, values, strict=True):
+            if spec.property == "water_level":
+                base = Scene.model_validate(pool_at(base, float(value)))
         changes = [
             (zone, spec.property, float(value))
             for spec, value in zip(self.specs, values, strict=True)

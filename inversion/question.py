@@ -19,13 +19,21 @@ from pipeline.files import read_yaml
 
 FILE_NAME = "inversion.yaml"
 
-Property = Literal["cohesion_kpa", "friction_deg", "density"]
+Property = Literal["cohesion_kpa", "friction_deg", "density", "water_level"]
 Water = Literal["none", "buoyant", "pore_pressure"]
 Transfer = Literal["affine_flip", "flip", "apic", "pic"]
 Contact = Literal["rough", "no_slip"]
 
-UNITS: dict[str, str] = {"cohesion_kpa": "kPa", "friction_deg": "deg", "density": "kg/m3"}
-SYMBOLS: dict[str, str] = {"cohesion_kpa": "S_r", "friction_deg": "phi", "density": "density"}
+UNITS: dict[str, str] = {
+    "cohesion_kpa": "kPa", "friction_deg": "deg", "density": "kg/m3", "water_level": "m"
+}  # fmt: skip
+SYMBOLS: dict[str, str] = {
+    "cohesion_kpa": "S_r", "friction_deg": "phi", "density": "density",
+    "water_level": "level of the pool",
+}  # fmt: skip
+
+
+POOL = "the pool"
 
 
 class Prior(Document):
@@ -36,12 +44,17 @@ class Prior(Document):
 
 
 class ParameterSpec(Document):
-    """One number that is sought: a property shared by some zones."""
+    """One number that is sought: a property shared by some zones, or the level of the pool."""
 
     name: str = Field(min_length=1, description="unique in the question")
     label: str = Field("", description="in words, for tables and the report; empty: made of zones")
-    zones: list[str] = Field(min_length=1, description="names of the zones that share the value")
-    property: Property = Field(description="cohesion_kpa (S_r where friction is 0), friction_deg")
+    zones: list[str] = Field(
+        default_factory=list,
+        description="names of the zones that share the value; none for water_level",
+    )
+    property: Property = Field(
+        description="cohesion_kpa (S_r where friction is 0), friction_deg, density, water_level [m]"
+    )
     start: float = Field(description="first guess")
     low: float = Field(description="lower bound")
     high: float = Field(description="upper bound")
@@ -55,7 +68,13 @@ class ParameterSpec(Document):
             raise ValueError(
                 f"start {self.start:g} lies outside low {self.low:g} to high {self.high:g}"
             )
-        if self.property != "friction_deg" and self.low <= 0:
+        if bool(self.zones) == (self.property == "water_level"):
+            raise ValueError(
+                "zones: the level of the pool has none"
+                if self.zones
+                else f"zones: at least one must be named for {self.property}"
+            )
+        if self.property in ("cohesion_kpa", "density") and self.low <= 0:
             raise ValueError(
                 f"low {self.low:g} must be greater than 0: it is fitted as a logarithm"
             )
@@ -70,12 +89,14 @@ class ParameterSpec(Document):
 
     @builtins.property  # the field of that name hides it here
     def unit(self) -> str:
-        """Unit of the value: kPa, deg or kg/m3."""
+        """Unit of the value: kPa, deg, kg/m3 or m."""
         return UNITS[self.property]
 
     @builtins.property  # the field of that name hides it here
     def words(self) -> str:
         """The label, or one made of the property and the zones."""
+        if not self.zones:
+            return self.label or SYMBOLS[self.property]
         zones = ", ".join(self.zones)
         return self.label or f"{SYMBOLS[self.property]} of zone{'s'[: len(self.zones) > 1]} {zones}"
 
@@ -154,7 +175,9 @@ class FixedProperty(Document):
     name: str = Field(min_length=1, description="in words; unique among the sensitivities")
     kind: Literal["property"]
     zones: list[str] = Field(min_length=1, description="zones that share the value")
-    property: Property = Field(description="cohesion_kpa, friction_deg or density")
+    property: Literal["cohesion_kpa", "friction_deg", "density"] = Field(
+        description="cohesion_kpa, friction_deg or density"
+    )
     std: float = Field(gt=0, description="standard deviation, in the property's unit")
 
 
@@ -182,6 +205,15 @@ class Question(Document):
     loss: Literal["runout", "misfit"] = Field(
         "runout", description="runout: squared error of the runouts [m2]; misfit: standardised"
     )
+    engine: Literal["mpm", "gns"] | None = Field(
+        None, description="what simulates; null: inversion.engine of the configuration"
+    )
+    model: str | None = Field(
+        None,
+        min_length=1,
+        description="of the engine gns: a folder with model.pt, or a name in models/; null: "
+        "inversion.model",
+    )
     spacing_m: float | None = Field(None, gt=0, description="of material points; null: the scene's")
     duration_s: float | None = Field(
         None, gt=0, description="motion simulated; null: simulation.duration_s"
@@ -200,11 +232,11 @@ class Question(Document):
                     raise ValueError(f"{group}: two are called {name!r}; names must be unique")
         taken: dict[tuple[str, str], str] = {}
         for parameter in self.parameters:
-            for zone in parameter.zones:
+            for zone in parameter.zones or [POOL]:
                 other = taken.setdefault((zone, parameter.property), parameter.name)
                 if other != parameter.name:
                     raise ValueError(
-                        f"parameters: {parameter.property} of zone {zone!r} is sought by "
+                        f"parameters: {parameter.property} of {_place(zone)} is sought by "
                         f"{other!r} and by {parameter.name!r}"
                     )
         return self
@@ -233,8 +265,18 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
     return question
 
 
+def _place(zone: str) -> str:
+    return zone if zone == POOL else f"zone {zone!r}"
+
+
 def _check_zones(question: Question, scene: Scene, source: str) -> None:
-    """Every zone that is named must be one of the scene."""
+    """Every zone that is named must be one of the scene; a level that is sought must be there."""
+    for parameter in question.parameters:
+        if parameter.property == "water_level" and scene.water_level is None:
+            raise InputError(
+                f"{source}: parameters: {parameter.name}: property: water_level: the scene has no "
+                "water_level"
+            )
     known = [zone.name for zone in scene.zones]
     named = [("parameters", p.name, p.zones) for p in question.parameters]
     named += [

@@ -16,6 +16,7 @@ import numpy as np
 
 from geometry.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.measurements import ToeRunout, load_measurements
+from inversion.engines import side_by_side
 from inversion.files import RUN, SECTIONS, classical_beside
 from inversion.result import ParameterAnswer, Result, load_result
 from mpm_taichi.case import Case
@@ -131,6 +132,9 @@ def load_report(folder: str | Path, case_folder: str | Path | None = None) -> Re
     beside = classical_beside(folder)
     if beside:  # they may have been asked since
         result = result.model_copy(update={"classical": beside})
+    engines = side_by_side(result, folder)
+    if engines:
+        result = result.model_copy(update={"engines": engines})
     run = _run(folder / RUN)
     if case_folder is None:
         named = CASES / result.case

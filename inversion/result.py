@@ -35,8 +35,8 @@ class ParameterAnswer(Part):
     name: str = Field(description="name in the question")
     label: str = Field(description="in words")
     zones: list[str] = Field(description="zones that share it")
-    property: str = Field(description="cohesion_kpa, friction_deg or density")
-    unit: str = Field(description="kPa, deg or kg/m3")
+    property: str = Field(description="cohesion_kpa, friction_deg, density or water_level")
+    unit: str = Field(description="kPa, deg, kg/m3 or m")
     value: float = Field(description="the answer")
     start: float = Field(description="first guess")
     low: float = Field(description="lower bound")
@@ -202,7 +202,9 @@ class MeasurementAnswer(Part):
     measured: float | None = Field(description="null for a reading without a measurement")
     low: float | None = Field(description="lower end of the stated range")
     high: float | None = Field(description="upper end of the stated range")
-    std: float | None = Field(description="of the survey, with what the model is granted")
+    std: float | None = Field(
+        description="of the survey, with what the model is granted, and the error of the engine gns"
+    )
     predicted: float = Field(description="at the answer")
     predicted_at_start: float = Field(description="before anything moved; nothing is subtracted")
     difference_in_std: float | None = Field(description="(predicted - measured) / std")
@@ -233,13 +235,54 @@ class Noise(Part):
     answer_std: dict[str, float] = Field(description="scatter of the re-solved answers")
 
 
+class EngineAnswer(Part):
+    """The answer to the same question as one engine gives it, for comparison."""
+
+    name: str = Field(description="in words")
+    engine: Literal["mpm", "gns"] = Field(description="what simulated")
+    note: str = Field(description="what it is")
+    spacing_m: float = Field(description="between material points")
+    values: dict[str, float] = Field(description="parameters by name")
+    std: dict[str, float] = Field(description="std_total by name; empty: not the engine's answer")
+    predicted: dict[str, float] = Field(description="measured quantities by name")
+    loss: float | None = Field(description="at `values`; null: the run failed")
+
+
+class SurrogatePair(Part):
+    """One state at which both engines ran."""
+
+    values: dict[str, float] = Field(description="parameters by name")
+    surrogate: dict[str, float] = Field(description="learned simulator, uncorrected, by name")
+    mpm: dict[str, float] = Field(description="material point method, by name")
+
+
+class Surrogate(Part):
+    """What the learned simulator's error is, and what was done about it."""
+
+    model: str = Field(description="name of the model's folder")
+    model_sha256: str = Field(description="of its weights")
+    outside: list[str] = Field(description="what of the section its training had not")
+    pairs: list[SurrogatePair] = Field(description="the answer's first")
+    mean_difference: dict[str, float] = Field(
+        description="material point method minus learned simulator, added to every prediction"
+    )
+    std: dict[str, float] = Field(
+        description="root of the diagonal of 1.2 cov + 0.1 diag of the differences, which is in "
+        "the covariance of the fit"
+    )
+    answer_std: dict[str, float] = Field(
+        description="parameter -> its standard deviation from that covariance"
+    )
+    runs_mpm: int = Field(description="runs of the material point method, cached ones included")
+
+
 class Result(Part):
     """The whole of `result.json`."""
 
     case: str = Field(description="name of the folder")
     title: str = Field(description="name in words")
     measurement_set: str = Field(description="the set that was fitted")
-    engine: str = Field(description="mpm, or the name of a learned simulator")
+    engine: str = Field(description="mpm, or gns: a learned simulator")
     spacing_m: float = Field(description="between material points")
     manifest: dict[str, Any] = Field(description="settings, versions, seeds, machine, time")
     question: Question = Field(description="as asked")
@@ -251,6 +294,12 @@ class Result(Part):
     measurements: list[MeasurementAnswer] = Field(description="measured against predicted")
     noise: Noise | None = Field(description="on jittered points; null: not measured")
     classical: list[dict[str, Any]] = Field(description="as the classical methods write them")
+    engines: list[EngineAnswer] = Field(
+        default_factory=list, description="the engines side by side; empty: one alone has answered"
+    )
+    surrogate: Surrogate | None = Field(
+        None, description="of the engine gns; null: the material point method answered"
+    )
     remarks: list[str] = Field(description="what could not be had, and why")
     published: dict[str, dict[str, Any]] = Field(description="strengths found by others, kPa")
     timings: dict[str, float] = Field(description="wall time by stage, s")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pipeline.config import SimulationSettings
 
 # What zipfile and numpy raise on a file that is cut short or damaged, depending on where.
-_DAMAGE = (
+DAMAGE = (
     OSError, KeyError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
 )  # fmt: skip
 
@@ -231,7 +231,7 @@ def load_kept(path: Path) -> KeptRun | None:
                 if name.startswith(_READ)
             },
         )
-    except _DAMAGE:
+    except DAMAGE:
         return None
 
 

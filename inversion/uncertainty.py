@@ -50,19 +50,27 @@ class Posterior:
         return np.sqrt(np.diag(self.scaled)) < AS_WIDE
 
 
-def posterior(objective: Objective, derivative: np.ndarray, values: np.ndarray) -> Posterior:
+def posterior(
+    objective: Objective,
+    derivative: np.ndarray,
+    values: np.ndarray,
+    errors: np.ndarray | None = None,
+) -> Posterior:
     """Covariance and flat directions at an answer.
 
     Args:
         objective: what was fitted, with which weights, and how well it was surveyed.
         derivative: of all predictions (m, p), per outside unit.
         values: the answer (p,).
+        errors: covariance (k, k) of those errors of the fitted numbers that are to count; None:
+            all that the objective knows of. The weights of the search are the objective's.
     """
     parameters = objective.parameters
+    errors = objective.covariance if errors is None else errors
     weights = objective.whitener
     scaled = weights @ objective.fitted_derivative(derivative, values)
     one = np.eye(scaled.shape[1])
-    varied = scaled.T @ (weights @ objective.covariance @ weights.T) @ scaled + one
+    varied = scaled.T @ (weights @ errors @ weights.T) @ scaled + one
     known = np.linalg.inv(scaled.T @ scaled + one)
     covariance = known @ varied @ known
     covariance = 0.5 * (covariance + covariance.T)

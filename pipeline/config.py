@@ -186,6 +186,21 @@ class SimulationSettings(Settings):
 class InversionSettings(Settings):
     """How strengths are found from measurements. What is sought is in a case's inversion.yaml."""
 
+    engine: Literal["mpm", "gns"] = Field(
+        "mpm",
+        description="what simulates: the material point method, or a learned simulator that is "
+        "differentiated (Diff-GNS)",
+    )
+    model: str = Field(
+        "", description="of the engine gns: a folder with model.pt, or a name in models/"
+    )
+    surrogate_pairs: int = Field(
+        5,
+        ge=3,
+        le=32,
+        description="of the engine gns: states at which the material point method runs beside it, "
+        "for its error",
+    )
     method: Literal["gauss_newton", "lbfgsb"] = Field(
         "gauss_newton", description="bounded Gauss-Newton, or L-BFGS-B as in the paper"
     )
