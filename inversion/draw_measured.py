@@ -48,7 +48,7 @@ class Group:
             return f"{len(self.lines)} points, off by {square**0.5:.1f} {unit} (root mean square)"
         m = self.lines[0]
         predicted = f"{m.predicted:.1f}".replace("-", "\N{MINUS SIGN}")
-        return f"measured {m.measured:g} ± {m.std:g} {m.unit}, predicted {predicted} {m.unit}"
+        return f"measured {m.measured:g} ± {m.std:.3g} {m.unit}, predicted {predicted} {m.unit}"
 
 
 def groups(data: ReportData) -> list[Group]:

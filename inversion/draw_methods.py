@@ -29,7 +29,7 @@ from inversion.draw_style import (
 from inversion.report_data import ReportData
 
 ROW, ABOVE, BELOW, LEFT, RIGHT = 0.27, 0.42, 0.55, 2.1, 0.95
-ENGINES = {"mpm": "MPM"}
+ENGINES = {"mpm": "MPM", "gns": "Diff-GNS"}
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Strength:
         value: the strength; None: the method finds none.
         low: lower end of its range; None: no range.
         high: upper end.
-        kind: ours, variant, classical or others.
+        kind: ours, engine, variant, classical or others.
         wide: a second, wider range (95 %).
         hollow: the value is only recalled.
     """
@@ -74,7 +74,12 @@ def slides(data: ReportData) -> list[Slide]:
             for analysis in data.result.classical
             if analysis.get("side") == side or len(set(sides.values())) == 1
         ]
-        rows = [*_ours(data, names), *_classical(classical), *_published(data, names)]
+        rows = [
+            *_ours(data, names),
+            *_engines(data, names),
+            *_classical(classical),
+            *_published(data, names),
+        ]
         found.append(Slide(_title(data, side), rows))
     return found
 
@@ -119,6 +124,23 @@ def _ours(data: ReportData, names: list[str]) -> Iterator[Strength]:
                 fitted = "" if variant.reached else " (not fitted)"
                 label = f"{variant.name}{zones}{fitted}"
                 yield Strength(label, variant.values[p.name], None, None, "variant")
+
+
+def _engines(data: ReportData, names: list[str]) -> Iterator[Strength]:
+    """What other engines, or this one without correction, have found to the same question."""
+    own = {p.name: p.value for p in data.strengths}
+    for row in data.result.engines:
+        is_answer = row.engine == "gns" or bool(row.std)  # not the judge at another's answer
+        if not is_answer or (row.engine == data.result.engine and row.std):
+            continue
+        for p in data.strengths:
+            if p.name not in names or p.name not in own:
+                continue
+            zones = f", zone {', '.join(p.zones)}" if len(names) > 1 else ""
+            value, std = row.values[p.name], row.std.get(p.name)
+            low, high = (None, None) if std is None else (max(value - std, 0.0), value + std)
+            label = f"{ENGINES[row.engine]}, {row.note}{zones}"
+            yield Strength(label, value, low, high, "engine", hollow=std is None)
 
 
 def _classical(analyses: Sequence[dict[str, Any]]) -> Iterator[Strength]:
@@ -222,4 +244,4 @@ def _told(row: Strength) -> str:
 
 
 def _colour(kind: str) -> str:
-    return {"ours": OURS, "variant": OURS, "classical": CLASSICAL}.get(kind, OTHERS)
+    return {"ours": OURS, "engine": OURS, "variant": OURS, "classical": CLASSICAL}.get(kind, OTHERS)

@@ -67,7 +67,11 @@ def sections(data: ReportData, film: Path | None) -> list[Section]:
 def _answer(data: ReportData) -> Section:
     return Section(
         "Answer",
-        [*map(Paragraph, words.meaning_sentences(data)), tables.answer_table(data)],
+        [
+            *map(Paragraph, words.meaning_sentences(data)),
+            tables.answer_table(data),
+            *map(Paragraph, words.surrogate_sentences(data)),
+        ],
     )
 
 
@@ -115,6 +119,7 @@ def _methods(data: ReportData) -> Section:
         [
             Paragraph(see),
             picture,
+            *_given(tables.engine_table(data)),
             *notes,
             *_folded("The same in numbers", tables.method_tables(data)),
         ],

@@ -13,8 +13,9 @@ from inversion.report_words import MINUS, number_with_unit, signed, unit, value
 from inversion.result import MeasurementAnswer, ParameterAnswer
 from pipeline.page import Table
 
-KINDS = {"ours": "this analysis", "variant": "this analysis, another reading",
-         "classical": "classical", "others": "published elsewhere"}  # fmt: skip
+KINDS = {"ours": "this analysis", "engine": "the same question",
+         "variant": "this analysis, another reading", "classical": "classical",
+         "others": "published elsewhere"}  # fmt: skip
 
 SEARCHES = {"gauss_newton": "Gauss-Newton", "lbfgsb": "L-BFGS-B"}
 
@@ -61,6 +62,37 @@ def method_tables(data: ReportData) -> list[Table]:
         )
         for panel in slides(data)
     ]
+
+
+def engine_table(data: ReportData) -> Table | None:
+    """The engines side by side, and under them the classical methods; None: one engine alone."""
+    result = data.result
+    if not result.engines:
+        return None
+    parameters = result.answer.parameters
+    fitted = [m for m in result.measurements if m.role == "fitted"][:6]
+    rows: list[list[str | None]] = []
+    for row in result.engines:
+        values = [
+            f"{row.values[p.name]:.1f}" + (f" ± {row.std[p.name]:.1f}" if row.std else "")
+            for p in parameters
+        ]
+        told = [_one(row.predicted.get(m.name)) for m in fitted]
+        loss = "failed" if row.loss is None else f"{row.loss:.2g}"
+        rows.append([f"{row.name}, {row.note}", *values, *told, loss, f"{row.spacing_m:g} m"])
+    for analysis in result.classical:
+        # A classical method knows one strength: that of the slide to its side.
+        own = [p for p in data.strengths if data.side(p) == analysis.get("side")]
+        own = own or data.strengths
+        for method in analysis.get("methods", []):
+            value = method["value_kpa"]
+            values = [None if p not in own or value is None else _one(value) for p in parameters]
+            name = f"{method['title']}, {analysis['name']}"
+            rows.append([name, *values, *[None] * len(fitted), None, None])
+    header = ["engine", *(f"{p.label} ({unit(p)})" for p in parameters),
+              *(f"{m.name}: measured {_one(m.measured)} {m.unit}" for m in fitted), "loss",
+              "points every"]  # fmt: skip
+    return Table(header, rows)
 
 
 def classical_notes(data: ReportData) -> list[str]:

@@ -26,7 +26,7 @@ ALONE = 0.98
 
 MINUS = "\N{MINUS SIGN}"
 
-ENGINE_WORDS = {"mpm": "the material point method"}
+ENGINE_WORDS = {"mpm": "the material point method", "gns": "a learned simulator (Diff-GNS)"}
 SYMBOL = {"kPa": "kPa", "deg": "°", "kg/m3": "kg/m³"}
 
 
@@ -91,6 +91,36 @@ def water_words(data: ReportData) -> str:
     if not data.with_water:
         return ", without water"
     return f", with the reservoir ({data.run.settings.water.replace('_', ' ')})"
+
+
+def surrogate_sentences(data: ReportData) -> list[str]:
+    """What the learned simulator is, how far it is from the material point method, what was done.
+
+    Empty for the material point method.
+    """
+    found = data.result.surrogate
+    if found is None:
+        return []
+    fitted = [m for m in data.result.measurements if m.role == "fitted"][:6]
+    told = [
+        f"{m.name} {signed(found.mean_difference[m.name], 2)} ± {found.std[m.name]:.2f} {m.unit}"
+        for m in fitted
+        if m.name in found.mean_difference
+    ]
+    added = [
+        f"{p.label} ± {number_with_unit(p, f'{found.answer_std[p.name]:.2g}')}"
+        for p in data.strengths or data.result.answer.parameters
+    ]
+    said = [
+        f"Simulated by the learned simulator {found.model}, differentiated through the whole "
+        f"rollout. At {len(found.pairs)} states around the answer the material point method ran "
+        f"beside it; it differs by {'; '.join(told)}. The mean is added to every prediction, and "
+        f"the scatter is in the covariance of the fit: it adds {'; '.join(added)}.",
+        "The section and the film show the material point method at this answer; the iterations "
+        "show the learned simulator.",
+    ]
+    said += [f"Outside the training of {found.model}: {line}." for line in found.outside]
+    return said
 
 
 def meaning_sentences(data: ReportData) -> list[str]:
@@ -163,7 +193,7 @@ def _judge(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Judge
     m, value = lines[worst]
     beyond = int((np.abs(off) > FAR).sum())
     words = (
-        f"{name} measured {m.measured:g} ± {m.std:g} {m.unit}, predicted {plain(value)} {m.unit}"
+        f"{name} measured {m.measured:g} ± {m.std:.3g} {m.unit}, predicted {plain(value)} {m.unit}"
     )
     if len(lines) > 1:
         square = np.sqrt(np.mean([(value - m.measured) ** 2 for m, value in lines]))
@@ -220,10 +250,17 @@ def variant_sentences(data: ReportData) -> list[str]:
 
 
 def toe_words(data: ReportData) -> list[str]:
-    """Where each toe stands after the simulated slide, and where it was measured."""
-    known = {m.name: m for m in data.result.measurements}
+    """Where each toe stands after the slide that is drawn, and where it was measured.
+
+    The slide is one of the material point method, whichever engine has found the strengths.
+    """
+    known = {m.name: m.predicted for m in data.result.measurements}
+    if data.result.surrogate is not None:
+        answer = {p.name: p.value for p in data.result.answer.parameters}
+        judges = [row for row in data.result.engines if row.engine == "mpm"]
+        known = next(row.predicted for row in judges if row.values == answer)
     return [
-        f"the {toe.name} moves {plain(known[toe.name].predicted)} m; {toe.value_m:g} m was measured"
+        f"the {toe.name} moves {plain(known[toe.name])} m; {toe.value_m:g} m was measured"
         for toe in data.toes
         if toe.name in known
     ]

@@ -5,6 +5,9 @@ from __future__ import annotations
 from inversion.result import ParameterAnswer, Result
 from pipeline.table import aligned
 
+#: What simulated, in the first line.
+ENGINE_NAMES = {"mpm": "mpm", "gns": "gns (Diff-GNS)"}
+
 
 def summary(result: Result) -> str:
     """The whole answer in a few small tables."""
@@ -12,6 +15,7 @@ def summary(result: Result) -> str:
         _heading(result),
         _answer_table(result),
         _measured_table(result),
+        _engines_table(result),
         _changes_table(result),
         _others_table(result),
         _undetermined(result),
@@ -26,8 +30,8 @@ def _heading(result: Result) -> str:
     unit = " m2" if answer.loss_unit == "m2" else ""
     iterations = max(line.iteration for line in result.iterations)
     return (
-        f"{result.title}: back-analysis by {result.engine} at {result.spacing_m:g} m, measurements "
-        f"{result.measurement_set!r}\n"
+        f"{result.title}: back-analysis by {ENGINE_NAMES[result.engine]} at "
+        f"{result.spacing_m:g} m, measurements {result.measurement_set!r}\n"
         f"{end}{answer.words}; loss {answer.loss:.3g}{unit} after {iterations} iterations and "
         f"{result.runs_to_answer} simulations ({result.runs} in all, "
         f"{result.timings.get('in all', 0):.0f} s)"
@@ -113,6 +117,25 @@ def _changes_table(result: Result) -> str:
         begun = ", ".join(f"{value:.3g}" for value in start.start.values())
         rows.append([f"started at {begun}", *values, "", "" if start.reached else "not fitted"])
     return "" if len(rows) == 1 else aligned(rows, left={0, len(names) + 1, len(names) + 2})
+
+
+def _engines_table(result: Result) -> str:
+    """The same question by the engines that have answered it."""
+    if not result.engines:
+        return ""
+    parameters = result.answer.parameters
+    fitted = [m for m in result.measurements if m.role == "fitted"][:4]
+    rows = [["engines side by side", "", *(f"{p.name}, {p.unit}" for p in parameters),
+             *(f"{m.name} ({m.measured:.1f} {m.unit})" for m in fitted), "loss"]]  # fmt: skip
+    for row in result.engines:
+        values = [
+            f"{row.values[p.name]:.1f}" + (f" +- {row.std[p.name]:.1f}" if row.std else "")
+            for p in parameters
+        ]
+        told = [f"{row.predicted[m.name]:.1f}" if m.name in row.predicted else "" for m in fitted]
+        loss = "failed" if row.loss is None else f"{row.loss:.2g}"
+        rows.append([row.name, row.note, *values, *told, loss])
+    return aligned(rows, left={0, 1})
 
 
 def _others_table(result: Result) -> str:

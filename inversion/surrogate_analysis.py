@@ -221,12 +221,13 @@ class SurrogateAnalysis(BackAnalysis):
 
     def _search_on(self) -> None:
         """Search from the present answer; the looks follow those before."""
-        before = self.found
+        before, method = self.found, self.case.config.inversion.method
         found = self._fit(before.values)
         last = before.looks[-1]
         looks = [
             replace(
                 look,
+                kind=method if look.kind == "start" else look.kind,
                 iteration=look.iteration + last.iteration + 1,
                 runs=look.runs + before.runs,
                 seconds=look.seconds + last.seconds,
