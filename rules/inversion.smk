@@ -1,5 +1,6 @@
-# Back-analysis: measured runout -> strength, by the material point method and the classical methods. One
-# target for each folder of case_histories/ that has a question (inversion.yaml).
+# Back-analysis: measured runout -> strength, by the material point method, the classical methods and, where
+# there is a model, the learned simulator. One target for each folder of case_histories/ that has a
+# question (inversion.yaml).
 
 
 def has_profile(case):
@@ -83,8 +84,79 @@ rule invert_case:
     message:
         "Back-analysis of the case history {wildcards.case}"
     shell:
-        "python -m inversion invert {params.case} --out {params.folder} --config {params.config}"
-        " --threads {threads} > {output.summary} 2> {log}"
+        "python -m inversion invert {params.case} --engine mpm --out {params.folder}"
+        " --config {params.config} --threads {threads} > {output.summary} 2> {log}"
+
+
+def model_at_hand():
+    """Folder of the model that also answers: inversion.model, else the one that ships; None: none."""
+    models = Path(workflow.basedir) / "models"
+    text = SETTINGS.inversion.model or "coarse"
+    for folder in (Path(text), models / text):
+        if (folder / "model.pt").is_file():
+            return folder
+    if SETTINGS.inversion.model:
+        raise WorkflowError(
+            f"configuration: inversion.model: {text}: no folder with model.pt of that name, nor in models/"
+        )
+    return None
+
+
+MODEL_AT_HAND = model_at_hand()
+
+
+# After the material point method's own answer, so that its page has all of them in one table. The answer
+# alone: what else moves it is asked of the material point method, above.
+rule invert_case_gns:
+    input:
+        case_files,
+        own=f"{RESULTS}/{{case}}/inversion/result.json",
+        model=[] if MODEL_AT_HAND is None else MODEL_AT_HAND / "model.pt",
+    output:
+        result=f"{RESULTS}/{{case}}/inversion_gns/result.json",
+        history=f"{RESULTS}/{{case}}/inversion_gns/history.csv",
+        sections=f"{RESULTS}/{{case}}/inversion_gns/sections.npz",
+        run=f"{RESULTS}/{{case}}/inversion_gns/run.h5",
+        summary=f"{RESULTS}/{{case}}/inversion_gns/summary.txt",
+        page=report(
+            f"{RESULTS}/{{case}}/inversion_gns/report.html",
+            caption="../report/inversion.rst",
+            category="Case histories",
+            labels={"case": "{case}", "what": "back-analysis, Diff-GNS"},
+        ),
+    log:
+        f"{RESULTS}/logs/invert_case_gns_{{case}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/invert_case_gns_{{case}}.tsv"
+    threads: 2
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+        runtime=lambda wildcards, attempt: 120 * attempt,
+    params:
+        config=CONFIG_FILE,
+        folder=lambda wildcards, output: os.path.dirname(output.result),
+        case=lambda wildcards, input: os.path.dirname(input[0]),
+        model=MODEL_AT_HAND,
+        physics=content_hash(
+            {
+                "physics": {**INVERSION_PHYSICS, **GNS_PHYSICS},
+                "settings": [SETTINGS.simulation, SETTINGS.inversion],
+            }
+        ),
+    message:
+        "Back-analysis of the case history {wildcards.case} by a learned simulator"
+    shell:
+        "python -m inversion invert {params.case} --engine gns --model {params.model}"
+        " --out {params.folder} --config {params.config} --threads {threads} --quick"
+        " > {output.summary} 2> {log}"
+
+
+def answered_case(case):
+    """Results of every engine at hand."""
+    found = [inverted_case(case)]
+    if MODEL_AT_HAND is not None:
+        found.append(f"{RESULTS}/{case}/inversion_gns/result.json")
+    return found
 
 
 for target, case in [*CASE_ALIASES.items(), *((case, case) for case in QUESTIONS)]:
@@ -94,6 +166,6 @@ for target, case in [*CASE_ALIASES.items(), *((case, case) for case in QUESTIONS
             name:
                 f"invert_{target}"
             input:
-                inverted_case(case),
+                answered_case(case),
             message:
                 f"The case history {case} is back-analysed: {inverted_case(case)}"

@@ -126,6 +126,23 @@ def test_when_a_model_learns_again(bench):
     assert bench.planned("train_coarse") == {}
 
 
+def test_a_model_at_hand_answers_too(bench):
+    """Dropped into models/, or named; after the other engine, whose answer its page shows."""
+    assert bench.planned("invert_lsfd") == {"classical_case": 1, "invert_case": 1}
+    model = bench.folder / "models" / "coarse" / "model.pt"
+    model.parent.mkdir(parents=True)
+    model.write_text("weights")
+    bench.snakemake("invert_lsfd")
+    found = bench.folder / "results" / "lower_san_fernando"
+    assert (found / "inversion_gns" / "result.json").exists()
+    assert bench.planned("invert_lsfd") == {}
+    model.write_text("other weights")
+    assert bench.planned("invert_lsfd") == {"invert_case_gns": 1}
+    bench.settings["inversion"] = {"model": "no_such_model"}
+    text = bench.snakemake("invert_lsfd", expect=1)
+    assert "inversion.model: no_such_model: no folder with model.pt" in text
+
+
 def test_when_strengths_are_sought_again(bench):
     bench.snakemake("invert_lsfd")
     case = bench.folder / "case_histories" / "lower_san_fernando"
