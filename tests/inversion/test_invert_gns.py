@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import jsonschema
@@ -149,6 +150,29 @@ def test_killed_and_continued_leaves_the_same_bytes(block, solved, tmp_path):
     for name in ("history.csv", "sections.npz"):
         assert (folder / name).read_bytes() == (whole / name).read_bytes(), name
     assert timeless(folder / "result.json") == timeless(whole / "result.json")
+
+
+def test_the_command_asked_again_costs_no_rollout(block, solved, tmp_path, run_module):
+    """In another process, from what this one has kept."""
+    case, model = block
+    folder = tmp_path / "inversion_gns"
+    shutil.copytree(solved[1], folder)
+    (folder / "result.json").unlink()
+    kept = {path: path.stat().st_mtime_ns for path in folder.glob("r*s/*.npz")}
+    line = ["--engine", "gns", "--model", model, "--threads", 1, "--report", "page"]
+    line += [word for setting in QUICK for word in ("--set", setting)]
+    done = run_module("inversion", "invert", case, "--out", folder, *line)
+    assert done.returncode == 0, done.stderr
+    assert {path: path.stat().st_mtime_ns for path in folder.glob("r*s/*.npz")} == kept
+    assert timeless(folder / "result.json") == timeless(solved[1] / "result.json")
+    assert "back-analysis by gns (Diff-GNS)" in done.stdout
+    assert "material point method minus learned simulator: toe" in done.stderr
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "by a learned simulator (Diff-GNS)" in page
+    assert "At 5 states around the answer the material point method ran beside it" in page
+    judged = solved[0].engines[3].predicted["toe"]
+    assert f"the toe moves {judged:.1f} m; 7 m was measured" in page
+    assert page.count("material point method, at that answer") == 2
 
 
 def test_the_engines_stand_side_by_side(solved, tmp_path):

@@ -1,0 +1,119 @@
+"""Every stage of a back-analysis with a surrogate, which here is the real engine made wrong."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import inversion.surrogate_analysis as stages
+from inversion.back_analysis import BackAnalysis
+from inversion.load import load_case
+from inversion.mpm_engine import MPMEngine
+from inversion.rollout_store import RolloutStore
+from inversion.run_store import RunStore
+from inversion.trained_model import Model
+from pipeline.cli import InputError
+from pipeline.config import load_config
+
+TOO_FAR = 3.0
+"""What the surrogate is wrong by [m]."""
+SETTINGS = ["inversion.starts=2", "inversion.noise_seeds=2", "inversion.step_seeds=0"]
+QUESTION = """
+parameters:
+  - {name: residual_strength_1, zones: ["1"], property: cohesion_kpa, start: 30, low: 5, high: 90}
+fit: [upstream toe]
+loss: runout
+spacing_m: 4.5
+variants:
+  - {name: dry, water: none}
+  - {name: pressure, water: pore_pressure}
+sensitivities:
+  - {name: pool level, kind: water_level, std_m: 0.5}
+  - {name: transfer, kind: transfer, scheme: flip}
+"""
+
+
+class TooFar(MPMEngine):
+    """Stands in for the learned simulator: every toe too far, stress before failure unknown."""
+
+    def __init__(self, setup, store, model, *, on_frame=None) -> None:
+        if setup.settings.water == "pore_pressure":
+            raise InputError("simulation.water: pore_pressure; allowed is buoyant")
+        super().__init__(setup, RUNS)
+
+    def outside(self, values) -> list[str]:
+        return ["cohesion / (rho g d): 0.9 is outside the training's range, 0.1 to 0.8"]
+
+    def predict_each(self, requests):
+        return [
+            replace(
+                found,
+                values=found.values + TOO_FAR,
+                sigma_v0_kpa=np.full(1, np.nan),
+                sigma_v0_std_kpa=np.full(1, np.nan),
+            )
+            for found in super().predict_each(requests)
+        ]
+
+
+RUNS = RunStore(None, threads=1)
+
+
+@pytest.fixture(scope="module")
+def both(root, tmp_path_factory):
+    """The results of the surrogate, corrected, and of the real engine."""
+    case = tmp_path_factory.mktemp("case") / "small_dam"
+    shutil.copytree(root / "case_histories" / "lower_san_fernando", case)
+    (case / "inversion.yaml").write_text(QUESTION)
+    loaded = load_case(case, load_config(None, SETTINGS))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stages, "GNSEngine", TooFar)
+        analysis = stages.SurrogateAnalysis(
+            loaded, RUNS, lambda line: None,
+            model=Model(None, "too_far", "0" * 64), rollouts=RolloutStore(None),
+        )  # fmt: skip
+        result = analysis.run()
+    return result, BackAnalysis(loaded, RUNS, lambda line: None).run()
+
+
+def test_a_surrogate_that_is_wrong_by_a_constant_gives_the_answer_of_the_real_engine(both):
+    result, real = both
+    (ours,), (own,) = result.answer.parameters, real.answer.parameters
+    assert result.surrogate.mean_difference["upstream toe"] == pytest.approx(-TOO_FAR)
+    assert result.surrogate.std["upstream toe"] == pytest.approx(0.0, abs=1e-6)
+    assert ours.value == pytest.approx(own.value, rel=0.02)
+    assert ours.std_data == pytest.approx(own.std_data, rel=0.2)
+    assert ours.sigma_v0_kpa == own.sigma_v0_kpa
+    alone, judged, corrected, _ = result.engines
+    assert judged.predicted["upstream toe"] == pytest.approx(
+        alone.predicted["upstream toe"] - TOO_FAR
+    )
+    assert alone.values["residual_strength_1"] > 1.02 * corrected.values["residual_strength_1"]
+
+
+def test_other_starts_seeds_variants_and_sensitivities_are_corrected_alike(both):
+    result, real = both
+    assert len(result.starts) == 2
+    assert result.starts[1].answer["residual_strength_1"] == pytest.approx(
+        result.answer.parameters[0].value, rel=0.05
+    )
+    (dry,) = result.variants
+    assert dry.name == "dry" and dry.reached
+    assert dry.values["residual_strength_1"] == pytest.approx(
+        real.variants[0].values["residual_strength_1"], rel=0.05
+    )
+    assert result.noise.seeds == [1, 2]
+    (pool,) = result.sensitivities
+    assert pool.name == "pool level" and all(side.reached for side in pool.sides)
+    # The ratio's error knows of the sensitivity although the surrogate knows no stress.
+    assert any(side.ratio_change for side in pool.sides)
+
+
+def test_what_could_not_be_had_is_said(both):
+    told = "\n".join(both[0].remarks)
+    assert "pressure: no answer: simulation.water: pore_pressure" in told
+    assert "transfer: left out: a learned simulator has no transfer" in told
+    assert "outside the training of the model too_far: cohesion" in told
