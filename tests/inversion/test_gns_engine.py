@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from gns.rollout import Rest, rollout
 from gns.scene_facts import start_of
@@ -280,3 +281,33 @@ def test_wrong_models_are_one_line(tmp_path):
     torch.save(document, path)
     with pytest.raises(InputError, match="is not a model of this program"):
         load_model(tmp_path)
+
+
+def test_a_card_must_belong_to_the_weights(tmp_path):
+    simulator(torch.float32).save(tmp_path / "model.pt")
+    card = {
+        "name": "small", "network": {}, "parameters": 1, "ranges": {}, "contacts": [],
+        "training": {"step": 1, "settings": {}, "data_hash": "", "data_scale": "", "runs": 1,
+                     "spacing_m": 1.0, "validation": {}},
+        "accuracy": {"split": "test", "runs": 1, "runs_that_travel_far": 0, "by_template": {},
+                     "far": {}, "one_step_error_spacings": None,
+                     "constant_velocity_error_spacings": None, "baselines": {}, "worst": [],
+                     "seconds_a_run": 1.0, "mpm_seconds_a_run": None},
+        "known_failures": [], "weights_sha256": load_model(tmp_path).sha256, "manifest": {},
+    }  # fmt: skip
+    path = tmp_path / "card.yaml"
+    path.write_text(yaml.safe_dump(card))
+    assert load_model(tmp_path).sha256 == card["weights_sha256"]
+    path.write_text(yaml.safe_dump({**card, "weights_sha256": "0" * 64}))
+    with pytest.raises(InputError, match=r"card.yaml: weights_sha256: is not that of model.pt"):
+        load_model(tmp_path)
+
+
+def test_single_precision_is_good_enough(smooth):
+    """A shipped model is in single precision: its derivative to a thousandth, positions to mm."""
+    prediction, derivative, _ = engine(of=model(torch.float32)).derivative(VALUES, STEPS)
+    exact = smooth[0].predict([VALUES])[0]
+    assert prediction.positions.dtype == np.float32
+    assert np.allclose(prediction.positions, exact.positions, atol=1e-3)
+    largest = np.abs(smooth[1]).max(axis=0)
+    assert np.allclose(derivative / largest, smooth[1] / largest, atol=1e-3)
