@@ -193,7 +193,7 @@ def _more(arguments: argparse.Namespace, config: Config) -> int:
 def _score(arguments: argparse.Namespace, config: Config) -> int:
     from diagnosis.blind.asked import ASKED
     from diagnosis.blind.benchmark import Places, load_benchmark
-    from diagnosis.blind.opened import judged, load_rows, open_truths, save_rows
+    from diagnosis.blind.opened import judged, load_rows, open_truths, save_rows, shared
     from diagnosis.blind.page import (
         SCORE,
         SPARSE,
@@ -231,5 +231,7 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         page = Path(arguments.page)
         pictures = page.parent / "images" / page.stem
         draw_all(pictures, method, by_variant[METHOD])
-        write_page(page, SCORE, generated(scores, by_variant[METHOD], f"images/{page.stem}"))
+        ablations = {name: score(cases) for name, cases in shared(by_variant).items() if cases}
+        text = generated(method, ablations, by_variant[METHOD], f"images/{page.stem}")
+        write_page(page, SCORE, text)
     return 0

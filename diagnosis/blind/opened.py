@@ -14,7 +14,7 @@ from diagnosis.blind.benchmark import Benchmark, Places
 from diagnosis.blind.curves import recovered
 from diagnosis.blind.digest import Digest, load_digest
 from diagnosis.blind.make import sealed_cases
-from diagnosis.blind.run import METHOD
+from diagnosis.blind.run import METHOD, VARIANTS
 from diagnosis.blind.score import Judged
 from diagnosis.blind.seal import is_sealed
 from pipeline.cli import InputError
@@ -77,6 +77,18 @@ def judged(rows: Sequence[Row], benchmark: Benchmark, variant: str) -> list[Judg
             digest = validate_settings(Digest, row["verdicts"][variant], origin="record")
             found.append(Judged(row["truth"], digest, _curve(row["truth"], digest, benchmark)))
     return found
+
+
+def shared(by_variant: Mapping[str, Sequence[Judged]]) -> dict[str, list[Judged]]:
+    """The method and its ablations, each on the cases that all of them have judged."""
+    chosen = [name for name in VARIANTS if by_variant.get(name)]
+    if chosen == [METHOD]:
+        return {}
+    named = [{one.truth["name"] for one in by_variant[name]} for name in chosen]
+    common = set.intersection(*named)
+    return {
+        name: [one for one in by_variant[name] if one.truth["name"] in common] for name in chosen
+    }
 
 
 def _curve(truth: Mapping[str, Any], digest: Digest, benchmark: Benchmark) -> bool | None:

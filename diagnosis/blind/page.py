@@ -40,15 +40,17 @@ def write_page(page: Path, part: str, text: str) -> None:
     write_text(page, f"{whole[: begin + len(markers[0])]}\n{text}{whole[end:]}")
 
 
-def generated(scores: Mapping[str, Score], judged: Sequence[Judged], pictures: str) -> str:
+def generated(
+    method: Score, ablations: Mapping[str, Score], judged: Sequence[Judged], pictures: str
+) -> str:
     """All of it.
 
     Args:
-        scores: variant -> its score; the method is among them.
+        method: score of the method.
+        ablations: variant -> its score, the method among them, all on the same cases; may be empty.
         judged: cases as the method judged them.
         pictures: folder of the pictures, as the page sees it.
     """
-    method = scores[METHOD]
     counts = method.counts
     parts = [
         f"{sum(counts.values())} cases: {counts['single']} with one effect, {counts['null']} with "
@@ -61,7 +63,7 @@ def generated(scores: Mapping[str, Score], judged: Sequence[Judged], pictures: s
         f"![What was hidden and what was said]({pictures}/confusion.png)",
         "### By effect", _effects(judged),
         f"![Error of S_r before and after]({pictures}/strength.png)",
-        "### Ablations", _ablations(scores),
+        "### Ablations", _ablations(ablations),
         "### Every miss", _misses(judged),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
@@ -152,6 +154,9 @@ def _of(cases: Sequence[Judged]) -> str:
 
 
 def _ablations(scores: Mapping[str, Score]) -> str:
+    if not scores:
+        return "None was run."
+    n = sum(next(iter(scores.values())).counts.values())
     chosen = ("false_attribution", "false_alarm", "precision", "named_25", "set_of_three_25",
               "set_holds_truth", "pair_exact", "explained_away")  # fmt: skip
     words = {one.name: one.words for one in ASKED}
@@ -159,7 +164,7 @@ def _ablations(scores: Mapping[str, Score]) -> str:
         (VARIANT_WORDS.get(variant, variant), *(found.shares[name].words for name in chosen))
         for variant, found in scores.items()
     ]
-    return table(("", *(words[name] for name in chosen)), rows)
+    return f"All on the same {n} cases.\n\n" + table(("", *(words[name] for name in chosen)), rows)
 
 
 def _misses(judged: Sequence[Judged]) -> str:

@@ -5,6 +5,7 @@ import pytest
 from diagnosis.blind.asked import ASKED, MISSED, Asked
 from diagnosis.blind.draw import draw_all
 from diagnosis.blind.intervals import Share
+from diagnosis.blind.opened import shared
 from diagnosis.blind.page import SCORE, generated, generated_sparse, write_page
 from diagnosis.blind.run import METHOD, RANDOM, SUGGESTED, VARIANTS
 from diagnosis.blind.score import Judged, score
@@ -48,7 +49,7 @@ def test_met_and_missed():
 
 def test_a_page_tells_everything(method):
     scores = {name: score(method) for name in VARIANTS}
-    text = generated(scores, method, "images/x")
+    text = generated(scores[METHOD], scores, method, "images/x")
     found = score(method)
     for one in ASKED:
         assert f"| {one.words} | {found.shares[one.name].words} |" in text, one.name
@@ -63,8 +64,19 @@ def test_a_page_tells_everything(method):
     assert quiet and not any(f"| {name} |" in text for name in quiet)
 
 
+def test_ablations_are_compared_on_the_same_cases(method):
+    by_variant = {METHOD: method, "no_projection": method[5:30], "tangent_only": method[:20]}
+    found = shared(by_variant)
+    assert list(found) == [METHOD, "no_projection", "tangent_only"]
+    names = [one.truth["name"] for one in method[5:20]]
+    assert all([one.truth["name"] for one in cases] == names for cases in found.values())
+    scores = {name: score(cases) for name, cases in found.items()}
+    assert "All on the same 15 cases." in generated(score(method), scores, method, "x")
+    assert shared({METHOD: method, "no_projection": []}) == {}
+
+
 def test_effects_are_told_by_bins(method):
-    text = generated({METHOD: score(method)}, method, "x")
+    text = generated(score(method), {}, method, "x")
     own = [one for one in method if one.truth["kind"] == "single" and one.hidden == {"effect_3"}]
     cells = []
     for number in range(4):
