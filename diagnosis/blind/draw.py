@@ -100,7 +100,7 @@ def confusion(path: Path, judged: Sequence[Judged]) -> Path:
     matrix = np.array([[counts[row, column] for column in columns] for row in rows], dtype=float)
     figure = new_figure(2.0 + 0.25 * len(rows), WIDTH)
     height = figure.get_size_inches()[1]
-    ax = figure.add_axes((0.26, 0.08 / height, 0.72, (0.25 * len(rows)) / height))
+    ax = figure.add_axes((0.26, 0.08 / height, 0.69, (0.25 * len(rows)) / height))
     shares = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1.0)
     ax.imshow(shares, cmap=ALIKE, vmin=0.0, vmax=1.0, aspect="auto")
     for i, j in np.argwhere(matrix > 0):
