@@ -7,9 +7,8 @@ They are imported one by one and only when the command line is read.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import import_module
 
-from pipeline.cli import base_parser, main_exit
+from pipeline.cli import main_exit, run_command
 
 COMMANDS = (
     "diagnosis.run_command",
@@ -26,16 +25,12 @@ COMMANDS = (
 
 def main(argv: Sequence[str] | None = None) -> int | None:
     """Run one of the commands; the exit code is None or 0 for success."""
-    parser = base_parser(
+    return run_command(
         "python -m diagnosis",
         "Find where a model disagrees with the measurements, and which physical effect it lacks.",
+        COMMANDS,
+        argv,
     )
-    commands = parser.add_subparsers(dest="command", required=True)
-    for name in COMMANDS:
-        module = import_module(name)
-        module.add_parser(commands).set_defaults(handler=module.run)
-    arguments = parser.parse_args(argv)
-    return arguments.handler(arguments)
 
 
 if __name__ == "__main__":

@@ -5,23 +5,14 @@ from __future__ import annotations
 import argparse
 
 from diagnosis.verdict import SCHEMA_FILE, schema_text
-from pipeline.files import write_text
+from pipeline.schemas import add_schema_parser, run_schema
 
 
 def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Add the command."""
-    parser = commands.add_parser("schema", help="print the JSON schema of verdict.json")
-    parser.add_argument(
-        "--write", action="store_true", help=f"write it to {SCHEMA_FILE} instead of printing it"
-    )
-    return parser
+    return add_schema_parser(commands, "verdict.json", SCHEMA_FILE)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print or write it."""
-    if arguments.write:
-        write_text(SCHEMA_FILE, schema_text())
-        print(f"wrote {SCHEMA_FILE}")
-    else:
-        print(schema_text(), end="")
-    return 0
+    return run_schema(arguments, SCHEMA_FILE, schema_text)

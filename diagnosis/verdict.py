@@ -8,7 +8,6 @@ after it was killed.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +16,7 @@ from pydantic import Field
 from inversion.result import Part, Role
 from pipeline.config import validate_settings
 from pipeline.files import read_json, write_json
+from pipeline.schemas import document_schema
 
 FILE_NAME = "verdict.json"
 COMPARE_FILE = "compare.json"
@@ -353,9 +353,4 @@ def save_document(document: Part, path: str | Path) -> Path:
 
 def schema_text() -> str:
     """The JSON schema of a verdict, as the text of `config/verdict.schema.json`."""
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **Verdict.model_json_schema(mode="serialization"),
-        "title": "flowslide diagnosis",
-    }
-    return json.dumps(schema, indent=2) + "\n"
+    return document_schema(Verdict, "flowslide diagnosis")

@@ -7,9 +7,8 @@ All are imported to read the command line, so none imports torch before its `run
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import import_module
 
-from pipeline.cli import base_parser, main_exit
+from pipeline.cli import main_exit, run_command
 
 COMMANDS = (
     "gns.pack_command",
@@ -25,15 +24,12 @@ COMMANDS = (
 
 def main(argv: Sequence[str] | None = None) -> int | None:
     """Run one of the commands; the exit code is None or 0 for success."""
-    parser = base_parser(
-        "python -m gns", "Learn from simulated slides, and simulate by what was learned."
+    return run_command(
+        "python -m gns",
+        "Learn from simulated slides, and simulate by what was learned.",
+        COMMANDS,
+        argv,
     )
-    commands = parser.add_subparsers(dest="command", required=True)
-    for name in COMMANDS:
-        module = import_module(name)
-        module.add_parser(commands).set_defaults(handler=module.run)
-    arguments = parser.parse_args(argv)
-    return arguments.handler(arguments)
 
 
 if __name__ == "__main__":

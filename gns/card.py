@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,9 +18,9 @@ from gns.evaluate import Evaluated
 from gns.score_tables import by_template, quantile, worst
 from pipeline.config import validate_settings
 from pipeline.files import read_yaml, write_text
+from pipeline.schemas import document_schema
 
 CARD_FILE = "card.yaml"
-SCHEMA_FILE = Path("config/card.schema.json")
 FAR = 10.0
 """Travel [spacings] from which on a run counts as one that travels far."""
 
@@ -172,12 +171,7 @@ def read_card(path: str | Path) -> Card:
 
 def schema_text() -> str:
     """The JSON schema of a card, as the text of `config/card.schema.json`."""
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **Card.model_json_schema(mode="serialization"),
-        "title": "flowslide model card",
-    }
-    return json.dumps(schema, indent=2) + "\n"
+    return document_schema(Card, "flowslide model card")
 
 
 def _row(row: Mapping[str, float]) -> dict[str, float | None]:

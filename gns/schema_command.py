@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
-from pipeline.files import write_text
+from pipeline.schemas import add_schema_parser, run_schema
+
+SCHEMA_FILE = Path("config/card.schema.json")
 
 
 def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Add the command."""
-    parser = commands.add_parser("schema", help="print the JSON schema of card.yaml")
-    parser.add_argument(
-        "--write", action="store_true", help="write config/card.schema.json instead of printing it"
-    )
-    return parser
+    return add_schema_parser(commands, "card.yaml", SCHEMA_FILE)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print or write it."""
-    from gns.card import SCHEMA_FILE, schema_text
+    from gns.card import schema_text  # imports torch
 
-    if arguments.write:
-        write_text(SCHEMA_FILE, schema_text())
-        print(f"wrote {SCHEMA_FILE}")
-    else:
-        print(schema_text(), end="")
-    return 0
+    return run_schema(arguments, SCHEMA_FILE, schema_text)

@@ -7,7 +7,6 @@ question is asked again, or when a killed run is continued.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from inversion.question import Question
 from pipeline.config import validate_settings
 from pipeline.files import read_json, write_json
+from pipeline.schemas import document_schema
 
 FILE_NAME = "result.json"
 SCHEMA_FILE = Path("config/result.schema.json")
@@ -327,9 +327,4 @@ def save_result(result: Result, folder: str | Path) -> Path:
 
 def schema_text() -> str:
     """The JSON schema of a result, as the text of `config/result.schema.json`."""
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **Result.model_json_schema(mode="serialization"),
-        "title": "flowslide back-analysis",
-    }
-    return json.dumps(schema, indent=2) + "\n"
+    return document_schema(Result, "flowslide back-analysis")

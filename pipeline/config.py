@@ -8,7 +8,6 @@ names and are converted where a value is used; the paper's values are in `config
 from __future__ import annotations
 
 import difflib
-import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from pipeline.cli import InputError
 from pipeline.files import content_hash, parse_yaml, read_yaml
+from pipeline.schemas import text_of
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -567,12 +567,12 @@ def config_schema() -> dict[str, Any]:
     # fields of a scale. load_config does ask for them where a new scale is named.
     for definition in schema["$defs"].values():
         definition.pop("required", None)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return schema
 
 
 def schema_text() -> str:
     """The schema as the text of its file."""
-    return json.dumps(config_schema(), indent=2) + "\n"
+    return text_of(config_schema())
 
 
 def config_hash(model: BaseModel) -> str:

@@ -13,12 +13,13 @@ import torch
 
 from geometry.scene import save_scene
 from gns.__main__ import main
-from gns.card import SCHEMA_FILE, accuracy, known_failures, read_card, schema_text
+from gns.card import accuracy, known_failures, read_card, schema_text
 from gns.checkpoints import ModelFolder
 from gns.dataset import Windows
 from gns.distributed import Group
 from gns.evaluate import evaluate, one_step_errors, read_mpm_seconds
 from gns.metrics import runout
+from gns.schema_command import SCHEMA_FILE
 from gns.simulator import Simulator
 from gns.train import train
 from pipeline.cli import InputError, WorkFailed
