@@ -6,17 +6,19 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from inversion.back_analysis import BackAnalysis
 from inversion.batch_bar import BatchBar
 from inversion.engines import FOLDERS, Choice, chosen_engine
-from inversion.files import save_all
 from inversion.load import LoadedCase, case_folder, load_case
 from inversion.run_store import RunStore
 from inversion.summary import summary
 from mpm_taichi.effects import add_effects_option, load_given_effects
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
+
+if TYPE_CHECKING:
+    from inversion.back_analysis import BackAnalysis
 
 
 def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
@@ -71,6 +73,8 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Find the answer, write it, print it."""
+    from inversion.files import save_all  # scipy.optimize takes its time
+
     load_given_effects(arguments)
     config = _config(arguments)
     _check_numbers(arguments)
@@ -117,6 +121,8 @@ def _analysis(
 ) -> BackAnalysis:
     """The back-analysis with the engine that was chosen."""
     if choice.name == "mpm":
+        from inversion.back_analysis import BackAnalysis
+
         return BackAnalysis(case, store, say)
     from inversion.gns_engine import prepare  # torch takes its time
     from inversion.rollout_store import RolloutStore

@@ -10,9 +10,7 @@ from inversion.batch_bar import BatchBar
 from inversion.known_strength import KINDS, OPTION, parse_strength, placed
 from inversion.load import case_folder
 from inversion.mpm_engine import MPMEngine
-from inversion.predict import envelope, predict
 from inversion.prediction_case import PredictionCase, load_prediction_case
-from inversion.prediction_document import document_of, summary
 from inversion.run_store import RunStore
 from mpm_taichi.effects import add_effects_option, load_given_effects
 from pipeline.cli import InputError, add_common
@@ -55,6 +53,9 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Predict, write, print."""
+    from inversion.predict import envelope, predict  # scipy.optimize takes its time
+    from inversion.prediction_document import document_of, summary
+
     load_given_effects(arguments)
     _check(arguments)
     config = load_config(arguments.config, arguments.overrides)
