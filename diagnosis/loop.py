@@ -27,13 +27,16 @@ Say = Callable[[str], None]
 NEXT = 3
 
 
-def find(model: Model, options: Options, say: Say = lambda line: None) -> Diagnosed:
+def find(
+    model: Model, options: Options, say: Say = lambda line: None, *, count: int = NEXT
+) -> Diagnosed:
     """Run the loop.
 
     Args:
         model: what is diagnosed.
         options: what may be done otherwise.
         say: told of every stage in a line.
+        count: measurements to suggest at most.
 
     Raises:
         WorkFailed: no run of the base model could be read.
@@ -61,7 +64,7 @@ def find(model: Model, options: Options, say: Say = lambda line: None) -> Diagno
         say("nothing in the list explains it: seeking a strength curve that would")
         found = replace(found, curve=find_curve(explanation.bench, decision.final.model,
                                                 model.curves))  # fmt: skip
-    return replace(found, next_measurement=next_measurements(found, NEXT))
+    return replace(found, next_measurement=next_measurements(found, count))
 
 
 def next_measurements(found: Diagnosed, count: int) -> list[Suggestion]:

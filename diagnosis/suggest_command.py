@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from diagnosis import tables
-from diagnosis.loop import find, next_measurements
+from diagnosis.loop import find
 from diagnosis.session import add_arguments, open_session
 from diagnosis.verdict_document import next_part, sentence
 from pipeline.cli import InputError
@@ -31,10 +31,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.n < 1:
         raise InputError(f"--n {arguments.n}: at least 1")
     session = open_session(arguments)
-    found = find(session.model, session.options, session.say)
+    found = find(session.model, session.options, session.say, count=arguments.n)
     print(sentence(found))
     print()
-    lines = next_part(next_measurements(found, arguments.n))
+    lines = next_part(found.next_measurement)
     print(tables.next_measurements(lines) if lines else "Nothing can be suggested here.")
     print()
     print("gain: expected squared separation, in variances of the measurement and the models")
