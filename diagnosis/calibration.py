@@ -48,7 +48,6 @@ class Base:
         surface: what is known around the anchor; its prediction is the mean of the replicates.
         seeds: replicates behind that mean.
         fit: the answer.
-        starts: where the searches ended, and their sums of squares by the survey's error alone.
     """
 
     runs: Runs
@@ -59,27 +58,25 @@ class Base:
     surface: Surface
     seeds: int
     fit: Fit
-    starts: tuple[tuple[np.ndarray, float], ...]
 
 
-def calibrate(model: Model, options: Options, runs: Runs | None = None) -> Base:
+def calibrate(model: Model, options: Options) -> Base:
     """Fit the base model, find C there, and settle the fit.
 
     Args:
         model: what is diagnosed.
         options: what may be done otherwise.
-        runs: a memory to go on with; None: a new one.
 
     Raises:
         WorkFailed: no run gave a prediction of the fitted numbers.
         InputError: the hold-out does not fit the measurements.
     """
-    runs = Runs(model, options.allowance) if runs is None else runs
+    runs = Runs(model, options.allowance)
     targets = model.targets
     parts = split(targets, options.hold_out)
     space = Space(model.parameters, targets)
     first = _data(targets.measured, targets.covariance, parts)
-    fit, starts = _first_fit(runs, first, space, options)
+    fit = _first_fit(runs, first, space, options)
     base = fit.x
     replicates = _replicates(runs, space, base, options)
     cov = _covariance(runs, targets.covariance, space.state(base), replicates, options)
@@ -99,7 +96,7 @@ def calibrate(model: Model, options: Options, runs: Runs | None = None) -> Base:
             runs, data, surrogate, [base], first=[], turns=3, what="the fit with all errors"
         )
         fit = fit if found is None else found
-    return Base(runs, parts, cov, jitter, data, surface, seeds, fit, starts)
+    return Base(runs, parts, cov, jitter, data, surface, seeds, fit)
 
 
 def _data(measured: np.ndarray, total: np.ndarray, parts: Split) -> Data:
@@ -110,10 +107,8 @@ def _mean(rows: np.ndarray) -> np.ndarray:
     return rows[np.all(np.isfinite(rows), axis=1)].mean(axis=0)
 
 
-def _first_fit(
-    runs: Runs, data: Data, space: Space, options: Options
-) -> tuple[Fit, tuple[tuple[np.ndarray, float], ...]]:
-    """The best of several searches by the survey's error alone, and all of them."""
+def _first_fit(runs: Runs, data: Data, space: Space, options: Options) -> Fit:
+    """The best of several searches by the survey's error alone."""
     guesses = _scan(space)
     rows = runs.predict([space.state(x) for x in guesses])
     totals = [total_of(data, space, row, x) for row, x in zip(rows, guesses, strict=True)]
@@ -144,7 +139,7 @@ def _first_fit(
             break
     if fit is None:
         raise WorkFailed(f"the allowance of {runs.allowance} runs does not cover one fit")
-    return fit, tuple(valleys)
+    return fit
 
 
 def _scan(space: Space) -> list[np.ndarray]:

@@ -8,7 +8,6 @@ is found: so much of a strength may be that effect. It is worth knowing when the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,9 +112,3 @@ def look_alike(names: list[str], matrix: np.ndarray, name: str, least: float) ->
     """Other candidates whose |cosine| with one is at least `least`."""
     row = np.abs(matrix[names.index(name)])
     return [other for other, c in zip(names, row, strict=True) if other != name and c >= least]
-
-
-def worst_hidden(bias: Mapping[str, Mapping[str, float]]) -> tuple[str, str, float] | None:
-    """The parameter, effect and bias [%] that is largest; None where nothing hides."""
-    every = [(p, effect, value) for p, of in bias.items() for effect, value in of.items()]
-    return max(every, key=lambda item: abs(item[2])) if every else None

@@ -65,24 +65,23 @@ def least(
     surrogate: Surrogate,
     start: np.ndarray,
     *,
-    reach: float = REACH,
     held: Sequence[int] = (),
 ) -> tuple[np.ndarray, float]:
     """Where a surrogate's sum of squares is least, and that sum.
+
+    Parameters stay within `REACH` of the anchor; amplitudes have their bounds alone.
 
     Args:
         data: what is fitted.
         surrogate: proposes.
         start: first guess, (q,).
-        reach: half-width of the box around the anchor, in the parameters; amplitudes have their
-            bounds alone.
         held: unknowns that stay where the first guess has them.
     """
     space = surrogate.space
     low, high = space.low.copy(), space.high.copy()
     p = space.p
-    low[:p] = np.maximum(low[:p], surrogate.anchor[:p] - reach)
-    high[:p] = np.minimum(high[:p], surrogate.anchor[:p] + reach)
+    low[:p] = np.maximum(low[:p], surrogate.anchor[:p] - REACH)
+    high[:p] = np.minimum(high[:p], surrogate.anchor[:p] + REACH)
     free = space.free.copy()
     free[list(held)] = False
     x = np.clip(start, low, high)

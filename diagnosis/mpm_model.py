@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.model import CURVE, Candidate, Curve, Proposal, State
-from diagnosis.nuisances import Boundary, SurveyError, boundaries, survey_errors
+from diagnosis.nuisances import boundaries, survey_errors
 from diagnosis.possible import possible_measurements, proposal_of
 from geometry.scene import Scene, scene_from_mapping
 from inversion.history_readings import HistoryReader, history_reader
@@ -268,11 +268,6 @@ class MPMModel:
             if name in self._errors:
                 moved += amplitude * self._errors[name].direction
         return moved
-
-    @cached_property
-    def survey(self) -> dict[str, SurveyError | Boundary]:
-        """Errors of the survey by name."""
-        return {**self._errors, **self._boundaries}
 
 
 def strength_curves(setup: Setup, run: KeptRun, zones: Sequence[str]) -> list[Curve]:

@@ -7,7 +7,7 @@ also the best pairs, since one effect may have stood for two. The best is adopte
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -132,7 +132,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         now = register.current
         if now.adequacy.p_combined >= options.suspect:
             break
-        names = wanted_models(comparison, explanation, now, signatures, options, first=number == 0)
+        names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(register, comparison, explanation, ground, now, names)
         tried = _judge_best(register, explanation, now, tried, options)
@@ -153,7 +153,6 @@ def wanted_models(
     comparison: Comparison,
     explanation: Explanation,
     now: Adopted,
-    signatures: Mapping[str, Signature],
     options: Options,
     *,
     first: bool,
@@ -167,12 +166,12 @@ def wanted_models(
                 chosen.append(name)
     models = [tuple(sorted((*now.model.names, name))) for name in chosen]
     if not first:
-        models += best_pairs(comparison, explanation, options, PAIRS)
+        models += best_pairs(comparison, explanation, PAIRS)
     return models
 
 
 def best_pairs(
-    comparison: Comparison, explanation: Explanation, options: Options, count: int
+    comparison: Comparison, explanation: Explanation, count: int
 ) -> list[tuple[str, ...]]:
     """Pairs of candidates whose signatures together take most off the base model's residual.
 

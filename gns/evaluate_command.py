@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import hashlib
 from pathlib import Path
 
 from gns.shard import SPLITS
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
+from pipeline.files import file_hash
 from pipeline.progress import Progress
 from pipeline.table import aligned
 
@@ -128,7 +128,7 @@ def _card(name, arguments, config, simulator, data, model, found, result):
         ),
         accuracy=result,
         known_failures=known_failures(found),
-        weights_sha256=hashlib.sha256((model / MODEL_FILE).read_bytes()).hexdigest(),
+        weights_sha256=file_hash(model / MODEL_FILE),
         manifest=manifest(config, {"training": int(settings.get("seed", 0))}),
     )
 

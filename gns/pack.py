@@ -22,9 +22,9 @@ from gns.ranges import Range, run_ranges, widest
 from gns.shard import LAYOUT_VERSION, SPLITS, Shard, shard_name, write_shard
 from gns.splits import split_runs
 from gns.statistics import SLOWEST, Moments, merge
-from gns.trajectories import Source, file_hash, list_sources, read_source
+from gns.trajectories import Source, list_sources, read_source
 from pipeline.cli import InputError, WorkFailed
-from pipeline.files import content_hash, make_folder
+from pipeline.files import content_hash, file_hash, make_folder
 
 if TYPE_CHECKING:
     from pipeline.config import PackSettings

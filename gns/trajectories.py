@@ -7,7 +7,6 @@ refused in one line, and so is what is damaged or written by another version.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -146,12 +145,6 @@ def read_source(source: Source) -> PackedRun:
         moments=np.stack([velocity.stored(), acceleration.stored()]),
         scene=run.scene.model_dump_json(),
     )
-
-
-def file_hash(path: str | Path) -> str:
-    """SHA-256 (hex) of a file's bytes."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _sources_of(path: Path) -> Iterable[Source]:

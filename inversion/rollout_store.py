@@ -7,7 +7,6 @@ back-analysis that was killed goes on, and a question asked again costs nothing.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -126,11 +125,6 @@ def entry_keys(targets: Targets, foot: Mapping[str, float]) -> list[str]:
         )
         for entry in targets.entries
     ]
-
-
-def file_hash(path: str | Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _load(path: Path) -> dict[str, np.ndarray] | None:

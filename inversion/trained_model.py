@@ -12,9 +12,9 @@ from pathlib import Path
 from gns.card import CARD_FILE, read_card
 from gns.checkpoints import MODEL_FILE
 from gns.simulator import Simulator
-from inversion.rollout_store import file_hash
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
+from pipeline.files import file_hash
 
 
 @dataclass(frozen=True)

@@ -115,6 +115,12 @@ def parse_yaml(text: str, *, name: str) -> Any:
         raise InputError(f"{name}: not valid YAML: {error}") from None
 
 
+def file_hash(path: str | os.PathLike[str]) -> str:
+    """SHA-256 (hex) of a file's bytes."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def content_hash(value: Any) -> str:
     """16 hexadecimal digits of the SHA-256 of `value` as canonical JSON."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, default=_plain)

@@ -98,9 +98,9 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
 )
 def test_every_option_has_an_effect(option, value):
     """Each judgement call changes a method's answer (solved without the other alternatives)."""
-    from inversion.__main__ import base_parser
     from inversion.classical.analysis import SOLVERS, Workbench
     from inversion.classical.command import _judgements, add_parser
+    from pipeline.cli import base_parser
 
     parser = base_parser("test", "")
     add_parser(parser.add_subparsers())
