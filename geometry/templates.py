@@ -45,7 +45,7 @@ POOL_SHARE = (0.2, 0.9)
 SEEPAGE_SHARE = 0.5
 
 # Streams of one scene; each has its own numbers, so that no choice shifts another.
-_TEMPLATE, _MATERIALS, _WATER, _JITTER, _OUTLINES = range(5)
+_TEMPLATE, _MATERIALS, _WATER, _JITTER, _OUTLINES, _SIZE = range(6)
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,7 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     if index < 0:
         raise InputError(f"index {index}: scenes are numbered from 0")
     key = (settings.seed, number_of(scale), index)
+    size = _size_of(Stream(*key, _SIZE), size)
     shares = settings.template_shares.model_dump()
     letter = list(shares)[Stream(*key, _TEMPLATE).pick(list(shares.values()))]
     reasons: list[str] = []
@@ -91,12 +92,22 @@ def rejections(config: Config, scale: str, index: int) -> list[str]:
     settings, size = config.geometry, config.scale(scale)
     scene = draw_scene(config, scale, index)
     key = (settings.seed, number_of(scale), index)
+    size = _size_of(Stream(*key, _SIZE), size)
     found = []
     for attempt in range(scene.origin.draws - 1):
         stream = Stream(*key, _OUTLINES, attempt)
         drawn = _draw_outlines(stream, scene.origin.template, settings, size)
         found.append(drawn.reason)
     return found
+
+
+def _size_of(stream: Stream, size: ScaleSettings) -> ScaleSettings:
+    """The size of one scene: that of its scale, or enlarged, domain and all."""
+    large, by = stream.unit() < size.enlarged_share, stream.uniform(1.0, size.enlarged_by)
+    if not large:
+        return size
+    lengths = ("scale_factor", "domain_width_m", "domain_height_m")
+    return size.model_copy(update={name: by * getattr(size, name) for name in lengths})
 
 
 def _draw_outlines(
@@ -189,7 +200,11 @@ def _scene(
     stream = Stream(*key, _MATERIALS)
     materials = {
         _material_name(o): draw_material(
-            stream, o.soil, option=settings.materials, column=size.material_ranges
+            stream,
+            o.soil,
+            option=settings.materials,
+            column=size.material_ranges,
+            spacing=size.spacing_m,
         ).model_dump()
         for o in sketch.outlines
     }

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,22 +60,31 @@ class Windows:
         split: "train", "valid" or "test".
         window: frames of a window, known ones and those to be predicted; 7 predicts one.
         history: known frames among them.
+        stride: take every so many frames of the data as one; windows begin at any of them.
 
     Raises:
         InputError: no such data, another layout, or a window that is not longer than its history.
     """
 
     def __init__(
-        self, folder: str | Path, split: str, window: int = HISTORY + 1, history: int = HISTORY
+        self,
+        folder: str | Path,
+        split: str,
+        window: int = HISTORY + 1,
+        history: int = HISTORY,
+        stride: int = 1,
     ) -> None:
         if split not in SPLITS:
             raise InputError(f"split {split!r}: allowed are {', '.join(SPLITS)}")
         if not 1 <= history < window:
             raise InputError(f"window {window}: longer than its history of {history} frames (>= 1)")
+        if stride < 1:
+            raise InputError(f"stride {stride}: at least 1 is allowed")
         self.folder = Path(folder)
         self.split = split
         self.window = window
         self.history = history
+        self.stride = stride
         self.metadata: Metadata = read_metadata(folder)
         self._shards: list[Shard] = []
         runs: list[tuple[int, int, int, int]] = []
@@ -97,7 +106,7 @@ class Windows:
         """Letter of each run's template; "" for a scene made by hand."""
         self._shard_of = table[:, 1]
         self._row = {int(run): row for row, run in enumerate(self.runs)}
-        ahead = window - history
+        ahead = (window - history) * stride
         self._ends = np.cumsum(np.maximum(self.frames - ahead, 0))
         self._facts: OrderedDict[int, SceneFacts] = OrderedDict()
 
@@ -120,6 +129,10 @@ class Windows:
         start = int(self._ends[row - 1]) if row else 0
         return int(self.runs[row]), place - start
 
+    def first_of(self, place: int) -> int:
+        """Number of the first window, at t = 0, of the run to which window `place` belongs."""
+        return place - self.locate(place)[1]
+
     def at(self, run: int, frame: int) -> Window:
         """The window of a run whose last known frame is `frame`, 0 and up.
 
@@ -127,20 +140,21 @@ class Windows:
             InputError: no such run, or not enough frames behind `frame`.
         """
         row = self._row_of(run)
-        stop = frame + 1 + self.window - self.history
+        stop = frame + 1 + (self.window - self.history) * self.stride
         if not 0 <= frame or stop > self.frames[row]:
             raise InputError(
                 f"{self.folder}: run {run}: a window of {self.window} at frame {frame} needs "
                 f"{stop} frames; there are {self.frames[row]}"
             )
-        first = frame + 1 - self.history
+        first = frame - (self.history - 1) * self.stride
         facts = self.facts(run)
         positions = self._shards[self._shard_of[row]].positions(run, max(first, 0), stop)
         if first < 0:
             start = positions[0]  # frame 0
-            earlier = before(start, facts.initial_velocity, facts.frame_time, -first)
+            frame_time = facts.frame_time / self.stride
+            earlier = before(start, facts.initial_velocity, frame_time, -first)
             positions = np.concatenate([earlier, positions])
-        return Window(run=run, frame=frame, positions=positions, facts=facts)
+        return Window(run=run, frame=frame, positions=positions[:: self.stride], facts=facts)
 
     def facts(self, run: int) -> SceneFacts:
         """What was known of a run's scene before it moved."""
@@ -148,14 +162,24 @@ class Windows:
             self._facts.move_to_end(run)
             return self._facts[run]
         facts = self._shards[self._shard_of[self._row_of(run)]].facts(run)
+        if self.stride > 1:
+            numbers = {**facts.numbers, "frame_time": facts.frame_time * self.stride}
+            facts = replace(facts, numbers=numbers)
         self._facts[run] = facts
         if len(self._facts) > KEPT_FACTS:
             self._facts.popitem(last=False)
         return facts
 
     def positions(self, run: int, first: int = 0, stop: int | None = None) -> np.ndarray:
-        """Frames of a run, all by default, (T, N, 2) float32 [m]."""
-        return self._shards[self._shard_of[self._row_of(run)]].positions(run, first, stop)
+        """Frames of a run, `stride` apart, (T, N, 2) float32 [m].
+
+        Args:
+            run: number of the run.
+            first: frame of the data to begin with.
+            stop: frame of the data before which to end; None: the last is the end.
+        """
+        found = self._shards[self._shard_of[self._row_of(run)]].positions(run, first, stop)
+        return found[:: self.stride]
 
     def scene(self, run: int) -> Scene:
         """The scene of a run."""

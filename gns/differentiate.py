@@ -31,7 +31,7 @@ from torch import Tensor
 from gns.features import edge_features, fading_of
 from gns.graph import Graph
 from gns.simulator import Simulator
-from gns.tangents import Moving, network_with_tangents
+from gns.tangents import Moving, along, network_with_tangents
 from gns.trace import Trace, Until, finite_step, trace
 from gns.units import ScaledScene
 from pipeline.cli import WorkFailed
@@ -298,28 +298,18 @@ def _step_with_tangents(
         return simulator.next_positions(output, positions[-2], positions[-1], scene)
 
     with_fields = [(change, *rest) for change, rest in zip(window.change, directions, strict=True)]
-    of_points = _along(points, (window.value, *fields), with_fields)
-    of_edges = _along(edges, (window.value,), [(change,) for change in window.change])
+    of_points = along(points, (window.value, *fields), with_fields)
+    of_edges = along(edges, (window.value,), [(change,) for change in window.change])
     fading = None
     if simulator.config.cutoff == "smooth":
-        fading = _along(fading_of, (of_edges.value,), [(change,) for change in of_edges.change])
-    output = network_with_tangents(simulator.network, of_points, of_edges, graph, fading)
-    return _along(
+        fading = along(fading_of, (of_edges.value,), [(change,) for change in of_edges.change])
+    places = Moving(window.value[-1], window.change[:, -1])
+    output = network_with_tangents(simulator.network, of_points, of_edges, graph, fading, places)
+    return along(
         moved,
         (output.value, window.value),
         list(zip(output.change, window.change, strict=True)),
     )
-
-
-def _along(
-    function: Callable[..., Tensor], values: tuple[Tensor, ...], changes: list[tuple[Tensor, ...]]
-) -> Moving:
-    """A function's value and its derivatives in several directions."""
-    results = [torch.func.jvp(function, values, change) for change in changes]
-    if not results:
-        value = function(*values)
-        return Moving(value, value.new_zeros(0, *value.shape))
-    return Moving(results[0][0], torch.stack([change for _, change in results]))
 
 
 # -- both -----------------------------------------------------------------------------------------

@@ -2,7 +2,8 @@
 
 A point: its last velocities, normalised; how near ground and walls are, up to the connectivity
 radius; how the ground slopes there; whether it is kinematic; its strength; its body-force factor,
-which carries buoyancy and follows the point into and out of the water. An edge: where the sender is
+which carries buoyancy and follows the point into and out of the water; if wanted, how much soil
+lies above it and how this changes sideways, which drives a slope. An edge: where the sender is
 from the receiver, in radii, and how far. Every feature is differentiable with respect to positions,
 material properties and water level.
 """
@@ -15,6 +16,7 @@ import torch
 from torch import Tensor
 
 from gns.graph import Graph
+from gns.splines import spline_weights
 from gns.units import ScaledScene
 
 StrengthFeature = Literal["log", "linear"]
@@ -23,15 +25,18 @@ EDGE_FEATURES = 3
 STRENGTH_FLOOR = 0.05
 """Cohesion [rho g d] from which on the feature `log` grows with the logarithm: those of interest
 span 0.02 to 7, and a runout goes with the ratio of strengths rather than with their difference."""
+OVERBURDEN_CELL = 2.0
+"""Of the grid on which the overburden is summed [spacings]."""
+OVERBURDEN_FEATURES = 4
 FAR = 2000.0
 """How far the ground goes on level beyond its ends, in spacings."""
 TINY = 1e-12
 """Keeps the slope of a square root finite."""
 
 
-def point_feature_count(history: int) -> int:
+def point_feature_count(history: int, overburden: bool = False) -> int:
     """Number of features of a point for windows of `history` frames."""
-    return 2 * (history - 1) + 8
+    return 2 * (history - 1) + 8 + (OVERBURDEN_FEATURES if overburden else 0)
 
 
 def point_features(
@@ -42,6 +47,7 @@ def point_features(
     velocity_mean: Tensor,
     velocity_std: Tensor,
     strength: StrengthFeature = "log",
+    overburden: bool = False,
 ) -> Tensor:
     """Features of the points.
 
@@ -52,6 +58,7 @@ def point_features(
         velocity_mean: (2,) of moving points [sqrt(g d)].
         velocity_std: (2,) likewise.
         strength: how cohesion is told: c itself, or log(1 + c / STRENGTH_FLOOR).
+        overburden: tell what lies above, too (`overburden_features`).
 
     Returns:
         (N, `point_feature_count`).
@@ -67,6 +74,7 @@ def point_features(
     cohesion = scene.cohesion
     if strength == "log":
         cohesion = torch.log1p(cohesion / STRENGTH_FLOOR)
+    factor = body_force_factor(now, scene)
     others = [
         above,
         closeness * slope,
@@ -75,9 +83,42 @@ def point_features(
         scene.kinematic.to(now.dtype),
         scene.friction,
         cohesion,
-        body_force_factor(now, scene),
+        factor,
     ]
-    return torch.cat([velocities, torch.stack(others, dim=1)], dim=1)
+    features = [velocities, torch.stack(others, dim=1)]
+    if overburden:
+        features.append(overburden_features(now, scene.density, factor))
+    return torch.cat(features, dim=1)
+
+
+def overburden_features(positions: Tensor, density: Tensor, factor: Tensor) -> Tensor:
+    """What lies above a point, from sums over a grid; smooth in the positions.
+
+    With V the weight of the soil above the point (under water: what the water leaves of it) and H
+    that of its whole column, in units of a spacing of the point's own soil: log(1 + V), log(1 + H),
+    and their slopes dV/dx and dH/dx, drawn into -1 to 1.
+
+    Args:
+        positions: (N, 2) [spacings].
+        density: (N,) in any unit.
+        factor: weight under water over weight in air, (N,).
+
+    Returns:
+        (N, OVERBURDEN_FEATURES).
+    """
+    nodes, weights, (columns, rows) = spline_weights(positions / OVERBURDEN_CELL)
+    load = weights * (density * factor)[:, None]
+    field = load.new_zeros(columns * rows).index_add(0, nodes.flatten(), load.flatten())
+    field = field.reshape(rows, columns) / OVERBURDEN_CELL
+    whole = field.sum(0)
+    above = whole - field.cumsum(0) + 0.5 * field
+    levels = torch.stack([above, whole.expand_as(above)])
+    beside = torch.nn.functional.pad(levels, (1, 1))
+    slopes = (beside[..., 2:] - beside[..., :-2]) / (2.0 * OVERBURDEN_CELL)
+    at_nodes = torch.cat([levels, slopes]).flatten(1).t()
+    values = (at_nodes[nodes] * weights[:, :, None]).sum(1) / density[:, None]
+    level, slope = values[:, :2], values[:, 2:]
+    return torch.cat([torch.log1p(level), slope / (1.0 + slope.square()).sqrt()], dim=1)
 
 
 def edge_features(positions: Tensor, graph: Graph, radius: float) -> Tensor:

@@ -13,7 +13,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gns.scene_facts import CONTACTS, NUMBERS, PROPERTIES
 from gns.shard import LAYOUT_VERSION
-from pipeline.cli import InputError
+from gns.statistics import SLOWEST, Moments
+from pipeline.cli import InputError, WorkFailed
 from pipeline.config import describe_error
 from pipeline.files import content_hash, read_json, write_json
 
@@ -72,6 +73,24 @@ class Statistics(Document):
     acceleration_mean: tuple[float, float]
     acceleration_std: tuple[float, float]
     slowest: float  # speed above which a point moves
+
+    @classmethod
+    def of(cls, velocity: Moments, acceleration: Moments) -> Statistics:
+        """From the moments of the runs, merged.
+
+        Raises:
+            WorkFailed: no point moves.
+        """
+        if velocity.count == 0:
+            raise WorkFailed("nothing moves in the training runs: there is nothing to learn from")
+        return cls(
+            count=velocity.count,
+            velocity_mean=tuple(velocity.mean.tolist()),
+            velocity_std=tuple(velocity.std.tolist()),
+            acceleration_mean=tuple(acceleration.mean.tolist()),
+            acceleration_std=tuple(acceleration.std.tolist()),
+            slowest=SLOWEST,
+        )
 
 
 class Metadata(Document):

@@ -11,6 +11,8 @@ shapes: the first layer of a message is one matrix over [edge, sender, receiver]
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -18,6 +20,7 @@ from torch.nn import functional
 from gns.edge_chunks import NORM_EPSILON, EdgeWeights
 from gns.edge_gradient import edge_update, encode_edges
 from gns.graph import Graph
+from gns.grid_level import GridLevel
 
 
 class Perceptron(nn.Module):
@@ -106,6 +109,8 @@ class Network(nn.Module):
         outputs: numbers decoded for each point.
         width: of all latents and hidden layers; 128 in the paper.
         message_passing_steps: 10 in the paper.
+        grid_cell: cell of a coarse grid halfway through them [spacings]; 0: no grid (paper).
+        grid_rounds: of convolutions on it.
 
     Attributes:
         edge_precision: type of the numbers of the work on edges; None: that of the points. With
@@ -120,13 +125,21 @@ class Network(nn.Module):
         outputs: int = 2,
         width: int = 128,
         message_passing_steps: int = 10,
+        grid_cell: float = 0.0,
+        grid_rounds: int = 3,
     ) -> None:
         super().__init__()
         self.edge_precision: torch.dtype | None = None
         self.point_encoder = Perceptron(point_features, width, width)
         self.edge_encoder = Perceptron(edge_features, width, width)
         self.steps = nn.ModuleList(MessagePassing(width) for _ in range(message_passing_steps))
+        self.grid = GridLevel(width, grid_cell, grid_rounds) if grid_cell > 0 else None
         self.decoder = Perceptron(width, width, outputs, norm=False)
+
+    @property
+    def halfway(self) -> int:
+        """Message-passing steps before the grid."""
+        return len(self.steps) // 2
 
     def forward(
         self,
@@ -135,6 +148,7 @@ class Network(nn.Module):
         graph: Graph,
         *,
         fading: Tensor | None = None,
+        places: Sequence[Tensor] = (),
     ) -> Tensor:
         """Outputs of the points.
 
@@ -143,6 +157,7 @@ class Network(nn.Module):
             edge_features: (E, features), in the order of the graph's edges.
             graph: the edges.
             fading: (E, 1) factor of each message, which a smooth cut-off gives; None: all 1.
+            places: positions of the points of each scene [spacings], which the grid needs.
 
         Returns:
             (N, outputs).
@@ -154,6 +169,9 @@ class Network(nn.Module):
             edge_features = edge_features.to(self.edge_precision)
         edges = encode_edges(edge_features, weights, graph)
         for number, step in enumerate(self.steps, start=1):
+            if self.grid is not None and number == self.halfway + 1:
+                scenes = zip(points.split([len(one) for one in places]), places, strict=True)
+                points = torch.cat([self.grid(own, place) for own, place in scenes])
             last = number == len(self.steps)
             points, edges = step(points, edges, graph, fading=fading, last=last)
         return self.decoder(points)

@@ -22,24 +22,58 @@ class Objective(nn.Module):
 
     Args:
         simulator: the model that learns.
+        unroll: steps in a row through which the loss is differentiated.
+        balance: divide the loss of each example by the mean square of its own accelerations, plus
+            this in units of the training's variance; 0: all examples count as they are (paper).
     """
 
-    def __init__(self, simulator: Simulator) -> None:
+    def __init__(self, simulator: Simulator, unroll: int = 1, balance: float = 0.0) -> None:
         super().__init__()
         self.simulator = simulator
+        self.unroll = unroll
+        self.balance = balance
 
     def forward(self, examples: Sequence[Example]) -> Tensor:
-        """Sum over soil points of the squared error, mean of its two components."""
-        windows, targets, soil = [], [], []
-        for example in examples:
-            window = self._pushed(example)
-            after = example.after[example.steps_before] + example.offset
-            windows.append(window)
-            targets.append(self.simulator.target(window[-2], window[-1], after, example.scene))
-            soil.append(~example.scene.kinematic)
-        output = self.simulator(windows, [example.scene for example in examples])
-        errors = (output - torch.cat(targets)).square().mean(dim=1)
-        return (errors * torch.cat(soil)).sum()
+        """Sum over soil points of the squared error, mean of its two components.
+
+        The error of step k of a row is the position's, over what a constant error of the
+        acceleration would have made of it by then, k (k + 1) / 2 times that of the first step: so a
+        drift counts alike in all of them, and the first alone is the loss of a single step.
+        """
+        windows = [self._pushed(example) for example in examples]
+        scenes = [example.scene for example in examples]
+        soil = torch.cat([~scene.kinematic for scene in scenes])
+        weights = torch.cat([self._weight(example) for example in examples]) * soil
+        total = 0.0
+        for step in range(1, self.unroll + 1):
+            output = self.simulator(windows, scenes)
+            parts = output.split([scene.points for scene in scenes])
+            errors, following = [], []
+            for window, part, example in zip(windows, parts, examples, strict=True):
+                after = example.after[example.steps_before + step - 1]
+                if step == 1:
+                    after = after + example.offset
+                before, now = window[-2], window[-1]
+                target = self.simulator.target(before, now, after, example.scene)
+                errors.append((part - target).square().mean(dim=1))
+                if step < self.unroll:
+                    moved = self.simulator.next_positions(part, before, now, example.scene)
+                    following.append(torch.cat([window[1:], moved[None]]))
+            share = (0.5 * step * (step + 1)) ** 2 * self.unroll
+            total = total + (torch.cat(errors) * weights).sum() / share
+            windows = following
+        return total
+
+    @torch.no_grad()
+    def _weight(self, example: Example) -> Tensor:
+        """Weight of the points of an example in the loss, (N,)."""
+        scene, soil = example.scene, ~example.scene.kinematic
+        if self.balance == 0.0:
+            return torch.ones_like(scene.friction)
+        frames = torch.cat([example.known, example.after])
+        own = frames.diff(n=2, dim=0)[:, soil] / scene.frame_interval**2
+        variance = (own / self.simulator.acceleration_std).square().mean()
+        return torch.ones_like(scene.friction) / (variance + self.balance)
 
     @torch.no_grad()
     def _pushed(self, example: Example) -> Tensor:

@@ -21,9 +21,9 @@ from gns.metadata import data_hash as hash_of
 from gns.ranges import Range, run_ranges, widest
 from gns.shard import LAYOUT_VERSION, SPLITS, Shard, shard_name, write_shard
 from gns.splits import split_runs
-from gns.statistics import SLOWEST, Moments, merge
+from gns.statistics import Moments, merge
 from gns.trajectories import Source, list_sources, read_source
-from pipeline.cli import InputError, WorkFailed
+from pipeline.cli import InputError
 from pipeline.files import content_hash, file_hash, make_folder
 
 if TYPE_CHECKING:
@@ -218,7 +218,7 @@ def _describe(plan: Plan, folder: Path, manifest: dict[str, Any]) -> Metadata:
         water=alike["water"],
         splits=splits,
         left_out=[LeftOut(run=run, reason=reason) for run, reason in plan.left_out.items()],
-        statistics=_statistics(merge(velocities), merge(accelerations)),
+        statistics=Statistics.of(merge(velocities), merge(accelerations)),
         ranges=ranges,
         inputs=plan.inputs,
         data_hash=hash_of(shards),
@@ -231,16 +231,3 @@ def _ranges_of(shard: Shard, source: Source, velocity: Moments) -> dict[str, Ran
     first = shard.positions(number, 0, 1)[0]
     last = shard.positions(number, frames - 1, frames)[0]
     return run_ranges(first, last, frames, shard.facts(number), velocity)
-
-
-def _statistics(velocity: Moments, acceleration: Moments) -> Statistics:
-    if velocity.count == 0:
-        raise WorkFailed("nothing moves in the training runs: there is nothing to learn from")
-    return Statistics(
-        count=velocity.count,
-        velocity_mean=tuple(velocity.mean.tolist()),
-        velocity_std=tuple(velocity.std.tolist()),
-        acceleration_mean=tuple(acceleration.mean.tolist()),
-        acceleration_std=tuple(acceleration.std.tolist()),
-        slowest=SLOWEST,
-    )

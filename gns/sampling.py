@@ -30,7 +30,8 @@ class Example:
         run: number of the run.
         frame: the last known frame.
         window: (history, N, 2) positions with their noise [spacings].
-        after: (1 + pushforward, N, 2) true positions of the frames that follow [spacings].
+        known: (2, N, 2) the last two known positions, without noise [spacings].
+        after: (pushforward + unroll, N, 2) true positions of the frames that follow [spacings].
         steps_before: steps that the model takes by itself before the one that is learned.
         offset: (N, 2) what is added to the true next position to get the target [spacings].
         scene: the scene.
@@ -39,6 +40,7 @@ class Example:
     run: int
     frame: int
     window: Tensor
+    known: Tensor
     after: Tensor
     steps_before: int
     offset: Tensor
@@ -89,8 +91,11 @@ class Examples:
     def at(self, position: int) -> Example:
         """The example at a position of the training."""
         settings, history = self.settings, self.windows.history
-        given = self.windows[self.order.window(position)]
         generator = torch.Generator().manual_seed(_seed(settings.seed, position))
+        place = self.order.window(position)
+        if float(torch.rand((), generator=generator)) < settings.start_share:
+            place = self.windows.first_of(place)
+        given = self.windows[place]
         scene = scaled(given.facts)
         frames = scene.to_spacings(given.positions)
         if settings.mirror and bool(torch.randint(2, (), generator=generator)):
@@ -102,6 +107,7 @@ class Examples:
             run=given.run,
             frame=given.frame,
             window=(frames[:history] + walk).to(self.device),
+            known=frames[history - 2 : history].to(self.device),
             after=frames[history:].to(self.device),
             steps_before=steps_before,
             offset=(walk[-1] if right_velocity else torch.zeros_like(walk[-1])).to(self.device),

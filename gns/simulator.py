@@ -31,6 +31,7 @@ from gns.features import (
     point_features,
 )
 from gns.graph import Graph, joined, radius_graph
+from gns.metadata import Metadata
 from gns.network import Network
 from gns.ranges import MEANINGS, scene_ranges
 from gns.scene_facts import CONTACTS, SceneFacts
@@ -60,6 +61,11 @@ class SimulatorConfig(BaseModel):
         "sharp", description="messages end at the radius abruptly (paper), or fade before it"
     )
     strength: StrengthFeature = Field("log", description="how cohesion is told to the network")
+    overburden: bool = Field(False, description="points are told what lies above them")
+    grid_cell: float = Field(
+        0.0, ge=0, description="cell of a coarse grid beside the edges [d]; 0: none (paper)"
+    )
+    grid_rounds: int = Field(3, ge=1, description="rounds of convolutions on that grid")
     frame_interval: float = Field(0.4, gt=0, description="time of a step [sqrt(d / g)]")
     velocity_mean: tuple[float, float] = Field((0.0, 0.0), description="[sqrt(g d)]")
     velocity_std: tuple[float, float] = Field((1.0, 1.0), description="[sqrt(g d)]")
@@ -84,9 +90,11 @@ class Simulator(nn.Module):
         super().__init__()
         self.config = config
         self.network = Network(
-            point_features=point_feature_count(config.history),
+            point_features=point_feature_count(config.history, config.overburden),
             width=config.width,
             message_passing_steps=config.message_passing_steps,
+            grid_cell=config.grid_cell,
+            grid_rounds=config.grid_rounds,
         )
         for name in ("velocity_mean", "velocity_std", "acceleration_mean", "acceleration_std"):
             self.register_buffer(name, torch.tensor(getattr(config, name)), persistent=False)
@@ -121,7 +129,10 @@ class Simulator(nn.Module):
             edges.append(edge_features(window[-1], graph, self.config.radius))
         features = torch.cat(edges)
         fading = fading_of(features) if self.config.cutoff == "smooth" else None
-        return self.network(torch.cat(points), features, joined(graphs), fading=fading)
+        places = [window[-1] for window in windows]
+        return self.network(
+            torch.cat(points), features, joined(graphs), fading=fading, places=places
+        )
 
     def point_features(self, window: Tensor, scene: ScaledScene) -> Tensor:
         """What the network sees of the points of a scene, (N, features)."""
@@ -132,6 +143,7 @@ class Simulator(nn.Module):
             velocity_mean=self.velocity_mean,
             velocity_std=self.velocity_std,
             strength=self.config.strength,
+            overburden=self.config.overburden,
         )
 
     def advance(self, window: Tensor, scene: ScaledScene, graph: Graph | None = None) -> Tensor:
@@ -194,6 +206,21 @@ class Simulator(nn.Module):
             )
         parameter = next(self.parameters())
         return scaled(facts, dtype=parameter.dtype, device=parameter.device)
+
+    def stride_in(self, metadata: Metadata) -> int:
+        """How many frames of packed data the model goes in one step.
+
+        Raises:
+            InputError: its step is no whole number of them.
+        """
+        ratio = self.config.frame_interval / metadata.frame_interval
+        stride = max(round(ratio), 1)
+        if abs(ratio - stride) > SAME_INTERVAL * stride:
+            raise InputError(
+                f"this model steps by {self.config.frame_interval:g} sqrt(d / g); the frames of "
+                f"these data are {metadata.frame_interval:g} apart: no whole number of them"
+            )
+        return stride
 
     def outside(self, positions: np.ndarray, facts: SceneFacts) -> list[str]:
         """What of a scene lies outside the ranges of the training, one sentence each.

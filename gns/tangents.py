@@ -7,6 +7,7 @@ the chunks of `edge_chunks`; of each chunk the layers are worked out once for al
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import torch
@@ -31,6 +32,7 @@ def network_with_tangents(
     edges: Moving,
     graph: Graph,
     fading: Moving | None = None,
+    places: Moving | None = None,
 ) -> Moving:
     """Outputs of the network (N, outputs) and their derivatives (p, N, outputs).
 
@@ -40,14 +42,34 @@ def network_with_tangents(
         edges: features (E, F) and their changes.
         graph: the edges.
         fading: factors of the messages (E, 1) and their changes; None: all 1.
+        places: positions (N, 2) [spacings] and their changes, which a grid needs.
     """
     with torch.no_grad():
         latent = _perceptron(network.point_encoder, points)
         edge_latent = _encode_edges(network.edge_encoder.edge_weights(), edges, graph)
         for number, step in enumerate(network.steps, start=1):
+            if network.grid is not None and number == network.halfway + 1:
+                latent = along(network.grid, (latent.value, places.value), _both(latent, places))
             last = number == len(network.steps)
             latent = _step(step, latent, edge_latent, graph, fading, last=last)
         return _perceptron(network.decoder, latent)
+
+
+def along(
+    function: Callable[..., Tensor],
+    values: tuple[Tensor, ...],
+    changes: Sequence[tuple[Tensor, ...]],
+) -> Moving:
+    """A function's value and its derivatives in several directions."""
+    results = [torch.func.jvp(function, values, change) for change in changes]
+    if not results:
+        value = function(*values)
+        return Moving(value, value.new_zeros(0, *value.shape))
+    return Moving(results[0][0], torch.stack([change for _, change in results]))
+
+
+def _both(one: Moving, other: Moving) -> list[tuple[Tensor, Tensor]]:
+    return list(zip(one.change, other.change, strict=True))
 
 
 def _step(

@@ -23,18 +23,30 @@ from gns import PHYSICS_VERSION
 from gns.checkpoints import ModelFolder
 from gns.dataset import Windows
 from gns.distributed import Group
-from gns.metadata import Metadata
+from gns.metadata import Metadata, Statistics
 from gns.objective import Objective, soil_points
+from gns.optimizers import Optimizers
 from gns.sampling import Examples
 from gns.scene_facts import CONTACTS
 from gns.simulator import Simulator, SimulatorConfig
+from gns.statistics import merge, run_moments
 from gns.stopping import StopRequest
 from gns.validation import Validation, choose_runs, validate
 from pipeline.cli import WorkFailed
 from pipeline.config import TrainSettings
 
-MODEL_SETTINGS = ("width", "message_passing_steps", "cutoff", "strength")
+MODEL_SETTINGS = (
+    "width",
+    "message_passing_steps",
+    "cutoff",
+    "strength",
+    "overburden",
+    "grid_cell",
+    "grid_rounds",
+)
 """Settings that a model keeps under the same name."""
+SAMPLED_RUNS = 200
+"""Most runs from which the spreads of thinned frames are found."""
 
 
 @dataclass
@@ -76,7 +88,7 @@ class _Training:
     group: Group
     objective: Objective
     averaged: Simulator | None
-    optimizer: torch.optim.Optimizer
+    optimizer: Optimizers
     made_from: dict[str, Any]
     state: _Progress = field(default_factory=_Progress)
 
@@ -163,15 +175,27 @@ def learning_rate(step: int, settings: TrainSettings) -> float:
     return first * (max(last, 1e-12) / first) ** share
 
 
-def simulator_config(settings: TrainSettings, metadata: Metadata, cell: float) -> SimulatorConfig:
+def steps_in_a_row(step: int, settings: TrainSettings) -> int:
+    """Steps through which the loss of a step, counted from 1, is differentiated."""
+    ramp = settings.unroll_ramp * settings.steps
+    if step > ramp:
+        return settings.unroll
+    return 1 + int((settings.unroll - 1) * (step - 1) / ramp)
+
+
+def simulator_config(
+    settings: TrainSettings, metadata: Metadata, cell: float, data: Statistics | None = None
+) -> SimulatorConfig:
     """What a simulator has to know of its data; spreads hold the noise as well.
 
     Args:
         settings: of the training.
         metadata: of the packed data.
         cell: edge of a cell in spacings.
+        data: means and spreads of frames as far apart as the model's steps; None: `metadata`'s.
     """
-    data, interval = metadata.statistics, metadata.frame_interval
+    data = data or metadata.statistics
+    interval = metadata.frame_interval * settings.frames_per_step
     mean = (0.0, data.velocity_mean[1]) if settings.mirror else data.velocity_mean
     pull = (0.0, data.acceleration_mean[1]) if settings.mirror else data.acceleration_mean
     return SimulatorConfig(
@@ -189,6 +213,17 @@ def simulator_config(settings: TrainSettings, metadata: Metadata, cell: float) -
     )
 
 
+def thinned_statistics(windows: Windows) -> Statistics:
+    """Means and spreads of frames `windows.stride` apart, from at most SAMPLED_RUNS runs."""
+    every = max(len(windows.runs) // SAMPLED_RUNS, 1)
+    moments = [
+        run_moments(windows.positions(int(run)), windows.facts(int(run)))
+        for run in windows.runs[::every]
+    ]
+    velocity, acceleration = (merge(one) for one in zip(*moments, strict=True))
+    return Statistics.of(velocity, acceleration)
+
+
 # -- beginning ------------------------------------------------------------------------------------
 
 
@@ -204,13 +239,13 @@ def _begin(
     simulator = _first_simulator(learned, settings, start).to(group.device)
     if settings.precision == "bfloat16":
         simulator.network.edge_precision = torch.bfloat16
-    optimizer = torch.optim.Adam(simulator.parameters(), lr=settings.learning_rate)
+    optimizer = Optimizers(list(simulator.parameters()), settings)
     made_from = _made_from(learned, settings, group, start)
     training = _Training(
         settings=settings,
         folder=folder,
         group=group,
-        objective=Objective(simulator),
+        objective=Objective(simulator, settings.unroll, settings.balance),
         averaged=deepcopy(simulator) if settings.averaging > 0 else None,
         optimizer=optimizer,
         made_from=made_from,
@@ -236,7 +271,8 @@ def _first_simulator(
 ) -> Simulator:
     facts = learned.facts(int(learned.runs[0]))
     cell = facts.numbers["cell"] / facts.spacing
-    config = simulator_config(settings, learned.metadata, cell)
+    spreads = None if learned.stride == 1 else thinned_statistics(learned)
+    config = simulator_config(settings, learned.metadata, cell, spreads)
     config = config.model_copy(update={"contacts": _contacts(learned)})
     if start is None:
         torch.manual_seed(settings.seed)
@@ -292,9 +328,9 @@ def _step(
     asked = 1.0 if stop is not None and stop.wanted else 0.0
     points, asked = group.summed(torch.tensor([soil_points(batch), asked], dtype=torch.float64))
     rate = learning_rate(state.step + 1, settings)
-    for parameters in training.optimizer.param_groups:
-        parameters["lr"] = rate
-    training.optimizer.zero_grad(set_to_none=True)
+    training.optimizer.set_rate(rate / settings.learning_rate)
+    training.optimizer.zero_grad()
+    training.objective.unroll = steps_in_a_row(state.step + 1, settings)
     # Processes average their gradients: times their number, a mean over all points.
     loss = wrapped(batch) * (group.size / float(points))
     loss.backward()

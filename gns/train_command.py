@@ -14,10 +14,14 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.cli import InputError, WorkFailed, add_common
 from pipeline.config import Config, TrainSettings, load_config
 from pipeline.progress import Progress
+
+if TYPE_CHECKING:
+    from gns.dataset import Windows
 
 LONG_H = 48.0
 """A training on processors that would take longer than this has to be confirmed [h]."""
@@ -66,22 +70,31 @@ def run(arguments: argparse.Namespace) -> int:
     import torch
 
     from gns.checkpoints import ModelFolder
-    from gns.dataset import Windows
     from gns.distributed import group
 
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
     elif "WORLD_SIZE" not in os.environ:
         torch.set_num_threads(len(os.sched_getaffinity(0)))
-    history = settings.past_velocities + 1
-    learned = Windows(data, "train", window=history + 1 + settings.pushforward, history=history)
-    held_out = Windows(data, "valid", window=history + 1, history=history)
+    learned, held_out = open_windows(data, settings)
     with group(arguments.device) as members:
         folder = ModelFolder(out)
         if not members.leads:
             return _train(arguments, settings, learned, held_out, folder, members)
         with folder.alone():
             return _train(arguments, settings, learned, held_out, folder, members)
+
+
+def open_windows(data: str | Path, settings: TrainSettings) -> tuple[Windows, Windows]:
+    """What a training learns from, and what it is validated by."""
+    from gns.dataset import Windows
+
+    history, stride = settings.past_velocities + 1, settings.frames_per_step
+    ahead = settings.pushforward + settings.unroll
+    return (
+        Windows(data, "train", window=history + ahead, history=history, stride=stride),
+        Windows(data, "valid", window=history + 1, history=history, stride=stride),
+    )
 
 
 def _what(arguments: argparse.Namespace, config: Config) -> tuple[TrainSettings, Path, Path]:

@@ -306,12 +306,29 @@ class PackSettings(Settings):
 
 def _default_training() -> dict[str, dict[str, int | float | bool | str]]:
     coarse: dict[str, int | float | bool | str] = {
-        "width": 64,
+        "width": 48,
+        "message_passing_steps": 4,
+        "radius_cells": 1.0,
+        "past_velocities": 2,
+        "frames_per_step": 3,
+        "cutoff": "smooth",
+        "overburden": True,
+        "grid_cell": 4.0,
         "steps": 15_000,
-        "learning_rate": 1e-3,
+        "optimizer": "muon",
+        "learning_rate": 2e-3,
         "final_learning_rate": 0.0,
         "schedule": "cosine",
+        "warmup_steps": 200,
+        "noise": 0.01,
+        "unroll": 4,
+        "unroll_ramp": 0.7,
+        "start_share": 0.2,
+        "balance": 0.1,
+        "mirror": True,
+        "averaging": 0.999,
         "validate_every": 1_500,
+        "validate_runs": 16,
         "checkpoint_every": 250,
     }
     return {"coarse": coarse}
@@ -324,15 +341,33 @@ class TrainSettings(Settings):
     message_passing_steps: int = Field(10, ge=1, description="rounds of messages between points")
     radius_cells: float = Field(1.5, gt=0, description="connectivity radius, in cells")
     past_velocities: int = Field(5, ge=1, description="velocities that the network sees")
+    frames_per_step: int = Field(
+        1, ge=1, description="frames of the data that the model goes in one step"
+    )
     cutoff: Literal["sharp", "smooth"] = Field(
         "sharp", description="messages end at the radius abruptly, or fade before it"
     )
     strength: Literal["log", "linear"] = Field(
         "log", description="how cohesion is told to the network"
     )
+    overburden: bool = Field(
+        False, description="points are told how much soil lies above them, and its slope"
+    )
+    grid_cell: float = Field(
+        0.0, ge=0, description="cell of a coarse grid beside the edges, in spacings; 0: none"
+    )
+    grid_rounds: int = Field(3, ge=1, description="rounds of convolutions on that grid")
     steps: int = Field(3_500_000, ge=1, description="steps of the optimiser")
     batch_size: int = Field(2, ge=1, description="windows in a step, of each process")
+    optimizer: Literal["adam", "muon"] = Field(
+        "adam",
+        description="Adam for all weights, or Muon for the matrices inside the network and Adam "
+        "for the others",
+    )
     learning_rate: float = Field(1e-4, gt=0, description="of Adam, at the start")
+    muon_learning_rate: float = Field(
+        0.01, gt=0, description="of Muon, at the start; it then falls as that of Adam does"
+    )
     final_learning_rate: float = Field(1e-6, ge=0, description="at the last step")
     schedule: Literal["exponential", "cosine", "constant"] = Field(
         "exponential", description="how the learning rate gets from the first to the last"
@@ -352,6 +387,21 @@ class TrainSettings(Settings):
     )
     pushforward: int = Field(
         0, ge=0, description="up to this many steps of the model itself before the one it learns"
+    )
+    unroll: int = Field(
+        1, ge=1, description="steps of the model in a row through which the loss is differentiated"
+    )
+    unroll_ramp: float = Field(
+        0.0, ge=0, le=1, description="share of the training in which these grow from one"
+    )
+    start_share: float = Field(
+        0.0, ge=0, le=1, description="share of the windows that are moved to the start of their run"
+    )
+    balance: float = Field(
+        0.0,
+        ge=0,
+        description="each window's loss is divided by the mean square of its own accelerations "
+        "plus this, in units of the training's variance; 0: not",
     )
     mirror: bool = Field(False, description="show every second window in the mirror")
     averaging: float = Field(
@@ -399,9 +449,14 @@ class ScaleSettings(Settings):
     scale_factor: float = Field(gt=0, description="size of the templates; 1: Table A.1 as it is")
     domain_width_m: float = Field(gt=0, description="distance between the side walls, m")
     domain_height_m: float = Field(gt=0, description="height of the domain, m")
-    material_ranges: Literal["large", "small"] = Field(
-        description="which column of the paper's Table 1 the strengths come from"
+    material_ranges: Literal["large", "small", "any"] = Field(
+        description="which column of the paper's Table 1 the strengths come from; any: drawn for "
+        "a model that is to serve every spacing"
     )
+    enlarged_share: float = Field(
+        0.0, ge=0, le=1, description="share of the scenes that are enlarged, domain and all"
+    )
+    enlarged_by: float = Field(1.7, ge=1, description="at most by this factor")
     duration_s: float = Field(gt=0, description="motion that is simulated, s")
     time_step_s: float | None = Field(
         None, gt=0, description="fixed time step, s; null: simulation.time_step_s"
@@ -440,7 +495,14 @@ def _default_scales() -> dict[str, ScaleSettings]:
         material_ranges="small",
         duration_s=20.0,
     )
-    coarse = large.model_copy(update={"number_of_scenes": 300, "spacing_m": 2.0})
+    coarse = large.model_copy(
+        update={
+            "number_of_scenes": 700,
+            "spacing_m": 2.0,
+            "material_ranges": "any",
+            "enlarged_share": 0.2,
+        }
+    )
     return {"large": large, "small": small, "coarse": coarse}
 
 

@@ -47,10 +47,15 @@ def test_every_scene_is_valid(config, scale):
         letter = scene.origin.template
         if letter != "e":
             assert len(scene.materials) == len(scene.zones) >= 3
-            assert scene.ground.points[0][1] == pytest.approx(2.0 * size.scale_factor)
+            by = scene.domain.width / size.domain_width_m
+            assert scene.ground.points[0][1] == pytest.approx(
+                2.0 * size.scale_factor * by, abs=1e-4
+            )
         if letter in ZONES:
             assert {zone.name for zone in scene.zones} == ZONES[letter]
         assert scene.domain.walls == "closed"
+        if scale == "coarse":  # some of it is enlarged
+            continue
         assert (scene.domain.width, scene.domain.y_max) == (
             size.domain_width_m,
             size.domain_height_m,
@@ -164,6 +169,31 @@ def test_strengths_keep_to_their_ranges(scale, option):
     assert (min(cohesion[3]) < 10.0) == ((option, scale) != ("paper", "large"))
 
 
+def test_a_scale_for_every_spacing_is_drawn_in_units_of_the_spacing(config):
+    """Cohesions are even over their logarithm; a fifth of the scenes is enlarged as a whole."""
+    size = config.scale("coarse")
+    unit = 1.8 * 9.81 * size.spacing_m
+    cohesion: dict[int, list[float]] = {1: [], 2: [], 3: []}
+    enlarged = []
+    for scene in drawn("coarse"):
+        by = scene.domain.width / size.domain_width_m
+        assert scene.domain.y_max == pytest.approx(by * size.domain_height_m)
+        assert scene.spacing == size.spacing_m
+        if by > 1.0:
+            enlarged.append(by)
+        for name, material in scene.materials.items():
+            cohesion[int(name[-1])].append(material.cohesion_kpa / unit)
+            assert 20.0 <= material.friction_deg <= 47.0 or name.endswith("3")
+    assert 0.13 < len(enlarged) / COUNT < 0.27
+    assert 1.0 < min(enlarged) < 1.1 and 1.6 < max(enlarged) <= 1.7
+    assert 0.0 <= min(cohesion[1]) and max(cohesion[1]) <= 0.141
+    for soil in (2, 3):
+        logarithm = np.log(np.array(cohesion[soil]) / 0.1) / np.log(70.0)
+        assert logarithm.min() > -0.01 and logarithm.max() < 1.001
+        shares = np.histogram(logarithm, bins=4, range=(-0.01, 1.01))[0] / len(logarithm)
+        assert np.all(np.abs(shares - 0.25) < 0.09), shares
+
+
 def test_any_zone_of_a_dam_may_liquefy():
     liquefied = {
         zone.name
@@ -242,11 +272,11 @@ GOLDEN = {
         "small_2": "4228b89a5679399a",
         "small_3": "8d0555299bee4aac",
         "small_11": "fe6ab643e665b252",
-        "coarse_0": "7e8f0ecf3209eeda",
-        "coarse_1": "f0a98ff66303dcab",
-        "coarse_2": "2176ec0e0a1af11e",
-        "coarse_3": "6bb23bd680c3217d",
-        "coarse_11": "a4a34473707178f5",
+        "coarse_0": "e3b6c12438626cd9",
+        "coarse_1": "ef5e9e470025b781",
+        "coarse_2": "85e0bf58704f0463",
+        "coarse_3": "1501375d9a691c2c",
+        "coarse_11": "52d68ebc30053644",
     },
     "sum_of_points": 344075.0928867457,
     "stream": [0.7198955456932165, 0.012702050455707714, 0.09963616681365695],

@@ -49,6 +49,25 @@ def test_every_window_holds_its_frames(packed, batches, window, history):
     assert windows.scene(windows.runs[0]) == run.scene
 
 
+@pytest.mark.parametrize("stride", [2, 3])
+def test_thinned_windows_begin_at_any_frame(packed, stride):
+    every, thinned = Windows(packed, "train"), Windows(packed, "train", 5, 3, stride=stride)
+    assert len(thinned) == sum(np.maximum(every.frames - 2 * stride, 0))
+    run = int(every.runs[0])
+    whole, facts = every.positions(run), every.facts(run)
+    frames = first_window(whole[0], facts, history=1 + 2 * stride)[:-1]
+    frames = np.concatenate([frames, whole])
+    for frame in (0, 1, 2, len(whole) - 1 - 2 * stride):
+        window = thinned.at(run, frame)
+        expected = frames[frame : frame + 5 * stride : stride]
+        np.testing.assert_allclose(window.positions, expected, rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(thinned.positions(run), whole[::stride])
+    assert thinned.facts(run).frame_interval == pytest.approx(stride * facts.frame_interval)
+    assert thinned.locate(thinned.first_of(len(thinned) - 1))[1] == 0
+    with pytest.raises(InputError, match="stride 0"):
+        Windows(packed, "train", stride=0)
+
+
 def test_windows_by_run_and_frame(packed):
     windows = Windows(packed, "valid")
     run = int(windows.runs[1])

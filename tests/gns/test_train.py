@@ -22,8 +22,8 @@ from gns.distributed import Group
 from gns.objective import Objective, soil_points
 from gns.sampling import Examples, Order
 from gns.simulator import Simulator
-from gns.train import learning_rate, simulator_config, train
-from gns.train_command import TRIAL_STEPS, _Watch
+from gns.train import learning_rate, simulator_config, steps_in_a_row, train
+from gns.train_command import TRIAL_STEPS, _Watch, open_windows
 from gns.validation import FAILED_ERROR, choose_runs, score_run, summary
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import TrainSettings
@@ -44,9 +44,7 @@ SETTINGS = TrainSettings(
 
 
 def opened(packed, settings: TrainSettings = SETTINGS) -> tuple[Windows, Windows]:
-    history = settings.past_velocities + 1
-    learned = Windows(packed, "train", window=history + 1 + settings.pushforward, history=history)
-    return learned, Windows(packed, "valid", window=history + 1, history=history)
+    return open_windows(packed, settings)
 
 
 def run(folder, packed, settings: TrainSettings = SETTINGS, **more):
@@ -186,6 +184,69 @@ def test_pushed_examples_start_where_the_model_got(packed):
     target = simulator.target(window[-2], window[-1], example.after[2], example.scene)
     expected = (output - target).square().mean(1)[~example.scene.kinematic].sum()
     assert torch.allclose(Objective(simulator)([example]), expected, rtol=1e-5)
+
+
+def test_an_unrolled_loss_is_that_of_the_positions_where_the_model_goes(packed):
+    settings = SETTINGS.model_copy(update={"unroll": 3, "noise": 0.0, "frames_per_step": 2})
+    learned, _ = opened(packed, settings)
+    simulator = Simulator(simulator_config(settings, learned.metadata, 2.0))
+    assert simulator.config.frame_interval == pytest.approx(0.8)
+    simulator.acceleration_std.fill_(0.2)  # points of these data all fall alike
+    example = Examples(learned, settings).at(5)
+    assert len(example.after) == 3
+    assert torch.equal(example.known, example.window[-2:])
+    window, scene = example.window, example.scene
+    unit = simulator.acceleration_std * scene.frame_interval**2
+    expected = 0.0
+    with torch.no_grad():
+        for step, drift in enumerate((1.0, 3.0, 6.0)):
+            output = simulator([window], [scene])
+            pull = output * simulator.acceleration_std + simulator.acceleration_mean
+            free = 2.0 * window[-1] - window[-2] + pull * scene.frame_interval**2
+            off = (free - example.after[step]) / (unit * drift)
+            expected += off.square().mean(1)[~scene.kinematic].sum() / 3.0
+            window = torch.cat([window[1:], simulator.advance(window, scene)[None]])
+    objective = Objective(simulator, unroll=3)
+    found = objective([example])
+    assert torch.allclose(found, expected, rtol=1e-3)
+    found.backward()
+    assert all(p.grad is not None and torch.isfinite(p.grad).all() for p in simulator.parameters())
+    both = Objective(simulator, unroll=3)([example, example])
+    assert torch.allclose(both, 2.0 * expected, rtol=1e-3)
+
+
+def test_rows_grow_over_the_ramp():
+    settings = TrainSettings(steps=100, unroll=4, unroll_ramp=0.6)
+    found = [steps_in_a_row(step, settings) for step in range(1, 101)]
+    assert found == sorted(found) and set(found) == {1, 2, 3, 4}
+    assert [found.count(row) for row in (1, 2, 3)] == [20, 20, 20]
+    constant = settings.model_copy(update={"unroll_ramp": 0.0})
+    assert {steps_in_a_row(step, constant) for step in range(1, 101)} == {4}
+
+
+def test_a_balanced_loss_is_over_the_accelerations_of_the_window_itself(packed):
+    settings = SETTINGS.model_copy(update={"noise": 0.0})
+    learned, _ = opened(packed, settings)
+    simulator = Simulator(simulator_config(settings, learned.metadata, 2.0))
+    simulator.acceleration_std.fill_(0.2)
+    for position in (0, 4):
+        example = Examples(learned, settings).at(position)
+        plain = Objective(simulator)([example])
+        frames = torch.cat([example.window[-2:], example.after])
+        own = (frames[2] - 2 * frames[1] + frames[0]) / example.scene.frame_interval**2
+        own = (own / simulator.acceleration_std)[~example.scene.kinematic].square().mean()
+        found = Objective(simulator, balance=0.3)([example])
+        assert torch.allclose(found, plain / (own + 0.3), rtol=1e-4)
+
+
+def test_so_many_windows_begin_where_their_run_begins(packed):
+    plain, _ = opened(packed)
+    shares = []
+    for share in (0.0, 0.5, 1.0):
+        settings = SETTINGS.model_copy(update={"start_share": share})
+        frames = [Examples(plain, settings).at(position).frame for position in range(80)]
+        shares.append(np.mean(np.array(frames) == 0))
+    assert shares[0] < 0.15 and 0.35 < shares[1] < 0.7 and shares[2] == 1.0
 
 
 def test_learning_rates():
