@@ -38,8 +38,8 @@ class StrengthRange:
 _FRICTION = (20.0, 47.0)
 _NONE = (0.0, 0.0)
 ANY_COHESION = (0.1, 7.0)
-"""Of Soil 2 and 3 in the column `any`, in rho g d: from 1 % of the stress under 10 spacings of soil to
-what stands 45 spacings high."""
+"""Of Soil 2 and 3 in the column `any`, in rho g d: from 1 % of the stress under 10 spacings of soil
+to what stands 45 spacings high."""
 ANY_FRICTION_COHESION = (0.0, 0.14)
 """Of Soil 1 there: 0 to 5 kPa at a spacing of 2 m, as in `wide`."""
 

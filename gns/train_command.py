@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -57,6 +59,18 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     )
     parser.add_argument("--threads", type=int, help="CPU threads of a process; default: all")
     parser.add_argument(
+        "--processes",
+        type=int,
+        default=1,
+        help="start so many processes that learn together, as torchrun does; default: 1",
+    )
+    parser.add_argument(
+        "--joint-batch",
+        action="store_true",
+        help="batch_size is that of all processes together, not of each; --processes are then as "
+        "many, at most, as share it out evenly",
+    )
+    parser.add_argument(
         "--yes", action="store_true", help=f"start even what takes over {LONG_H:g} h without a GPU"
     )
     return add_common(parser)
@@ -66,6 +80,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Train; 0 when it is done or `--minutes` are over."""
     config = load_config(arguments.config, arguments.overrides)
     settings, data, out = _what(arguments, config)
+    if arguments.processes < 1:
+        raise InputError(f"--processes {arguments.processes}: at least 1 is allowed")
+    learned, held_out = open_windows(data, settings)
+    if arguments.processes > 1 and "WORLD_SIZE" not in os.environ:
+        processes = arguments.processes
+        while arguments.joint_batch and settings.batch_size % processes:
+            processes -= 1
+        if processes > 1:
+            return _in_processes(processes)
 
     import torch
 
@@ -76,13 +99,41 @@ def run(arguments: argparse.Namespace) -> int:
         torch.set_num_threads(arguments.threads)
     elif "WORLD_SIZE" not in os.environ:
         torch.set_num_threads(len(os.sched_getaffinity(0)))
-    learned, held_out = open_windows(data, settings)
     with group(arguments.device) as members:
+        if arguments.joint_batch:
+            settings = _shared_out(settings, members.size)
         folder = ModelFolder(out)
         if not members.leads:
             return _train(arguments, settings, learned, held_out, folder, members)
         with folder.alone():
             return _train(arguments, settings, learned, held_out, folder, members)
+
+
+def _in_processes(number: int) -> int:
+    """This command again, by several processes under torchrun; its exit code."""
+    launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+    count = ["--nproc_per_node", str(number)]
+    start = [*launcher, *count, "-m", "gns", *sys.argv[1:]]
+    with subprocess.Popen(start) as process:
+        forward = {name: signal.signal(name, lambda got, _: process.send_signal(got))
+                   for name in (signal.SIGTERM, signal.SIGINT)}  # fmt: skip
+        try:
+            code = process.wait()
+        finally:
+            for name, before in forward.items():
+                signal.signal(name, before)
+    return code
+
+
+def _shared_out(settings: TrainSettings, processes: int) -> TrainSettings:
+    """The settings of one of the processes that take a joint batch."""
+    each, rest = divmod(settings.batch_size, processes)
+    if rest:
+        raise InputError(
+            f"--joint-batch: gns.train.batch_size is {settings.batch_size}, which {processes} "
+            "processes cannot share out evenly"
+        )
+    return settings.model_copy(update={"batch_size": each})
 
 
 def open_windows(data: str | Path, settings: TrainSettings) -> tuple[Windows, Windows]:

@@ -39,11 +39,6 @@ def learned_physics(wildcards):
     return content_hash({"physics": GNS_PHYSICS, "settings": settings})
 
 
-def learner(wildcards, resources):
-    """One process, or one for each GPU."""
-    return f"torchrun --nproc_per_node {resources.gpu} -m" if resources.gpu > 1 else "python -m"
-
-
 # A job that is killed leaves the state of the training in model/, which is no output, so that the next try
 # goes on from it; nor is the best model so far. The output says that the last step was taken.
 rule train_model:
@@ -64,15 +59,15 @@ rule train_model:
         config=CONFIG_FILE,
         data=lambda wildcards, input: os.path.dirname(input[0]),
         folder=lambda wildcards, output: os.path.dirname(output[0]),
-        learner=learner,
-        device=lambda wildcards, resources: "cuda" if resources.gpu else "cpu",
         physics=learned_physics,
     message:
-        "Learning from the runs of the scale {wildcards.scale} on the {params.device}"
+        "Learning from the runs of the scale {wildcards.scale}"
+    # One process for each GPU; without one, a process for each thread, which share a batch.
     shell:
-        "{params.learner} gns train --scale {wildcards.scale} --data {params.data}"
-        " --out {params.folder} --anew --device {params.device} --threads {threads}"
-        " --config {params.config} > {output} 2> {log}"
+        "if [ {resources.gpu} -gt 0 ]; then how='--device cuda --processes {resources.gpu}';"
+        " else how='--device cpu --joint-batch --processes {threads} --threads 1'; fi;"
+        " python -m gns train --scale {wildcards.scale} --data {params.data} --out {params.folder}"
+        " --anew $how --config {params.config} > {output} 2> {log}"
 
 
 rule evaluate_model:

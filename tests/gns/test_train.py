@@ -472,8 +472,7 @@ def test_two_trainings_in_one_folder_are_refused(tmp_path):
 
 def test_two_processes_are_one_with_the_joint_batch(packed, root, trained, tmp_path):
     """Through torchrun and the command; each process sees its own windows (gloo)."""
-    torchrun = ["torch.distributed.run", "--nproc_per_node", "2", "--standalone", "-m"]
-    arguments = [*torchrun, *command(packed, tmp_path, "--set", "gns.train.batch_size=1")]
+    arguments = command(packed, tmp_path, "--joint-batch", "--processes", "3")  # 2 share it evenly
     process = start(arguments, root)
     output = process.communicate(timeout=120)[0]
     assert process.returncode == 0, output
