@@ -18,7 +18,8 @@ from inversion.classical.document import document, table
 from inversion.classical.judgement import FILE_NAME, Judgement, load_judgements
 from inversion.classical.sections_of_case import CaseSections, load_sections
 from inversion.load import case_folder
-from pipeline.cli import InputError
+from pipeline.cli import InputError, add_common
+from pipeline.config import load_config
 from pipeline.files import write_json
 
 RESULT = "classical.json"
@@ -49,7 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     )
     parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
     parser.add_argument(
-        "--out", metavar="DIR", help="folder of the results; default: results/CASE/classical"
+        "--out", metavar="DIR", help="folder of the results; default: RESULTS/CASE/classical"
     )
     parser.add_argument(
         "--run", metavar="FILE", help="take the deposit of this trajectory as the section after"
@@ -64,15 +65,15 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         action="store_true",
         help="leave the strength of soil that did not liquefy out",
     )
-    parser.add_argument("--quiet", action="store_true", help="the methods' values alone")
-    return parser
+    return add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
+    config = load_config(arguments.config, arguments.overrides)
     case = load_sections(case_folder(arguments.case), run=arguments.run)
     name = case.folder.resolve().name
-    out = Path(arguments.out) if arguments.out else Path("results") / name / "classical"
+    out = Path(arguments.out or Path(config.results_folder) / name / "classical")
     analyses, refused = analyse_all(case, arguments)
     from inversion.classical.picture import save_picture  # matplotlib takes its time
 

@@ -115,6 +115,12 @@ def test_every_option_has_an_effect(option, value):
     assert max(abs(a - b) for a, b in zip(*found, strict=True)) > 10.0
 
 
+def test_results_go_where_the_configuration_says(lsfd, tmp_path, capsys):
+    folder = tmp_path / "elsewhere"
+    assert main(["classical", str(lsfd), "--quiet", "--set", f"results_folder={folder}"]) == 0
+    assert (folder / "dam" / "classical" / "classical.json").is_file()
+
+
 def test_la_marquesa_is_two_slides(tmp_path):
     case = load_sections(CASES / "la_marquesa")
     judgements = load_judgements(case.folder, case.measurements)
