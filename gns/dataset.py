@@ -26,6 +26,7 @@ from geometry.scene import Scene
 from gns.metadata import Metadata, RunEntry, read_metadata
 from gns.scene_facts import SceneFacts, before
 from gns.shard import SPLITS, Shard
+from gns.statistics import Moments
 from pipeline.cli import InputError
 
 HISTORY = 6
@@ -169,6 +170,12 @@ class Windows:
         if len(self._facts) > KEPT_FACTS:
             self._facts.popitem(last=False)
         return facts
+
+    def squares(self, run: int) -> np.ndarray:
+        """Mean squares of the accelerations of a run's moving points, over single frames, (2,)."""
+        stored = self._shards[self._shard_of[self._row_of(run)]].array(run, "moments")
+        acceleration = Moments.from_stored(stored[1])
+        return acceleration.std**2 + acceleration.mean**2
 
     def positions(self, run: int, first: int = 0, stop: int | None = None) -> np.ndarray:
         """Frames of a run, `stride` apart, (T, N, 2) float32 [m].

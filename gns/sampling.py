@@ -30,7 +30,7 @@ class Example:
         run: number of the run.
         frame: the last known frame.
         window: (history, N, 2) positions with their noise [spacings].
-        known: (2, N, 2) the last two known positions, without noise [spacings].
+        accelerations: mean square of those of the moving points of the run, (2,) [g^2].
         after: (pushforward + unroll, N, 2) true positions of the frames that follow [spacings].
         steps_before: steps that the model takes by itself before the one that is learned.
         offset: (N, 2) what is added to the true next position to get the target [spacings].
@@ -40,7 +40,7 @@ class Example:
     run: int
     frame: int
     window: Tensor
-    known: Tensor
+    accelerations: Tensor
     after: Tensor
     steps_before: int
     offset: Tensor
@@ -107,7 +107,7 @@ class Examples:
             run=given.run,
             frame=given.frame,
             window=(frames[:history] + walk).to(self.device),
-            known=frames[history - 2 : history].to(self.device),
+            accelerations=torch.from_numpy(self.windows.squares(given.run)).to(scene.friction),
             after=frames[history:].to(self.device),
             steps_before=steps_before,
             offset=(walk[-1] if right_velocity else torch.zeros_like(walk[-1])).to(self.device),

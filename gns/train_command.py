@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gns.processes import in_processes
 from pipeline.cli import InputError, WorkFailed, add_common
 from pipeline.config import Config, TrainSettings, load_config
 from pipeline.progress import Progress
@@ -88,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         while arguments.joint_batch and settings.batch_size % processes:
             processes -= 1
         if processes > 1:
-            return _in_processes(processes)
+            return in_processes(processes, ["gns", *sys.argv[1:]])
 
     import torch
 
@@ -107,22 +106,6 @@ def run(arguments: argparse.Namespace) -> int:
             return _train(arguments, settings, learned, held_out, folder, members)
         with folder.alone():
             return _train(arguments, settings, learned, held_out, folder, members)
-
-
-def _in_processes(number: int) -> int:
-    """This command again, by several processes under torchrun; its exit code."""
-    launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
-    count = ["--nproc_per_node", str(number)]
-    start = [*launcher, *count, "-m", "gns", *sys.argv[1:]]
-    with subprocess.Popen(start) as process:
-        forward = {name: signal.signal(name, lambda got, _: process.send_signal(got))
-                   for name in (signal.SIGTERM, signal.SIGINT)}  # fmt: skip
-        try:
-            code = process.wait()
-        finally:
-            for name, before in forward.items():
-                signal.signal(name, before)
-    return code
 
 
 def _shared_out(settings: TrainSettings, processes: int) -> TrainSettings:

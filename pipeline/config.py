@@ -314,7 +314,7 @@ def _default_training() -> dict[str, dict[str, int | float | bool | str]]:
         "cutoff": "smooth",
         "overburden": True,
         "grid_cell": 4.0,
-        "steps": 15_000,
+        "steps": 13_000,
         "optimizer": "muon",
         "learning_rate": 2e-3,
         "final_learning_rate": 0.0,
@@ -323,8 +323,8 @@ def _default_training() -> dict[str, dict[str, int | float | bool | str]]:
         "noise": 0.01,
         "unroll": 4,
         "unroll_ramp": 0.7,
-        "start_share": 0.2,
-        "balance": 0.1,
+        "start_share": 0.3,
+        "balance": 0.3,
         "mirror": True,
         "averaging": 0.999,
         "validate_every": 1_500,
@@ -400,7 +400,7 @@ class TrainSettings(Settings):
     balance: float = Field(
         0.0,
         ge=0,
-        description="each window's loss is divided by the mean square of its own accelerations "
+        description="each window's loss is divided by the mean square of its run's accelerations "
         "plus this, in units of the training's variance; 0: not",
     )
     mirror: bool = Field(False, description="show every second window in the mirror")

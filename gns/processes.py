@@ -1,0 +1,84 @@
+"""The command again in several processes that learn together, on one machine.
+
+What `torchrun --standalone` does, with the command's own errors and exit codes: the first process
+speaks for all, and if one ends with an error, the others are ended too.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+
+LOOK_EVERY_S = 0.1
+GRACE_S = 10.0
+"""Time after one process has failed until the others are asked to end [s]. After PATIENCE_S they
+are killed."""
+PATIENCE_S = 60.0
+
+
+def in_processes(number: int, arguments: Sequence[str]) -> int:
+    """Run `python -m ARGUMENTS` in several processes at once.
+
+    Args:
+        number: of processes.
+        arguments: module and options; each process finds its rank in the environment.
+
+    Returns:
+        the exit code of the first process, or that of another one that failed while it did not.
+    """
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    common = {"WORLD_SIZE": number, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
+    processes = []
+    for rank in range(number):
+        own = {**common, "RANK": rank, "LOCAL_RANK": rank}
+        processes.append(
+            subprocess.Popen(
+                [sys.executable, "-m", *arguments],
+                env={**os.environ, **{name: str(value) for name, value in own.items()}},
+                stderr=None if rank == 0 else subprocess.DEVNULL,
+            )
+        )
+
+    def ask(*_: object) -> None:
+        for process in processes:
+            if process.poll() is None:
+                process.terminate()
+
+    before = signal.signal(signal.SIGTERM, ask)
+    try:
+        _watch(processes, ask)
+    except KeyboardInterrupt:
+        ask()
+        _watch(processes, ask)
+        raise
+    finally:
+        for process in processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+        signal.signal(signal.SIGTERM, before)
+    return next((p.returncode for p in processes if p.returncode), 0)
+
+
+def _watch(processes: Sequence[subprocess.Popen], ask) -> None:
+    """Until all have ended; once one has failed, the others are asked to, and then left alone."""
+    failed_at, asked = None, False
+    while any(process.poll() is None for process in processes):
+        if failed_at is None and any(process.poll() for process in processes):
+            failed_at = time.monotonic()
+        if failed_at is not None:
+            waited = time.monotonic() - failed_at
+            # Those that fail by themselves for the same reason have a better message than a signal.
+            if waited > GRACE_S and not asked:
+                ask()
+                asked = True
+            if waited > PATIENCE_S:
+                return
+        time.sleep(LOOK_EVERY_S)
