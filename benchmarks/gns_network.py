@@ -3,12 +3,12 @@
     python -m benchmarks.gns_network [--threads 2] [--rounds 5] [--sizes paper shipped]
 
 `paper`: 6,000 points on a lattice, a radius of 3 spacings (161,000 edges), width 128, 10 steps of
-message passing. `shipped`: 900 points, a radius of 2 spacings, width 48 and 4 steps, as the model that
-is trained on two cores (without its grid, which the textbook has not). Both
-forms have the same weights and inputs and are measured in turn, round by round, in one process, so
-that a busy machine slows both alike; ratios are medians of the rounds, times the best round. A
-training step is forward, backward and Adam on one graph. Memory is the growth of the highest
-resident size of a fresh process over one training step.
+message passing. `shipped`: 900 points, a radius of 2 spacings, width 48 and 4 steps, as the model
+that is trained on two cores (without its grid, which the textbook has not). Both forms have the
+same weights and inputs and are measured in turn, round by round, in one process, so that a busy
+machine slows both alike; ratios are medians of the rounds, times the best round. A training step is
+forward, backward and Adam on one graph. Memory is the growth of the highest resident size of a
+fresh process over one training step.
 """
 
 from __future__ import annotations
