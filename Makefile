@@ -18,7 +18,7 @@ IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH"
 .DELETE_ON_ERROR:
 
 lsfd: $(READY)
-	@$(IN_VENV) snakemake --quiet all --show-failed-logs -- invert_lsfd
+	@$(IN_VENV) snakemake --quiet all --show-failed-logs -- answer_lsfd
 	@cat results/lower_san_fernando/inversion/summary.txt
 
 test: $(READY)

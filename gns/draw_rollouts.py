@@ -83,7 +83,7 @@ def save_history(lines: Sequence[dict[str, Any]], path: str | Path, title: str) 
         mean = np.convolve(values, np.full(width, 1.0 / width), mode="valid")
         left.plot(steps[width - 1 :], mean, color=SIMULATION_COLOUR)
         left.set_yscale("log")
-    left.set(xlabel="step", ylabel="loss (mean squared error of the normalised acceleration)")
+    left.set(xlabel="step", ylabel="loss: mean square, normalised")
     for name, label, colour in (
         ("score", "final position, mean", MODEL_COLOUR),
         ("position_error", "position, mean", "#e69f00"),

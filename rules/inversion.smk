@@ -159,8 +159,18 @@ def answered_case(case):
     return found
 
 
+# `answer_...`: by the material point method, the classical methods beside it, in minutes. `invert_...`: by
+# the learned simulator at hand as well.
 for target, case in [*CASE_ALIASES.items(), *((case, case) for case in QUESTIONS)]:
     if case in QUESTIONS:
+
+        rule:
+            name:
+                f"answer_{target}"
+            input:
+                inverted_case(case),
+            message:
+                f"The strengths of the case history {case} by simulation: {inverted_case(case)}"
 
         rule:
             name:

@@ -132,6 +132,7 @@ def test_a_model_at_hand_answers_too(bench):
     model = bench.folder / "models" / "coarse" / "model.pt"
     model.parent.mkdir(parents=True)
     model.write_text("weights")
+    assert "invert_case_gns" not in bench.planned("answer_lsfd"), "what make lsfd asks for"
     bench.snakemake("invert_lsfd")
     found = bench.folder / "results" / "lower_san_fernando"
     assert (found / "inversion_gns" / "result.json").exists()
