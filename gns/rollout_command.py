@@ -23,7 +23,9 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     parser.add_argument(
         "scene", metavar="SCENE", help="scene.yaml, scene.json, or the folder of a case history"
     )
-    parser.add_argument("--model", required=True, metavar="DIR", help="folder of a model")
+    parser.add_argument(
+        "--model", required=True, metavar="DIR", help="folder of a model, or a name in models/"
+    )
     parser.add_argument("--out", required=True, metavar="DIR", help="where the files go")
     parser.add_argument("--spacing", type=float, help="another distance between points, m")
     parser.add_argument("--duration", type=float, help="s; default: simulation.duration_s")
@@ -45,18 +47,21 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.spacing <= 0:
             raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0")
         scene = scene.changed(spacing=arguments.spacing)
-    facts, positions = start_of(scene, settings)
     duration = settings.duration_s if arguments.duration is None else arguments.duration
 
     import torch
 
     from gns.checkpoints import MODEL_FILE
+    from gns.models import model_folder
     from gns.rollout import Rest, frames_of, rollout
     from gns.simulator import Simulator
 
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
-    simulator = Simulator.load(Path(arguments.model) / MODEL_FILE, arguments.device)
+    simulator = Simulator.load(model_folder(arguments.model) / MODEL_FILE, arguments.device)
+    # Frames are as far apart as the model steps, whatever the settings of simulations say.
+    interval = simulator.config.frame_interval
+    facts, positions = start_of(scene, settings.model_copy(update={"frame_interval": interval}))
     rest = None
     if settings.early_stop:
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)

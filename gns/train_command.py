@@ -44,7 +44,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         "--from",
         dest="start",
         metavar="MODEL",
-        help="learn on from the weights of this model (its folder or its model.pt)",
+        help="learn on from the weights of this model (folder, model.pt, or name in models/)",
     )
     parser.add_argument(
         "--anew",
@@ -189,9 +189,11 @@ def _start(path: str | None, settings: TrainSettings):
     if path is None:
         return None
     from gns.checkpoints import MODEL_FILE
+    from gns.models import model_folder
     from gns.simulator import Simulator
 
-    file = Path(path) / MODEL_FILE if Path(path).is_dir() else Path(path)
+    folder = model_folder(path)
+    file = folder / MODEL_FILE if folder.is_dir() else folder
     simulator = Simulator.load(file)
     if simulator.config.history != settings.past_velocities + 1:
         raise InputError(

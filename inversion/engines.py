@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from gns.models import model_folder, models_there
 from inversion.load import LoadedCase
 from inversion.result import FILE_NAME, EngineAnswer, Result, load_result
 from pipeline.cli import InputError
 
 Name = Literal["mpm", "gns"]
-MODELS = Path("models")
 #: Folder of an engine's result below results/<case>/.
 FOLDERS: dict[str, str] = {"mpm": "inversion", "gns": "inversion_gns"}
 WORDS: dict[str, str] = {"mpm": "material point method", "gns": "Diff-GNS"}
@@ -50,15 +50,9 @@ def chosen_engine(case: LoadedCase, engine: str | None, model: str | None) -> Ch
     if not text:
         raise InputError(
             f"{case.source}: engine: gns needs a model: give --model DIR, model in this file, or "
-            f"inversion.model; {_there()}"
+            f"inversion.model; {models_there()}"
         )
     return Choice("gns", model_folder(text))
-
-
-def model_folder(text: str) -> Path:
-    """The folder of a model given by its path, or by its name in `models`."""
-    path, named = Path(text), MODELS / text
-    return named if not path.is_dir() and named.is_dir() else path
 
 
 def own_answer(result: Result) -> EngineAnswer:
@@ -109,8 +103,3 @@ def _other(result: Result, folder: Path) -> Result | None:
 
 def _is_own_mpm(row: EngineAnswer) -> bool:
     return row.engine == "mpm" and bool(row.std)
-
-
-def _there() -> str:
-    names = sorted(path.parent.name for path in MODELS.glob("*/model.pt"))
-    return f"models/ has {', '.join(names)}" if names else "models/ has none"
