@@ -87,9 +87,9 @@ def test_a_batch_in_which_all_fail_is_an_error(tmp_path):
     ("arguments", "complaint"),
     [
         ([], "give scene files, or --scale with --batch"),
-        (["--scale", "coarse"], r"needs --batch \(0 to 2\) or --index \(0 to 299\)"),
-        (["--scale", "coarse", "--batch", "3"], "batch 3: allowed are 0 to 2"),
-        (["--scale", "coarse", "--index", "300"], "--index 300: allowed are 0 to 299"),
+        (["--scale", "coarse"], r"needs --batch \(0 to 6\) or --index \(0 to 699\)"),
+        (["--scale", "coarse", "--batch", "7"], "batch 7: allowed are 0 to 6"),
+        (["--scale", "coarse", "--index", "700"], "--index 700: allowed are 0 to 699"),
         (["--scale", "huge", "--batch", "0"], "scale 'huge' is unknown: allowed are large"),
         (["x.yaml", "--scale", "coarse", "--batch", "0"], "cannot be combined"),
         (["--batch", "0"], "--batch: needs --scale"),

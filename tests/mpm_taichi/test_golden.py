@@ -36,7 +36,8 @@ def processor() -> str:
 
 def present() -> dict:
     """What the three scenes give now."""
-    config = load_config(None)
+    size = "scales.coarse."  # as it was when the record was made
+    config = load_config(None, [f"{size}material_ranges=large", f"{size}enlarged_share=0"])
     scenes = [draw_scene(config, "coarse", index) for index in INDICES]
     settings = config.simulation_for("coarse").model_copy(update={"duration_s": SECONDS})
     digest = hashlib.sha256()

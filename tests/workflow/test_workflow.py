@@ -117,9 +117,9 @@ def test_when_a_model_learns_again(bench):
     assert bench.path("coarse/model/trained.txt").read_text() == "trained results/coarse/dataset\n"
     assert bench.path("coarse/model/evaluation.txt").read_text() == "runout 1.5 spacings\n"
     both = {"train_model": 1, "evaluate_model": 1}
-    bench.settings["gns"]["train"]["noise"] = 0.03
+    bench.settings["gns"]["train"]["pushforward"] = 1  # coarse has no value of its own for it
     assert bench.planned("train_coarse") == both
-    del bench.settings["gns"]["train"]["noise"]
+    del bench.settings["gns"]["train"]["pushforward"]
     bench.settings["gns"]["train_of_scale"]["coarse"]["width"] = 9
     assert bench.planned("train_coarse") == both
     bench.settings["gns"]["train_of_scale"]["coarse"]["width"] = 8
