@@ -8,7 +8,6 @@ the machine goes into `timing.json`; every other file has the same bytes wheneve
 from __future__ import annotations
 
 import argparse
-import hashlib
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -37,10 +36,12 @@ from inversion.run_store import RunStore
 from mpm_taichi.effects import load_effects_file
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
-from pipeline.files import content_hash, read_json, write_json
+from pipeline.files import content_hash, file_hash, read_json, write_json
 from pipeline.manifest import code_version, machine, package_versions
 
 TIMING = "timing.json"
+HASH_DIGITS = 16
+"""Of the hashes of the case's files that a verdict names."""
 
 Document = TypeVar("Document", CompareDocument, ExplainDocument, Verdict)
 
@@ -125,7 +126,7 @@ class Session:
     @cached_property
     def hashes(self) -> dict[str, str]:
         """Of all that went in."""
-        found = {path.name: _file_hash(path) for path in self.case.files}
+        found = {path.name: file_hash(path)[:HASH_DIGITS] for path in self.case.files}
         found["scene at this spacing"] = scene_hash(self.case.scene)[:16]
         found["settings of the simulation"] = content_hash(self.case.setup.settings)
         if self.model_file is not None:
@@ -162,7 +163,7 @@ class Session:
     def made_from(self, model: ModelFile | None) -> str:
         """Hash of all that decides the error of a model: the case, settings, a person's changes."""
         own = None if model is None or model.by != "engineer" else model
-        files = {path.name: _file_hash(path) for path in self.case.files}
+        files = {path.name: file_hash(path)[:HASH_DIGITS] for path in self.case.files}
         versions = self.manifest_core["physics_versions"]
         settings = self.manifest_core["settings"]
         return content_hash({"files": files, "settings": settings, "versions": versions,
@@ -222,11 +223,6 @@ class Session:
             f"{self.model.runs} forward runs (at most {self.config.diagnosis.max_runs}), "
             f"{self.model.computed} of them simulated now, {self.seconds:.0f} s"
         )
-
-
-def _file_hash(path: Path) -> str:
-    """16 hexadecimal digits of the SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def describe(state: State) -> str:

@@ -91,9 +91,17 @@ class ModelFolder:
             torch.save(document, temporary)
 
     def load_state(
-        self, made_from: Mapping[str, Any], device: torch.device | str
+        self,
+        made_from: Mapping[str, Any],
+        device: torch.device | str,
+        beginning: Mapping[str, Any] | None = None,
     ) -> dict[str, Any] | None:
         """The state of the same training, or None where there is none yet.
+
+        Args:
+            made_from: says of which training.
+            device: where its tensors go.
+            beginning: another training that this one goes on from, if it is the one that is there.
 
         Raises:
             InputError: the folder holds another training, or the state is damaged.
@@ -106,7 +114,10 @@ class ModelFolder:
                 )
             return None
         document = read_document(self.state, device)
-        if other := self._other(document, made_from):
+        other = self._other(document, made_from)
+        if other and beginning is not None and not self._other(document, beginning):
+            other = None
+        if other:
             raise InputError(
                 f"{self.folder}: holds a training with {other}; give another folder with --out, or "
                 "set this one aside with --anew"

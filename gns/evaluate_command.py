@@ -49,13 +49,13 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.dataset import Windows
     from gns.draw_rollouts import save_history
     from gns.evaluate import evaluate, read_mpm_seconds, save_scores
-    from gns.metadata import read_metadata
     from gns.simulator import Simulator
 
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
     simulator = Simulator.load(model / MODEL_FILE, arguments.device)
-    windows = Windows(data, arguments.split, stride=simulator.stride_in(read_metadata(data)))
+    every = Windows(data, arguments.split)
+    windows = Windows(data, arguments.split, stride=simulator.stride_in(every.metadata))
     runs = [int(number) for number in windows.runs[: arguments.runs]]
     if not runs:
         raise InputError(f"{data}: no run in the split {arguments.split}")
@@ -70,9 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     guesses = {}
     for baseline in baselines(Windows(data, "train")):
-        judged = [
-            one for one in judge(baseline, Windows(data, arguments.split)) if one.run in set(runs)
-        ]
+        judged = [one for one in judge(baseline, every) if one.run in set(runs)]
         guesses[baseline.name] = summary(judged)
     result = accuracy(arguments.split, found, guesses)
     save_scores(model / "evaluation.csv", found)

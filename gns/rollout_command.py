@@ -59,9 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
     simulator = Simulator.load(model_folder(arguments.model) / MODEL_FILE, arguments.device)
-    # Frames are as far apart as the model steps, whatever the settings of simulations say.
-    interval = simulator.config.frame_interval
-    facts, positions = start_of(scene, settings.model_copy(update={"frame_interval": interval}))
+    facts, positions = start_of(scene, simulator.settings(settings))
     rest = None
     if settings.early_stop:
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)

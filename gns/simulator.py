@@ -37,7 +37,7 @@ from gns.ranges import MEANINGS, scene_ranges
 from gns.scene_facts import CONTACTS, SceneFacts
 from gns.units import ScaledScene, scaled
 from pipeline.cli import InputError
-from pipeline.config import describe_error
+from pipeline.config import SimulationSettings, describe_error
 from pipeline.files import atomic_path
 
 FORMAT_VERSION = 1
@@ -206,6 +206,10 @@ class Simulator(nn.Module):
             )
         parameter = next(self.parameters())
         return scaled(facts, dtype=parameter.dtype, device=parameter.device)
+
+    def settings(self, settings: SimulationSettings) -> SimulationSettings:
+        """Settings of a simulation whose frames are as far apart as the model steps."""
+        return settings.model_copy(update={"frame_interval": self.config.frame_interval})
 
     def stride_in(self, metadata: Metadata) -> int:
         """How many frames of packed data the model goes in one step.

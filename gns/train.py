@@ -142,11 +142,13 @@ def train(
         if state.step % _metrics_every(settings) == 0:
             _write_metrics(training)
         last = state.step == settings.steps
-        if runs and (last or state.step % settings.validate_every == 0):
+        # The end of a cycle is where a training of that one cycle would have ended.
+        end = last or state.step == first_cycle(settings)
+        if runs and (end or state.step % settings.validate_every == 0):
             best = _validate(training, held_out, runs)
             if on_validation is not None:
                 on_validation(state.step, best)
-        if last or stopping or state.step % settings.checkpoint_every == 0:
+        if end or stopping or state.step % settings.checkpoint_every == 0:
             _keep(training)
         if stopping and not last:
             break
@@ -161,12 +163,24 @@ def train(
     )
 
 
+def first_cycle(settings: TrainSettings) -> int:
+    """Steps of the first cycle of the learning rate: all of them, unless there is a second."""
+    return settings.restart_at if 0 < settings.restart_at < settings.steps else settings.steps
+
+
 def learning_rate(step: int, settings: TrainSettings) -> float:
-    """Learning rate of a step, counted from 1."""
+    """Learning rate of a step, counted from 1.
+
+    A second cycle is a warm restart (Loshchilov and Hutter 2017, SGDR, eq. 5, with a lower peak).
+    """
     first, last = settings.learning_rate, settings.final_learning_rate
+    length = first_cycle(settings)
+    if step > length:
+        first *= settings.restart_share
+        step, length = step - length, settings.steps - length
     if step <= settings.warmup_steps:
         return first * step / settings.warmup_steps
-    share = (step - settings.warmup_steps) / max(settings.steps - settings.warmup_steps, 1)
+    share = (step - settings.warmup_steps) / max(length - settings.warmup_steps, 1)
     if settings.schedule == "constant":
         return first
     if settings.schedule == "cosine":
@@ -177,7 +191,7 @@ def learning_rate(step: int, settings: TrainSettings) -> float:
 
 def steps_in_a_row(step: int, settings: TrainSettings) -> int:
     """Steps through which the loss of a step, counted from 1, is differentiated."""
-    ramp = settings.unroll_ramp * settings.steps
+    ramp = settings.unroll_ramp * first_cycle(settings)
     if step > ramp:
         return settings.unroll
     return 1 + int((settings.unroll - 1) * (step - 1) / ramp)
@@ -253,7 +267,7 @@ def _begin(
     if anew and group.leads:
         folder.set_aside(made_from)
     group.wait()
-    document = folder.load_state(made_from, group.device)
+    document = folder.load_state(made_from, group.device, _first_of(made_from))
     if document is not None:
         simulator.load_state_dict(document["weights"])
         optimizer.load_state_dict(document["optimizer"])
@@ -304,6 +318,8 @@ def _made_from(
     # Two processes with one window each take the steps of one process with two.
     values["batch_size"] = settings.batch_size * group.size
     del values["checkpoint_every"]
+    if first_cycle(settings) == settings.steps:
+        del values["restart_at"], values["restart_share"]
     weights = None
     if start is not None:
         weights = float(sum(value.double().abs().sum() for value in start.state_dict().values()))
@@ -313,6 +329,15 @@ def _made_from(
         "physics_version": PHYSICS_VERSION,
         "from": weights,
     }
+
+
+def _first_of(made_from: dict[str, Any]) -> dict[str, Any] | None:
+    """The training of one cycle that is the beginning of one of two; None where there is none."""
+    if "restart_at" not in made_from:
+        return None
+    one = {**made_from, "steps": made_from["restart_at"]}
+    del one["restart_at"], one["restart_share"]
+    return one
 
 
 # -- a step ---------------------------------------------------------------------------------------

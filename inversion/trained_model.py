@@ -39,7 +39,7 @@ class Model:
 
     def settings(self, settings: SimulationSettings) -> SimulationSettings:
         """Settings of a simulation whose frames are as far apart as the model steps."""
-        return settings.model_copy(update={"frame_interval": self.simulator.config.frame_interval})
+        return self.simulator.settings(settings)
 
 
 def load_model(folder: str | Path, device: str = "cpu") -> Model:

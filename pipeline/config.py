@@ -314,7 +314,8 @@ def _default_training() -> dict[str, dict[str, int | float | bool | str]]:
         "cutoff": "smooth",
         "overburden": True,
         "grid_cell": 4.0,
-        "steps": 13_000,
+        "steps": 22_000,
+        "restart_at": 13_000,
         "optimizer": "muon",
         "learning_rate": 2e-3,
         "final_learning_rate": 0.0,
@@ -373,6 +374,15 @@ class TrainSettings(Settings):
         "exponential", description="how the learning rate gets from the first to the last"
     )
     warmup_steps: int = Field(0, ge=0, description="steps in which it first rises from zero")
+    restart_at: int = Field(
+        0,
+        ge=0,
+        description="step after which it rises and falls a second time: so a training that has "
+        "ended is made longer; 0, or none of the steps: it does not",
+    )
+    restart_share: float = Field(
+        0.5, gt=0, description="of the first rates, from which it then falls"
+    )
     gradient_clip: float = Field(
         1.0, ge=0, description="the gradient is shortened to this norm; 0: never"
     )

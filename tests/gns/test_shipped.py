@@ -48,9 +48,7 @@ def test_it_does_on_a_held_out_scene_what_its_table_says():
     (run,) = simulate([scene], config.simulation_for("coarse"), threads=1)
     simulator = load_model(folder).simulator
     stride = round(simulator.config.frame_interval / config.simulation.frame_interval)
-    settings = config.simulation_for("coarse").model_copy(
-        update={"frame_interval": simulator.config.frame_interval}
-    )
+    settings = simulator.settings(config.simulation_for("coarse"))
     facts, start = start_of(scene, settings)
     simulated = run.positions[::stride]
     assert len(simulated) == int(row["frames"])

@@ -265,6 +265,23 @@ def test_learning_rates():
     assert learning_rate(1, constant) == learning_rate(100, constant) == 1e-2
 
 
+def test_rates_of_a_second_cycle():
+    one = SETTINGS.model_copy(
+        update={"steps": 60, "schedule": "cosine", "warmup_steps": 10, "learning_rate": 1e-2}
+    )
+    two = one.model_copy(update={"steps": 100, "restart_at": 60, "restart_share": 0.4})
+    rates = [learning_rate(step, two) for step in range(1, 101)]
+    assert rates[:60] == [learning_rate(step, one) for step in range(1, 61)]
+    assert rates[59] == pytest.approx(one.final_learning_rate)
+    assert max(rates[60:]) == rates[69] == pytest.approx(4e-3)
+    assert rates[99] == pytest.approx(one.final_learning_rate)
+    # A restart that never comes is none.
+    late = one.model_copy(update={"restart_at": 60})
+    assert [learning_rate(step, late) for step in range(1, 61)] == rates[:60]
+    ramped = two.model_copy(update={"unroll": 3, "unroll_ramp": 0.5})
+    assert [steps_in_a_row(step, ramped) for step in (1, 16, 31, 61, 100)] == [1, 2, 3, 3, 3]
+
+
 def test_spreads_hold_the_noise_and_a_mirrored_data_set_has_no_side(packed):
     learned, _ = opened(packed)
     data = learned.metadata.statistics
@@ -382,6 +399,20 @@ def test_a_stopped_training_goes_on_as_if_it_had_not_been(stops, packed, trained
     assert same(last_state(tmp_path)["weights"], last_state(trained)["weights"])
     # Once it has ended, there is nothing left to do.
     assert run(tmp_path, packed).step == 12 and numbers(tmp_path) == numbers(trained)
+
+
+def test_a_training_that_has_ended_is_made_longer(trained, packed, tmp_path):
+    """A second cycle after the first: as if both had been asked for at once."""
+    two = SETTINGS.model_copy(update={"steps": 20, "restart_at": SETTINGS.steps})
+    shutil.copytree(trained, tmp_path / "longer")
+    assert run(tmp_path / "longer", packed, two).step == 20
+    run(tmp_path / "whole", packed, two)
+    assert numbers(tmp_path / "longer") == numbers(tmp_path / "whole")
+    assert same(weights(tmp_path / "longer"), weights(tmp_path / "whole"))
+    # What ended after another number of steps is another training.
+    shutil.copytree(trained, tmp_path / "other")
+    with pytest.raises(InputError, match="restart_at"):
+        run(tmp_path / "other", packed, two.model_copy(update={"restart_at": 10}))
 
 
 def command(packed, folder, *more: str) -> list[str]:
