@@ -84,12 +84,13 @@ def excess(found: Adequacy) -> float:
 def explanations(register: Register, options: Options) -> dict[tuple[str, ...], float]:
     """Ln Z of the models that count as explanations of their own."""
     kept = {}
+    weighed = {names: register.weighed(model) for names, model in register.models.items()}
     for names, model in register.models.items():
         smaller = [
             other
-            for key, other in register.models.items()
+            for key, other in weighed.items()
             if key and set(key) < set(names) and names != register.current.model.names
         ]
-        if all(not why_not(less, model, options) for less in smaller):
+        if all(not why_not(less, weighed[names], options) for less in smaller):
             kept[names] = model.ln_evidence
     return kept

@@ -157,7 +157,7 @@ def search(
     Returns:
         the least of the surrogate; None where no run succeeded or none was allowed.
     """
-    seen = _run(
+    seen = run_points(
         runs, surrogate, [(x, JITTERS[n % 4][n // 4 % 2]) for n, x in enumerate(first)], what
     )
     settling = False
@@ -168,7 +168,9 @@ def search(
             break
         # Seen once, it is run once more with two other jitters; that settles it.
         settling = bool(near)
-        found = _run(runs, surrogate, [(x, seed) for seed in JITTERS[turn % len(JITTERS)]], what)
+        found = run_points(
+            runs, surrogate, [(x, seed) for seed in JITTERS[turn % len(JITTERS)]], what
+        )
         if not found:
             break
         seen += found
@@ -177,7 +179,7 @@ def search(
     return settled(data, surrogate, [*seen, *starts])
 
 
-def _run(
+def run_points(
     runs: Runs, surrogate: Surrogate, wanted: Sequence[tuple[np.ndarray, int]], what: str
 ) -> list[np.ndarray]:
     """Run points with a jitter each and teach the surrogate; those that were run."""

@@ -82,7 +82,7 @@ class Options:
     spare: int = 2
     alarm: float = 0.05
     suspect: float = 0.20
-    still_failing: float = 0.01
+    still_failing: float = 0.05
     left_over: float = 0.2
     refitted: int = 5
     inseparable: float = 0.95

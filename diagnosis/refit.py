@@ -16,7 +16,7 @@ import numpy as np
 from diagnosis.adequacy import HeldOutMisfit, held_out_misfit
 from diagnosis.differences import central_differences, steps_above_noise
 from diagnosis.evidence import ln_evidence
-from diagnosis.fit import SEEN, Fit, best_of, least, search, settled
+from diagnosis.fit import JITTERS, SEEN, Fit, best_of, least, run_points, search, settled
 from diagnosis.runs import Runs
 from diagnosis.space import Amplitude, Space
 from diagnosis.surface import Surface
@@ -24,11 +24,17 @@ from diagnosis.surrogate import Surrogate, anchor_of, spreads
 from diagnosis.whitened import Data, system
 
 #: Turns of a refit, two runs each.
-TURNS = 4
+TURNS = 3
+#: Sum of squares by which a model may be worse than a rival and still be worth them.
+FAR = 15.0
 #: Combinations of ladder amplitudes that are tried as first guesses.
 MOST_GUESSES = 100
 #: Jitters of the points that judge a refit; the second set where the first has moved it.
 JUDGES = ((11, 12, 13, 14), (15, 16, 17))
+#: Amplitudes beyond the top of a ladder, in units of it.
+BEYOND = (1.6, 2.5, 4.0)
+#: Rise of the sum of squares at which a walk ends on a ladder; differences that count as none.
+HILL, LEVEL = 9.0, 3.0
 #: Runs that the prediction of a refit is worth, its noise averaged.
 ANCHORED = 4
 
@@ -103,32 +109,76 @@ def first_guesses(surface: Surface, space: Space) -> list[np.ndarray]:
     ]
 
 
-def along_the_valley(
-    data: Data, surrogate: Surrogate, guesses: Sequence[np.ndarray]
+def walk_the_valley(
+    bench: Bench, surrogate: Surrogate, guesses: Sequence[np.ndarray], what: str
 ) -> list[np.ndarray]:
-    """Points to run first: several amplitudes, each with the parameters that go with it.
+    """Run several amplitudes, each with the parameters that go with it; the surrogate learns.
 
     While an effect grows the parameters give way to it, and what it does changes with them. The
-    surface knows its signature for the anchor's parameters alone; runs along the valley teach the
-    rest. For one new effect these are the amplitudes of its ladder, of the sign that fits better,
-    with the middle of the other; for several, the two deepest valleys.
+    surface knows its signature for the anchor's parameters alone, so each step is proposed by what
+    the one before has taught. For one new effect these are the amplitudes of its ladder, of the
+    sign that fits better, and on beyond the ladder's top while that fits better still; and the
+    middle of the other sign. For several new effects, the two deepest valleys.
+
+    Args:
+        bench: the model and its measurements.
+        surrogate: of the model; learns.
+        guesses: combinations of ladder amplitudes, (q,) each.
+        what: words for what is left out where the allowance ends.
+
+    Returns:
+        where it was run, (q,) each.
     """
-    space = surrogate.space
+    data, space = bench.data, surrogate.space
     new = [
         space.p + place
         for place, effect in enumerate(space.effects)
         if effect.name in surrogate.surface.ladders
     ]
+    seeds = [seed for pair in JITTERS for seed in pair]
     if len(new) != 1:
-        return [x for x, _ in best_of(data, surrogate, guesses, 2)]
-    found = [least(data, surrogate, x, held=new) for x in guesses]
-    best = min(found, key=lambda pair: pair[1])[0][new[0]]
-    same = [x for x, _ in found if x[new[0]] * best > 0.0]
-    other = sorted((x for x, _ in found if x[new[0]] * best < 0.0), key=lambda x: abs(x[new[0]]))
-    return same + other[len(other) // 2 :][:1]
+        points = [x for x, _ in best_of(data, surrogate, guesses, 2)]
+        return run_points(bench.runs, surrogate, list(zip(points, seeds, strict=False)), what)
+    place = new[0]
+    found = [least(data, surrogate, x, held=new)[0] for x in guesses]
+    best = min(found, key=lambda x: surrogate.total(data, x))[place]
+    other = sorted((x for x in found if x[place] * best < 0.0), key=lambda x: abs(x[place]))
+    ladder = sorted((x[place] for x in found if x[place] * best > 0.0), key=abs)
+    seen = run_points(bench.runs, surrogate, [(x, 5) for x in other[len(other) // 2 :][:1]], what)
+    x, totals = surrogate.anchor, [surrogate.total(data, surrogate.anchor)]
+    for number, amplitude in enumerate([*ladder, *(ladder[-1] * k for k in BEYOND)]):
+        rise = HILL if number < len(ladder) else LEVEL
+        if (
+            totals[-1] > min(totals) + rise
+            or not space.low[place] <= amplitude <= space.high[place]
+        ):
+            break
+        start = x.copy()
+        start[place] = amplitude
+        x, _ = least(data, surrogate, start, held=new)
+        for turn in range(2):
+            seed = seeds[(number + turn) % len(seeds)]
+            ran = run_points(bench.runs, surrogate, [(x, seed)], what)
+            if not ran:
+                return seen
+            seen += ran
+            better, total = least(data, surrogate, x, held=new)
+            if surrogate.total(data, x) - total < LEVEL:
+                break
+            x = better
+        totals.append(total)
+    return seen
 
 
-def refit(bench: Bench, surface: Surface, names: Sequence[str], *, seeds: int) -> Refitted | None:
+def refit(
+    bench: Bench,
+    surface: Surface,
+    names: Sequence[str],
+    *,
+    seeds: int,
+    near: np.ndarray | None = None,
+    rival: float = np.inf,
+) -> Refitted | None:
     """Calibrate a model with some effects.
 
     Args:
@@ -136,6 +186,9 @@ def refit(bench: Bench, surface: Surface, names: Sequence[str], *, seeds: int) -
         surface: knows every effect of the model, by a ladder or as its own.
         names: effects.
         seeds: runs whose mean the surface's anchor is.
+        near: unknowns (q,) to start from; None: along the valley of the new effect.
+        rival: sum of squares of the best of its rivals; a model that is far from it once the valley
+            has been walked is not sought any further.
 
     Returns:
         the model at its fit; None where no run succeeded or none was allowed.
@@ -145,15 +198,17 @@ def refit(bench: Bench, surface: Surface, names: Sequence[str], *, seeds: int) -
     surrogate = Surrogate(surface, space, known)
     surrogate.recall(bench.runs)
     guesses = first_guesses(surface, space)
+    what = f"refit of {' + '.join(space.names)}"
+    if near is None:
+        first = walk_the_valley(bench, surrogate, guesses, what)
+    else:
+        first = run_points(bench.runs, surrogate, [(near, seed) for seed in JITTERS[0]], what)
+    starts = [*first, *guesses]
+    hopeless = near is None and settled(bench.data, surrogate, starts).total > rival + FAR
     fit = search(
-        bench.runs,
-        bench.data,
-        surrogate,
-        guesses,
-        first=along_the_valley(bench.data, surrogate, guesses),
-        turns=TURNS,
-        what=f"refit of {' + '.join(space.names)}",
-    )
+        bench.runs, bench.data, surrogate, starts, first=[], turns=0 if hopeless else TURNS,
+        what=what,
+    )  # fmt: skip
     return None if fit is None else weighed(bench, fit, around(fit), surrogate)
 
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from diagnosis.adequacy import Adequacy, Judged, Test, assess, judged
 from diagnosis.compare import Comparison
+from diagnosis.effect_error import doubting, weighed_again
 from diagnosis.explain import Explanation
 from diagnosis.options import Options
-from diagnosis.refit import ANCHORED, Refitted, adopted, judge, refit, weighed
+from diagnosis.refit import ANCHORED, Bench, Refitted, adopted, judge, refit, weighed
 from diagnosis.scores import Scores, score_all
 from diagnosis.signatures import Signature, take_signatures
 from diagnosis.surface import Surface
@@ -59,21 +60,31 @@ class Register:
         way: adopted models in order, the base model first.
         first: refits of the first round, by candidate, with the condition each failed.
         untried: models that were wanted and could not be had: for want of runs, or none succeeded.
+        bench: at which models are compared; once effects were adopted, with the error they bring.
     """
 
     models: dict[tuple[str, ...], Refitted] = field(default_factory=dict)
     way: list[Adopted] = field(default_factory=list)
     first: dict[str, tuple[Refitted, str]] = field(default_factory=dict)
     untried: list[tuple[str, ...]] = field(default_factory=list)
+    bench: Bench | None = None
 
     @property
     def current(self) -> Adopted:
         """The model adopted last."""
         return self.way[-1]
 
+    def weighed(self, model: Refitted) -> Refitted:
+        """A model with its evidence at the bench at which models are compared now."""
+        return model if self.bench is None else weighed_again(self.bench, model)
+
 
 def why_not(
-    before: Refitted, after: Refitted, options: Options, *, together: float | None = None
+    before: Refitted,
+    after: Refitted,
+    options: Options,
+    *,
+    together: float | None = None,
 ) -> str:
     """The condition for acceptance that fails; empty if none does.
 
@@ -114,6 +125,25 @@ def accepted(now: Refitted, tried: Sequence[Refitted], options: Options) -> Refi
     return None if why_not(now, order[0], options, together=together) else order[0]
 
 
+def _accepted(
+    register: Register, now: Refitted, tried: Sequence[Refitted], options: Options
+) -> Refitted | None:
+    """The model that is adopted, by the bench at which models are compared now."""
+    doubted = [register.weighed(model) for model in tried]
+    best = accepted(register.weighed(now), doubted, options)
+    return None if best is None else register.models[best.names]
+
+
+def _within_its_error(
+    register: Register, comparison: Comparison, now: Adopted, options: Options
+) -> bool:
+    """What a model with effects leaves is no more than these effects err."""
+    assert register.bench is not None
+    fit = register.weighed(now.model).fit
+    found = judged(register.bench.data, fit, draws=options.draws, seed=options.seed)
+    return assess(found, comparison.places).p_combined >= options.suspect
+
+
 def run_rounds(comparison: Comparison, explanation: Explanation, options: Options) -> Register:
     """Add effects until the model is adequate, nothing passes, or the rounds are over."""
     bench = explanation.bench
@@ -132,11 +162,15 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         now = register.current
         if now.adequacy.p_combined >= options.suspect:
             break
+        if now.model.names:
+            register.bench = doubting(explanation.bench, comparison.base, now.model, options)
+            if _within_its_error(register, comparison, now, options):
+                break
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(register, comparison, explanation, ground, now, names)
         tried = _judge_best(register, explanation, now, tried, options)
-        best = accepted(now.model, tried, options)
+        best = _accepted(register, now.model, tried, options)
         if number == 0:
             for after in tried:
                 reason = "" if after is best else why_not(now.model, after, options)
@@ -218,7 +252,8 @@ def _try(
                 {n: ground.ladders[n] for n in key if not surface.knows(n)}
             )
             seeds = ANCHORED if surface.space.effects else comparison.base.seeds
-            found = refit(explanation.bench, surface, key, seeds=seeds)
+            rival = min((model.fit.total for model in tried), default=np.inf)
+            found = refit(explanation.bench, surface, key, seeds=seeds, rival=rival)
             if found is None:
                 register.untried.append(key)
                 continue
@@ -296,14 +331,41 @@ def _drop(
     signatures: dict[str, Signature],
     options: Options,
 ) -> None:
-    """Take out an effect that costs little to remove; refit what is left if need be."""
+    """Take out an effect that costs little to remove."""
     now = register.current
     if len(now.model.names) < 2:
         return
     smaller = [tuple(n for n in now.model.names if n != name) for name in now.model.names]
-    found = _try(register, comparison, explanation, ground, register.way[0], smaller)
-    for less in sorted(found, key=lambda model: -model.ln_evidence):
-        if now.model.ln_evidence - less.ln_evidence < options.drop_below:
+    kept, explanation.bench.runs.reserve = explanation.bench.runs.reserve, 0
+    for key in smaller:
+        _seek_near(register, explanation, ground, key, now.model)
+    explanation.bench.runs.reserve = kept
+    found = [register.models[key] for key in smaller if key in register.models]
+    whole = register.weighed(now.model)
+    for less in sorted(found, key=lambda model: -register.weighed(model).ln_evidence):
+        if whole.ln_evidence - register.weighed(less).ln_evidence < options.drop_below:
             _adopt(register, comparison, explanation, less, signatures, options)
             register.current.note = f"without what it does not need: {', '.join(less.names)}"
             return
+
+
+def _seek_near(
+    register: Register,
+    explanation: Explanation,
+    ground: Surface,
+    key: tuple[str, ...],
+    whole: Refitted,
+) -> None:
+    """Refit a smaller model from where a larger one fits; the better of the old fit and the new.
+
+    Found from the base model, a large effect may have been stopped in a worse valley: what a second
+    effect then mends is not missing. It takes a few runs, for which none are held in reserve.
+    """
+    bench, space = explanation.bench, explanation.bench.space(key)
+    own = dict(zip(whole.fit.names, whole.fit.x[whole.fit.space.p :], strict=True))
+    near = np.concatenate([whole.fit.x[: space.p], [own[name] for name in space.names]])
+    surface = ground.with_ladders({n: ground.ladders[n] for n in key if not ground.knows(n)})
+    found = refit(bench, surface, key, seeds=ANCHORED, near=space.clipped(near))
+    known = register.models.get(key)
+    if found is not None and (known is None or found.ln_evidence > known.ln_evidence):
+        register.models[key] = judge(bench, found)

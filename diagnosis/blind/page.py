@@ -176,7 +176,7 @@ def _misses(judged: Sequence[Judged]) -> str:
             or (one.named is not None and not one.right)
         ),
         "pair": lambda one: set(one.digest.effects) != one.hidden,
-        "outside": lambda one: one.attributed,
+        "outside": lambda one: one.explained_away,
     }
     rows = [
         (one.truth["name"], one.truth["section"], one.truth["survey"],

@@ -83,12 +83,17 @@ class Straight:
         noise: standard deviation of a run's own noise, the same for all numbers [m].
         bent: effects that go with the square of their amplitude.
         broken: amplitudes from which runs with an effect fail.
+        skewed: effect -> (another, share): with finer cells it does so much of the other, too.
+        ridge: what a unit of an effect does to the strength, in units of the fitted strength, and
+            how much of `bend` their product does: parameters must give way as the effect grows.
     """
 
     readings: np.ndarray
     noise: float = 0.0
     bent: tuple[str, ...] = ()
     broken: Mapping[str, float] = field(default_factory=dict)
+    skewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    ridge: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     hold_out: HoldOut | None = None
     runs: int = 0
     computed: int = 0
@@ -142,6 +147,15 @@ class Straight:
                 return np.full(SIZE, np.nan)
             power = amplitude * abs(amplitude) if name in self.bent else amplitude
             found = found + power * signatures()[name]
+            if name in self.skewed and state.numerics == "fine":
+                other, share = self.skewed[name]
+                found = found + share * amplitude * signatures()[other]
+            if name in self.ridge:
+                shift, product = self.ridge[name]
+                fitted = self.parameters.to_fitted(np.array(state.values))
+                start = self.parameters.to_fitted(self.parameters.start)
+                found = found + shift * amplitude * slopes()[:, 0]
+                found = found + product * amplitude * (fitted - start)[0] * signatures()["bend"]
         if self.noise:
             bits = np.frombuffer(repr(state).encode(), dtype=np.uint8)
             draw = np.random.default_rng(bits.tolist())

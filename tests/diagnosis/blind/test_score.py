@@ -72,6 +72,16 @@ def test_a_curve_counts_where_there_was_one_to_be_found():
     assert (share.hits, share.n) == (5, 8)
 
 
+def test_a_stranger_under_its_own_name_is_not_explained_away():
+    """The library has spatial variability too, but not the fields that were hidden."""
+    strangers = [t for t in truths(96) if t["kind"] == "outside"]
+    own = [{**t, "effects": {"effect_0": 0.5}} for t in strangers]
+    said = [digest(t, "identified", ["effect_0"]) for t in own]
+    said[0] = digest(own[0], "identified", ["effect_0", "effect_1"], sets=[["effect_0"]])
+    share = score([Judged(t, d) for t, d in zip(own, said, strict=True)]).shares["explained_away"]
+    assert (share.hits, share.n) == (1, len(strangers))
+
+
 def test_a_judge_that_draws_a_name_for_every_case():
     """One of ten names is right one time in ten; every null is accused; no pair is found."""
     draw = np.random.default_rng(1)

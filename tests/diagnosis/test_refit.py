@@ -1,0 +1,90 @@
+"""Refits of models whose parameters must give way to an effect, and the error an effect brings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis import diagnose
+from diagnosis.compare import Comparison, compare
+from diagnosis.effect_error import doubting, weighed_again
+from diagnosis.explain import Explanation, explain
+from diagnosis.model import State
+from diagnosis.options import Options
+from diagnosis.refit import ANCHORED, Refitted, refit
+from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
+
+OPTIONS = Options(draws=400, replicates=3)
+RIDGE = {"late": (0.35, 4.0)}
+
+
+def looked_at(model: Straight, options: Options = OPTIONS) -> tuple[Comparison, Explanation]:
+    comparison = compare(model, options)
+    return comparison, explain(model, comparison, options)
+
+
+def refitted(
+    comparison: Comparison, explanation: Explanation, *names: str, near: np.ndarray | None = None
+) -> Refitted:
+    ladders = {name: one.ladder for name, one in explanation.signatures.items()}
+    surface = comparison.base.surface.with_ladders(ladders)
+    found = refit(explanation.bench, surface, names, seeds=ANCHORED, near=near)
+    assert found is not None
+    return found
+
+
+def on_a_ridge(seed: int, amplitude: float) -> Straight:
+    """Data of a large effect to which the strength has given way."""
+    quiet = Straight(np.ones(SIZE), ridge=RIDGE)
+    readings = quiet.predict([State((8.0, 32.0)).with_effects({"late": amplitude})])[0]
+    return Straight(readings + errors(seed), ridge=RIDGE)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_refit_follows_the_parameters_to_an_amplitude_beyond_the_ladder(seed):
+    model = on_a_ridge(seed, 2.8)
+    comparison, explanation = looked_at(model)
+    found = refitted(comparison, explanation, "late")
+    assert max(explanation.signatures["late"].ladder.rungs) == 2.0
+    amplitude = found.fit.space.amplitudes(found.fit.x)["late"]
+    assert amplitude == pytest.approx(2.8, abs=0.8)
+    # No worse than a search that is told where to begin.
+    told = np.concatenate([model.parameters.to_fitted(np.array([8.0, 32.0])),
+                           [2.8 / found.fit.space.effects[0].unit]])  # fmt: skip
+    best = refitted(comparison, explanation, "late", near=told)
+    assert found.fit.total < best.fit.total + 1.0
+
+
+def test_an_effect_adds_to_the_error_what_finer_cells_make_of_it():
+    model = Straight(truth({"late": 2.0}) + errors(1), skewed={"late": ("step", 0.5)})
+    comparison, explanation = looked_at(model)
+    after = refitted(comparison, explanation, "late")
+    bench = doubting(explanation.bench, comparison.base, after, OPTIONS)
+    grown = bench.data.covariance - explanation.bench.data.covariance
+    bias = 0.5 * after.fit.space.amplitudes(after.fit.x)["late"] * signatures()["step"]
+    expected = 0.7 * np.outer(bias, bias) + 0.3 * np.diag(bias**2)
+    assert np.allclose(grown, expected, atol=1e-9)
+    again = weighed_again(bench, after)
+    assert again.fit.total <= after.fit.total and np.array_equal(again.fit.x, after.fit.x)
+    # Without the finer run, or without the runs to make it, nothing is doubted.
+    plain = replace(OPTIONS, resolution_factor=0.0)
+    change = doubting(explanation.bench, comparison.base, after, plain).data.covariance
+    assert np.allclose(change, explanation.bench.data.covariance)
+    comparison.base.runs.allowance = comparison.base.runs.asked
+    other = replace(after, fit=replace(after.fit, x=after.fit.x + 0.01))
+    assert doubting(explanation.bench, comparison.base, other, OPTIONS) is explanation.bench
+
+
+def test_no_second_effect_for_what_the_cells_make_of_the_first():
+    """Much of the first effect's signature hangs on the cells, in the form of another effect."""
+    needless, wanted = 0, 0
+    for seed in range(6):
+        readings = truth({"late": 2.8, "step": 2.5}) + errors(seed)
+        model = Straight(readings, skewed={"late": ("step", 0.9)})
+        options = replace(OPTIONS, seed=seed)
+        needless += len(diagnose(model, options, case="c", title="t").answer.effects) > 1
+        exact = straight(seed, {"late": 2.8, "step": 2.5})
+        wanted += len(diagnose(exact, options, case="c", title="t").answer.effects) > 1
+    assert needless <= 1 and wanted >= 5
