@@ -5,7 +5,7 @@
 - *ambiguous*: an explanation was accepted, but it takes several to reach 90 %, or the runs that
   were allowed did not suffice to try its rivals.
 - *unknown_effect*: the base model fails its tests and nothing passes, or what passes still fails
-  and leaves much of the misfit.
+  and leaves much of the misfit, more than the error of its own effects.
 - *suspect*: p between 0.05 and 0.20, and nothing passes.
 
 Probabilities are those of ln Z among all models that were tried. A model that adds to another an
@@ -55,7 +55,8 @@ def decide(register: Register, options: Options) -> Decision:
         alone = {(): probability.get((), 0.0)}
         return Decision(verdict, final, alone if verdict == "adequate" else {}, probability)
     sets = credible_set(probability, options.credible)
-    if still_failing(register.way[0].adequacy, final.adequacy, options):
+    failing = still_failing(register.way[0].adequacy, final.adequacy, options)
+    if failing and not register.within_error:
         return Decision("unknown_effect", final, sets, probability)
     # What adds to the answer is no rival of it.
     own = set(final.model.names)

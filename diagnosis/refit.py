@@ -24,7 +24,7 @@ from diagnosis.surrogate import Surrogate, anchor_of, spreads
 from diagnosis.whitened import Data, system
 
 #: Turns of a refit, two runs each.
-TURNS = 3
+TURNS = 4
 #: Sum of squares by which a model may be worse than a rival and still be worth them.
 FAR = 15.0
 #: Combinations of ladder amplitudes that are tried as first guesses.

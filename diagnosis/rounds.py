@@ -61,6 +61,7 @@ class Register:
         first: refits of the first round, by candidate, with the condition each failed.
         untried: models that were wanted and could not be had: for want of runs, or none succeeded.
         bench: at which models are compared; once effects were adopted, with the error they bring.
+        within_error: what the current model leaves is no more than its effects err.
     """
 
     models: dict[tuple[str, ...], Refitted] = field(default_factory=dict)
@@ -68,6 +69,7 @@ class Register:
     first: dict[str, tuple[Refitted, str]] = field(default_factory=dict)
     untried: list[tuple[str, ...]] = field(default_factory=list)
     bench: Bench | None = None
+    within_error: bool = False
 
     @property
     def current(self) -> Adopted:
@@ -164,7 +166,8 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
             break
         if now.model.names:
             register.bench = doubting(explanation.bench, comparison.base, now.model, options)
-            if _within_its_error(register, comparison, now, options):
+            register.within_error = _within_its_error(register, comparison, now, options)
+            if register.within_error:
                 break
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]

@@ -2,8 +2,10 @@
 
 Each iteration solves a linear least-squares problem within the bounds and within a box around the
 present point (a trust region in scaled parameters). A step that makes things worse is taken back
-and the box shrunk. It ends when the loss is below the tolerance and the step that is left is small,
-when nothing more can be gained, or when its allowance of iterations or runs is used up.
+and the box shrunk; if the predictions moved against what the derivative said, the run that was
+taken back teaches it better (Broyden's rank-one update): the derivative of a long learned rollout
+can be wrong even in sign. It ends when the loss is below the tolerance and the step that is left is
+small, when nothing more can be gained, or when its allowance of iterations or runs is used up.
 """
 
 from __future__ import annotations
@@ -57,8 +59,9 @@ def gauss_newton(search: Search, first: Look) -> Found:
     if not np.isfinite(first.loss):
         raise WorkFailed(f"the simulation at the start failed: {first.prediction.reason}")
     best, box, iteration = first, BOX, first.iteration
+    taught: np.ndarray | None = None
     while True:
-        step = best_step(search, best, box)
+        step = best_step(search, best, box, taught)
         words = _ended(search, best, step, box)
         if words:
             break
@@ -69,9 +72,10 @@ def gauss_newton(search: Search, first: Look) -> Found:
         ratio = actual / max(step.gain, 1e-12)
         if not np.isfinite(ratio) or actual <= 0.0:
             search.reject(trial)
+            taught = taught_by(search, best, trial, taught)
             box = 0.35 * min(box, step.length)
             continue
-        best = trial
+        best, taught = trial, None
         if ratio > 0.75 and step.length > 0.9 * box:
             box = min(2.0 * box, LARGEST_BOX)
         elif ratio < 0.25:
@@ -82,12 +86,40 @@ def gauss_newton(search: Search, first: Look) -> Found:
     return Found(best, reached, words, search.looks, search.runs)
 
 
-def best_step(search: Search, look: Look, box: float) -> Step:
-    """Least squares of the linearised residuals within the bounds and the box around a look."""
+def taught_by(
+    search: Search, look: Look, trial: Look, taught: np.ndarray | None
+) -> np.ndarray | None:
+    """The derivative of the residuals (n, p) at a look after a step that was taken back.
+
+    Broyden (1965), eq. 4.5, where the residuals moved against what the derivative says; else as it
+    was (`taught`, None: the look's own).
+    """
+    if not np.isfinite(trial.loss):
+        return taught
+    objective, parameters = search.objective, search.objective.parameters
+    here, there = parameters.to_fitted(look.values), parameters.to_fitted(trial.values)
+    matrix = objective.jacobian(look.derivative, look.values) if taught is None else taught
+    step = there - here
+    moved = objective.residuals(trial.prediction, there)
+    moved = moved - objective.residuals(look.prediction, here)
+    if moved @ (matrix @ step) >= 0.0:
+        return taught
+    return matrix + np.outer(moved - matrix @ step, step) / (step @ step)
+
+
+def best_step(search: Search, look: Look, box: float, taught: np.ndarray | None = None) -> Step:
+    """Least squares of the linearised residuals within the bounds and the box around a look.
+
+    Args:
+        search: the problem.
+        look: where it is linearised.
+        box: half-width, in scaled parameters.
+        taught: derivative of the residuals (n, p) in place of the look's own.
+    """
     objective, parameters = search.objective, search.objective.parameters
     here = parameters.to_fitted(look.values)
     residuals = objective.residuals(look.prediction, here)
-    matrix = objective.jacobian(look.derivative, look.values)
+    matrix = objective.jacobian(look.derivative, look.values) if taught is None else taught
     low = np.maximum(parameters.fitted_low - here, -box)
     high = np.minimum(parameters.fitted_high - here, box)
     # lsq_linear wants the origin strictly inside; a bound that is active keeps a hair's breadth.

@@ -131,6 +131,23 @@ def test_gauss_newton_finds_the_weighted_least_squares_answer():
     assert found.reached
 
 
+def test_a_derivative_of_the_wrong_sign_is_taught_better_by_the_runs_it_led_to():
+    """As the derivative of a long learned rollout may be."""
+    search = problem([strength("a"), angle("b")], dam, targets(53.0), tolerance=0.1)
+    right = search.engine.derivative
+
+    def wrong(values, steps):
+        prediction, derivative, taken = right(values, steps)
+        return prediction, derivative * [[-0.4, 1.0]], taken
+
+    search.engine.derivative = wrong
+    first = search.look(np.array([45.0, 30.0]), "start", 0)
+    found = gauss_newton(search, first)
+    assert found.reached and found.look.values[0] == pytest.approx(27.5, rel=0.01)
+    rejected = [look for look in found.looks if not look.accepted]
+    assert 0 < len(rejected) < 20
+
+
 def test_strengths_that_the_toes_leave_open_keep_the_ratios_of_their_first_guesses():
     specs = [
         strength(name, start=start, low=0.5)
