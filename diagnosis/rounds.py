@@ -367,8 +367,7 @@ def _seek_near(
     bench, space = explanation.bench, explanation.bench.space(key)
     own = dict(zip(whole.fit.names, whole.fit.x[whole.fit.space.p :], strict=True))
     near = np.concatenate([whole.fit.x[: space.p], [own[name] for name in space.names]])
-    surface = ground.with_ladders({n: ground.ladders[n] for n in key if not ground.knows(n)})
-    found = refit(bench, surface, key, seeds=ANCHORED, near=space.clipped(near))
+    found = refit(bench, ground, key, seeds=ANCHORED, near=space.clipped(near))
     known = register.models.get(key)
     if found is not None and (known is None or found.ln_evidence > known.ln_evidence):
         register.models[key] = judge(bench, found)
