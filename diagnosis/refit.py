@@ -118,7 +118,7 @@ def walk_the_valley(
     surface knows its signature for the anchor's parameters alone, so each step is proposed by what
     the one before has taught. For one new effect these are the amplitudes of its ladder, of the
     sign that fits better, and on beyond the ladder's top while that fits better still; and the
-    middle of the other sign. For several new effects, the two deepest valleys.
+    middle of the other sign. For several new effects, the deepest valleys, two at most.
 
     Args:
         bench: the model and its measurements.
@@ -136,7 +136,8 @@ def walk_the_valley(
         if effect.name in surrogate.surface.ladders
     ]
     seeds = [seed for pair in JITTERS for seed in pair]
-    if len(new) != 1:
+    # Of many effects there is one first guess, without the new one: nothing to walk along.
+    if len(new) != 1 or all(x[new[0]] == 0.0 for x in guesses):
         points = [x for x, _ in best_of(data, surrogate, guesses, 2)]
         return run_points(bench.runs, surrogate, list(zip(points, seeds, strict=False)), what)
     place = new[0]

@@ -57,6 +57,18 @@ def test_a_refit_follows_the_parameters_to_an_amplitude_beyond_the_ladder(seed):
     assert found.fit.total < best.fit.total + 1.0
 
 
+def test_a_fourth_effect_has_one_first_guess_and_is_fitted_from_there():
+    names = ("bend", "late", "like_strength", "step")
+    model = straight(1, {"late": 1.0, "step": 1.0})
+    comparison, explanation = looked_at(model)
+    before = refitted(comparison, explanation, *names[:3])
+    ladders = {"step": explanation.signatures["step"].ladder}
+    surface = before.surface.with_ladders(ladders)
+    found = refit(explanation.bench, surface, names, seeds=ANCHORED)
+    assert found is not None and found.names == names
+    assert found.fit.total < before.fit.total
+
+
 def test_an_effect_adds_to_the_error_what_finer_cells_make_of_it():
     model = Straight(truth({"late": 2.0}) + errors(1), skewed={"late": ("step", 0.5)})
     comparison, explanation = looked_at(model)
