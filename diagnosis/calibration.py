@@ -8,7 +8,7 @@ the mean of the replicates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from diagnosis.covariance import Covariance, covariance, jitter_covariance
 from diagnosis.differences import central_differences, first_steps, steps_above_noise
 from diagnosis.fit import SEEN, Fit, best_of, search, settled, total_of
 from diagnosis.hold_out import Split, split
-from diagnosis.model import Model, State
+from diagnosis.model import Model, Numerics, State
 from diagnosis.options import Options
 from diagnosis.runs import Runs
 from diagnosis.space import Space
@@ -169,18 +169,22 @@ def _replicates(runs: Runs, space: Space, x: np.ndarray, options: Options) -> np
     return runs.predict(states)
 
 
+def paired(own: State, options: Options) -> dict[Numerics, State]:
+    """The same run with other numerics, as many of them as are asked for."""
+    wanted: dict[Numerics, bool] = {
+        "transfer": options.transfer,
+        "fine": options.resolution_factor > 0.0,
+    }
+    return {kind: replace(own, numerics=kind) for kind, asked in wanted.items() if asked}
+
+
 def _covariance(
     runs: Runs, survey: np.ndarray, own: State, replicates: np.ndarray, options: Options
 ) -> Covariance:
     """C at the fit."""
     if not options.numerical_covariance:
         return covariance(survey)
-    wanted = {"transfer": options.transfer, "fine": options.resolution_factor > 0.0}
-    states = {
-        numerics: State(own.values, own.effects, own.seed, numerics)
-        for numerics, asked in wanted.items()
-        if asked
-    }
+    states = paired(own, options)
     difference = {}
     if runs.affords(list(states.values()), "transfer and resolution"):
         rows = runs.predict([own, *states.values()])

@@ -8,17 +8,18 @@ have changed, b_t and b, the covariance grows:
     C' = C + b_t b_t' + 0.7 b b' + 0.3 diag b^2
 
 A further effect has to be worth having in C'. In C it would be asked for by what the cells make of
-the first: half of the needless second effects were.
+the first, as softening was beside a large pore pressure.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from diagnosis.calibration import Base
+import numpy as np
+
+from diagnosis.calibration import Base, paired
 from diagnosis.covariance import covariance
 from diagnosis.fit import total_of
-from diagnosis.model import Numerics, State
 from diagnosis.options import Options
 from diagnosis.refit import Bench, Refitted, weighed
 
@@ -38,25 +39,16 @@ def doubting(bench: Bench, base: Base, model: Refitted, options: Options) -> Ben
     Returns:
         the bench with C'; with C where the allowance does not cover the runs, or nothing is asked.
     """
-    wanted: dict[Numerics, bool] = {
-        "transfer": options.transfer,
-        "fine": options.resolution_factor > 0.0,
-    }
-    if not options.numerical_covariance or not any(wanted.values()):
+    ends = (model.fit.space.state(model.fit.x), base.fit.space.state(base.surface.x))
+    kinds = list(paired(ends[0], options))
+    if not options.numerical_covariance or not kinds:
         return bench
-    kinds: list[Numerics] = ["own", *(kind for kind, asked in wanted.items() if asked)]
-    states = [
-        State(own.values, own.effects, own.seed, kind)
-        for own in (model.fit.space.state(model.fit.x), base.fit.space.state(base.surface.x))
-        for kind in kinds
-    ]
+    states = [state for own in ends for state in (own, *paired(own, options).values())]
     if not bench.runs.affords(states, f"the error of {' + '.join(model.names)}"):
         return bench
-    rows = bench.runs.predict(states)
-    with_effects, without = rows[: len(kinds)], rows[len(kinds) :]
-    change = dict(
-        zip(kinds, (with_effects - with_effects[0]) - (without - without[0]), strict=True)
-    )
+    with_effects, without = np.split(bench.runs.predict(states), 2)
+    grown = (with_effects - with_effects[0]) - (without - without[0])
+    change = dict(zip(kinds, grown[1:], strict=True))
     covered = covariance(
         bench.data.covariance,
         transfer=change.get("transfer"),

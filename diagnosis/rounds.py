@@ -82,11 +82,7 @@ class Register:
 
 
 def why_not(
-    before: Refitted,
-    after: Refitted,
-    options: Options,
-    *,
-    together: float | None = None,
+    before: Refitted, after: Refitted, options: Options, *, together: float | None = None
 ) -> str:
     """The condition for acceptance that fails; empty if none does.
 
@@ -343,13 +339,14 @@ def _drop(
     for key in smaller:
         _seek_near(register, explanation, ground, key, now.model)
     explanation.bench.runs.reserve = kept
-    found = [register.models[key] for key in smaller if key in register.models]
-    whole = register.weighed(now.model)
-    for less in sorted(found, key=lambda model: -register.weighed(model).ln_evidence):
-        if whole.ln_evidence - register.weighed(less).ln_evidence < options.drop_below:
-            _adopt(register, comparison, explanation, less, signatures, options)
-            register.current.note = f"without what it does not need: {', '.join(less.names)}"
-            return
+    found = [register.weighed(register.models[key]) for key in smaller if key in register.models]
+    less = max(found, key=lambda model: model.ln_evidence, default=None)
+    if less is None:
+        return
+    if register.weighed(now.model).ln_evidence - less.ln_evidence < options.drop_below:
+        less = register.models[less.names]
+        _adopt(register, comparison, explanation, less, signatures, options)
+        register.current.note = f"without what it does not need: {', '.join(less.names)}"
 
 
 def _seek_near(

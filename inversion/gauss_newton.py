@@ -91,8 +91,8 @@ def taught_by(
 ) -> np.ndarray | None:
     """The derivative of the residuals (n, p) at a look after a step that was taken back.
 
-    Broyden (1965), eq. 4.5, where the residuals moved against what the derivative says; else as it
-    was (`taught`, None: the look's own).
+    Better (`broyden`) where the residuals moved against what the derivative says; else as it was
+    (`taught`, None: the look's own).
     """
     if not np.isfinite(trial.loss):
         return taught
@@ -104,7 +104,15 @@ def taught_by(
     moved = moved - objective.residuals(look.prediction, here)
     if moved @ (matrix @ step) >= 0.0:
         return taught
-    return matrix + np.outer(moved - matrix @ step, step) / (step @ step)
+    return broyden(matrix, step, moved)
+
+
+def broyden(slope: np.ndarray, step: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """A derivative (n, p) that gives the change (n,) which a step (p,) was seen to bring.
+
+    Of all that do, the nearest to the old one (Broyden 1965, eq. 4.5).
+    """
+    return slope + np.outer(moved - slope @ step, step) / (step @ step)
 
 
 def best_step(search: Search, look: Look, box: float, taught: np.ndarray | None = None) -> Step:

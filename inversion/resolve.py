@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from inversion.forward import Forward, Prediction
+from inversion.gauss_newton import broyden
 from inversion.objective import Objective
 
 #: Batches at most, and the largest change of a scaled parameter in one step.
@@ -89,8 +90,7 @@ class Problem:
         if np.isfinite(loss):
             mask = self.objective.targets.fitted
             gained = (prediction.values - self.prediction.values)[mask]
-            surprise = gained - self.slope @ change
-            self.slope = self.slope + np.outer(surprise, change) / (change @ change)
+            self.slope = broyden(self.slope, change, gained)
         if loss < self.loss:
             self.values, self.prediction = self._trial, prediction
         else:
