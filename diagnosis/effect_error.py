@@ -63,4 +63,4 @@ def weighed_again(bench: Bench, model: Refitted) -> Refitted:
     fit = model.fit
     total = total_of(bench.data, fit.space, fit.prediction, fit.x)
     found = weighed(bench, replace(fit, total=total), model.surface, model.surrogate)
-    return replace(found, judged=model.judged)
+    return replace(found, judged=model.judged, sloped=model.sloped)

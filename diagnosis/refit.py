@@ -75,6 +75,7 @@ class Refitted:
         surface: around the fit, for what comes after.
         surrogate: that its search has taught; None where there was none.
         judged: by jitters that it was not sought with.
+        sloped: its derivative is its own, by central differences.
     """
 
     fit: Fit
@@ -83,6 +84,7 @@ class Refitted:
     surface: Surface
     surrogate: Surrogate | None = None
     judged: bool = False
+    sloped: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -252,8 +254,11 @@ def weighed(
 def adopted(bench: Bench, chosen: Refitted) -> Refitted:
     """A refit with a derivative of its own, by central differences at its fit.
 
-    What a search has learnt of the slope by the way is enough to rank models, not to judge one.
+    What a search has learnt of the slope by the way is enough to rank models, not to judge one, nor
+    to choose between two that are near each other: with its own slope ln Z rises by 0.7 to 2.6.
     """
+    if chosen.sloped:
+        return chosen
     fit = chosen.fit
     what = f"derivative of {' + '.join(fit.names)}"
     steps = steps_above_noise(fit.space, bench.data, fit.derivative, bench.jitter)
@@ -264,4 +269,4 @@ def adopted(bench: Bench, chosen: Refitted) -> Refitted:
     known = spreads(bench.data, surface, fit.space, bench.jitter, anchored_by=ANCHORED)
     surrogate = Surrogate(surface, fit.space, known)
     found = weighed(bench, settled(bench.data, surrogate, [fit.x]), surface)
-    return replace(found, judged=True)
+    return replace(found, judged=True, sloped=True)

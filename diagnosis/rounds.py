@@ -7,7 +7,8 @@ also the best pairs, since one effect may have stood for two. The best is adopte
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -19,6 +20,7 @@ from diagnosis.effect_error import doubting, weighed_again
 from diagnosis.explain import Explanation
 from diagnosis.options import Options
 from diagnosis.refit import ANCHORED, Bench, Refitted, adopted, judge, refit, weighed
+from diagnosis.runs import Runs
 from diagnosis.scores import Scores, score_all
 from diagnosis.signatures import Signature, take_signatures
 from diagnosis.surface import Surface
@@ -30,6 +32,8 @@ PAIRS = 2
 LARGEST_RESERVE = 50
 #: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
 NEAR_BEST = 3.0
+#: Models within that of the accepted one that are put on equal terms with it, itself among them.
+CONTENDERS = 4
 
 
 @dataclass
@@ -168,18 +172,31 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(register, comparison, explanation, ground, now, names)
-        tried = _judge_best(register, explanation, now, tried, options)
+        with _nothing_kept(runs):
+            tried = _judge_best(register, explanation, now, tried, options)
         best = _accepted(register, now.model, tried, options)
+        if best is not None:
+            with _nothing_kept(runs):
+                best = _on_equal_terms(register, explanation, now.model, best, tried, options)
         if number == 0:
-            for after in tried:
+            for after in (register.models[model.names] for model in tried):
                 reason = "" if after is best else why_not(now.model, after, options)
                 register.first[after.names[0]] = (after, reason)
         if best is None:
             break
-        _adopt(register, comparison, explanation, best, signatures, options)
-        _drop(register, comparison, explanation, ground, signatures, options)
+        with _nothing_kept(runs):
+            _adopt(register, comparison, explanation, best, signatures, options)
+            _drop(register, comparison, explanation, ground, signatures, options)
     runs.reserve = 0
     return register
+
+
+@contextmanager
+def _nothing_kept(runs: Runs) -> Iterator[None]:
+    """Let what settles an answer have the runs that are kept for a curve, should there be none."""
+    kept, runs.reserve = runs.reserve, 0
+    yield
+    runs.reserve = kept
 
 
 def wanted_models(
@@ -284,6 +301,30 @@ def _judge_best(
     return list(found.values())
 
 
+def _on_equal_terms(
+    register: Register,
+    explanation: Explanation,
+    now: Refitted,
+    best: Refitted,
+    tried: list[Refitted],
+    options: Options,
+) -> Refitted:
+    """Give the best and what is near it derivatives of their own; the best of them after that.
+
+    A derivative of its own is worth some ln evidence. Were the adopted model alone given one, its
+    rivals would be out of the answer for want of it.
+    """
+    least = best.ln_evidence - NEAR_BEST
+    near = sorted((m for m in tried if m.ln_evidence >= least), key=lambda m: -m.ln_evidence)
+    if len(near) < 2:
+        return best
+    contenders = [best, *(model for model in near if model is not best)][:CONTENDERS]
+    for model in contenders:
+        register.models[model.names] = adopted(explanation.bench, model)
+    sloped = [register.models[model.names] for model in contenders]
+    return _accepted(register, now, sloped, options) or sloped[0]
+
+
 def _adopt(
     register: Register,
     comparison: Comparison,
@@ -335,10 +376,8 @@ def _drop(
     if len(now.model.names) < 2:
         return
     smaller = [tuple(n for n in now.model.names if n != name) for name in now.model.names]
-    kept, explanation.bench.runs.reserve = explanation.bench.runs.reserve, 0
     for key in smaller:
         _seek_near(register, explanation, ground, key, now.model)
-    explanation.bench.runs.reserve = kept
     found = [register.weighed(register.models[key]) for key in smaller if key in register.models]
     less = max(found, key=lambda model: model.ln_evidence, default=None)
     if less is None:
@@ -359,7 +398,7 @@ def _seek_near(
     """Refit a smaller model from where a larger one fits; the better of the old fit and the new.
 
     Found from the base model, a large effect may have been stopped in a worse valley: what a second
-    effect then mends is not missing. It takes a few runs, for which none are held in reserve.
+    effect then mends is not missing.
     """
     bench, space = explanation.bench, explanation.bench.space(key)
     own = dict(zip(whole.fit.names, whole.fit.x[whole.fit.space.p :], strict=True))

@@ -12,6 +12,7 @@ from diagnosis import diagnose
 from diagnosis.adequacy import Adequacy, HeldOutMisfit
 from diagnosis.decide import excess, still_failing
 from diagnosis.fit import Fit
+from diagnosis.loop import find
 from diagnosis.options import Options
 from diagnosis.refit import Refitted
 from diagnosis.rounds import accepted, why_not
@@ -50,6 +51,14 @@ def test_what_looks_alike_is_not_told_apart():
         assert verdict.verdict == "ambiguous"
         both = {name for one in verdict.answer.set_90 for name in one.names}
         assert both == {"bend", "like_bend"}
+
+
+def test_rivals_that_are_near_have_derivatives_of_their_own():
+    model = straight(2, {"bend": 1.5})
+    found = find(model, Options(draws=400, replicates=3, seed=2))
+    tried = found.register.models
+    assert tried[("bend",)].sloped and tried[("like_bend",)].sloped
+    assert not tried[("step",)].sloped, "far from the best, its own derivative would be wasted"
 
 
 def test_two_effects_are_found_as_two():
