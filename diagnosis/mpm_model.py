@@ -102,6 +102,7 @@ class MPMModel:
             possible_measurements(setup), fit=None, loss="misfit", source="what could be measured"
         )
         self._asked: set[State] = set()
+        self._proposed: dict[State, np.ndarray] = {}
         self._computed_before = store.computed
 
     # --- what the statistics see ---
@@ -145,9 +146,10 @@ class MPMModel:
     def propose(self, states: Sequence[State]) -> np.ndarray:
         """Readings of all proposals (n, q); runs that were made before are read, not made again."""
         behind = [self.run_behind(state) for state in states]
-        found = self._read_all(list(dict.fromkeys(behind)), self._possible)
+        new = [state for state in dict.fromkeys(behind) if state not in self._proposed]
+        self._proposed |= self._read_all(new, self._possible)
         nothing = np.zeros((0, len(self._possible.names)))
-        return np.array([found[state] for state in behind]) if behind else nothing
+        return np.array([self._proposed[state] for state in behind]) if behind else nothing
 
     @cached_property
     def curves(self) -> list[Curve]:
