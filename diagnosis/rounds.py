@@ -7,8 +7,7 @@ also the best pairs, since one effect may have stood for two. The best is adopte
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -20,7 +19,6 @@ from diagnosis.effect_error import doubting, weighed_again
 from diagnosis.explain import Explanation
 from diagnosis.options import Options
 from diagnosis.refit import ANCHORED, Bench, Refitted, adopted, judge, refit, weighed
-from diagnosis.runs import Runs
 from diagnosis.scores import Scores, score_all
 from diagnosis.signatures import Signature, take_signatures
 from diagnosis.surface import Surface
@@ -158,12 +156,14 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
     )
     signatures = dict(explanation.signatures)
     runs = comparison.base.runs
-    # What fails in the end is to be shown as a curve, and that takes runs, too.
-    runs.reserve = min(runs_wanted(runs.model.curves), LARGEST_RESERVE)
+    # What fails in the end is to be shown as a curve, and that takes runs, too. They are kept while
+    # models are sought; what settles an answer may have them, should there be no curve to show.
+    kept = min(runs_wanted(runs.model.curves), LARGEST_RESERVE)
     for number in range(options.rounds):
         now = register.current
         if now.adequacy.p_combined >= options.suspect:
             break
+        runs.reserve = kept
         if now.model.names:
             register.bench = doubting(explanation.bench, comparison.base, now.model, options)
             register.within_error = _within_its_error(register, comparison, now, options)
@@ -172,31 +172,21 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(register, comparison, explanation, ground, now, names)
-        with _nothing_kept(runs):
-            tried = _judge_best(register, explanation, now, tried, options)
+        runs.reserve = 0
+        tried = _judge_best(register, explanation, now, tried, options)
         best = _accepted(register, now.model, tried, options)
         if best is not None:
-            with _nothing_kept(runs):
-                best = _on_equal_terms(register, explanation, now.model, best, tried, options)
+            best = _on_equal_terms(register, explanation, now.model, best, tried, options)
         if number == 0:
             for after in (register.models[model.names] for model in tried):
                 reason = "" if after is best else why_not(now.model, after, options)
                 register.first[after.names[0]] = (after, reason)
         if best is None:
             break
-        with _nothing_kept(runs):
-            _adopt(register, comparison, explanation, best, signatures, options)
-            _drop(register, comparison, explanation, ground, signatures, options)
+        _adopt(register, comparison, explanation, best, signatures, options)
+        _drop(register, comparison, explanation, ground, signatures, options)
     runs.reserve = 0
     return register
-
-
-@contextmanager
-def _nothing_kept(runs: Runs) -> Iterator[None]:
-    """Let what settles an answer have the runs that are kept for a curve, should there be none."""
-    kept, runs.reserve = runs.reserve, 0
-    yield
-    runs.reserve = kept
 
 
 def wanted_models(
@@ -315,10 +305,10 @@ def _on_equal_terms(
     rivals would be out of the answer for want of it.
     """
     least = best.ln_evidence - NEAR_BEST
-    near = sorted((m for m in tried if m.ln_evidence >= least), key=lambda m: -m.ln_evidence)
+    near = [model for model in tried if model.ln_evidence >= least]
     if len(near) < 2:
         return best
-    contenders = [best, *(model for model in near if model is not best)][:CONTENDERS]
+    contenders = sorted(near, key=lambda m: (m is not best, -m.ln_evidence))[:CONTENDERS]
     for model in contenders:
         register.models[model.names] = adopted(explanation.bench, model)
     sloped = [register.models[model.names] for model in contenders]
