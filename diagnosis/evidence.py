@@ -5,7 +5,7 @@ Laplace's integral over all unknowns of a model, linear around its fit:
     ln Z = -r'r / 2 + ln det(2 pi V) / 2 - ln(prior volume of the amplitudes) + ln P(within bounds)
            + ln prior odds,
 
-the odds 1/K for each effect out of K candidates. r'r is taken where the sum of squares would be
+the odds 1/C(K, n) for n effects out of K candidates. r'r is taken where the sum of squares would be
 least without the amplitudes' bounds; P is the share of that Gaussian which lies within them.
 What all models share (priors of the parameters, the data's own constant) is left out, so only
 differences mean anything.
@@ -44,11 +44,16 @@ def ln_evidence(data: Data, fit: Fit, candidates: int) -> float:
         space.low[space.p :],
         space.high[space.p :],
     )
-    odds = -len(space.effects) * math.log(max(candidates, 1))
+    odds = -ln_choices(candidates, len(space.effects))
     return float(
         -0.5 * left @ left + volume - space.ln_prior_width
         + math.log(max(share, LEAST_SHARE)) + odds
     )  # fmt: skip
+
+
+def ln_choices(candidates: int, effects: int) -> float:
+    """Ln of the number of models with so many effects out of so many candidates."""
+    return math.log(math.comb(max(candidates, effects), effects))
 
 
 def share_within(

@@ -7,7 +7,7 @@ also the best pairs, since one effect may have stood for two. The best is adopte
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -24,6 +24,9 @@ from diagnosis.signatures import Signature, take_signatures
 from diagnosis.surface import Surface
 from diagnosis.unknown_curve import runs_wanted
 
+#: Share of the drop that is asked for which a further effect has to promise before it is refitted:
+#: beside a first, promises are good to a fifth or 3, while a refit takes ten runs.
+PROMISING = 0.5
 #: Pairs that are refitted in a round.
 PAIRS = 2
 #: Runs that are kept for an unknown strength curve, at most.
@@ -128,8 +131,13 @@ def accepted(now: Refitted, tried: Sequence[Refitted], options: Options) -> Refi
 def _accepted(
     register: Register, now: Refitted, tried: Sequence[Refitted], options: Options
 ) -> Refitted | None:
-    """The model that is adopted, by the bench at which models are compared now."""
-    doubted = [register.weighed(model) for model in tried]
+    """The model that is adopted, by the bench at which models are compared now.
+
+    It must be worth having without the error of the effects so far, too: where they err much, that
+    error forgives everything.
+    """
+    better = [model for model in tried if model.ln_evidence > now.ln_evidence]
+    doubted = [register.weighed(model) for model in better]
     best = accepted(register.weighed(now), doubted, options)
     return None if best is None else register.models[best.names]
 
@@ -163,20 +171,16 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         now = register.current
         if now.adequacy.p_combined >= options.suspect:
             break
-        runs.reserve = kept
+        runs.reserve = kept if number == 0 else 0
         if now.model.names:
             register.bench = doubting(explanation.bench, comparison.base, now.model, options)
             register.within_error = _within_its_error(register, comparison, now, options)
-            if register.within_error:
-                break
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(register, comparison, explanation, ground, now, names)
         runs.reserve = 0
-        tried = _judge_best(register, explanation, now, tried, options)
+        tried = _settle_best(register, explanation, now.model, tried, options)
         best = _accepted(register, now.model, tried, options)
-        if best is not None:
-            best = _on_equal_terms(register, explanation, now.model, best, tried, options)
         if number == 0:
             for after in (register.models[model.names] for model in tried):
                 reason = "" if after is best else why_not(now.model, after, options)
@@ -185,6 +189,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
             break
         _adopt(register, comparison, explanation, best, signatures, options)
         _drop(register, comparison, explanation, ground, signatures, options)
+        register.within_error = False  # what was found of the model before
     runs.reserve = 0
     return register
 
@@ -198,7 +203,8 @@ def wanted_models(
     first: bool,
 ) -> list[tuple[str, ...]]:
     """Models worth a refit: best scores, what looks like the best, and from round two on pairs."""
-    ranked = [name for name in now.scores.ranked if now.scores.best(name).drop > 0.0]
+    least = 0.0 if first else PROMISING * options.least_drop
+    ranked = [name for name in now.scores.ranked if now.scores.best(name).drop > least]
     chosen = ranked[: options.refitted]
     if ranked:
         for name in explanation.alike(ranked[0], options.inseparable):
@@ -268,51 +274,43 @@ def _try(
     return tried
 
 
-def _judge_best(
-    register: Register,
-    explanation: Explanation,
-    now: Adopted,
-    tried: list[Refitted],
-    options: Options,
-) -> list[Refitted]:
-    """Judge the best models, and those near them, by fresh jitters, until the best is judged."""
-    found = {model.names: model for model in tried}
-    for _ in range(len(found)):
-        top = max((model.ln_evidence for model in found.values()), default=0.0)
-        least = max(top - NEAR_BEST, now.model.ln_evidence + options.least_gain - NEAR_BEST)
-        waiting = [m for m in found.values() if not m.judged and m.ln_evidence >= least]
-        if not waiting:
-            break
-        chosen = max(waiting, key=lambda model: model.ln_evidence)
-        judged_model = judge(explanation.bench, chosen)
-        # Where the allowance is over it counts as it is.
-        found[chosen.names] = replace(judged_model, judged=True)
-        register.models[chosen.names] = found[chosen.names]
-    return list(found.values())
-
-
-def _on_equal_terms(
+def _settle_best(
     register: Register,
     explanation: Explanation,
     now: Refitted,
-    best: Refitted,
     tried: list[Refitted],
     options: Options,
-) -> Refitted:
-    """Give the best and what is near it derivatives of their own; the best of them after that.
+) -> list[Refitted]:
+    """Judge the best by fresh jitters, and give it a derivative of its own; and what is near it.
 
-    A derivative of its own is worth some ln evidence. Were the adopted model alone given one, its
-    rivals would be out of the answer for want of it.
+    The model so far has a derivative of its own, which alone is worth some ln evidence: without one
+    nothing that is tried is compared fairly with it, nor with a rival that has one. One after the
+    other, the best first, so that it is settled should the runs come to an end.
     """
-    least = best.ln_evidence - NEAR_BEST
-    near = [model for model in tried if model.ln_evidence >= least]
-    if len(near) < 2:
-        return best
-    contenders = sorted(near, key=lambda m: (m is not best, -m.ln_evidence))[:CONTENDERS]
-    for model in contenders:
-        register.models[model.names] = adopted(explanation.bench, model)
-    sloped = [register.models[model.names] for model in contenders]
-    return _accepted(register, now, sloped, options) or sloped[0]
+    bar = register.weighed(now).ln_evidence + options.least_gain - NEAR_BEST
+    found = {model.names: model for model in tried}
+    done: dict[Callable[[Bench, Refitted], Refitted], set[tuple[str, ...]]] = {
+        judge: set(), adopted: set(),
+    }  # fmt: skip
+    while found:
+        evidence = {names: register.weighed(model).ln_evidence for names, model in found.items()}
+        order = sorted(evidence, key=lambda names: -evidence[names])
+        least = max(evidence[order[0]] - NEAR_BEST, bar)
+        if len(done[adopted]) >= CONTENDERS:
+            order = order[:1]
+        steps = [
+            (step, names)
+            for names in order
+            for step in (judge, adopted)
+            if evidence[names] >= least and names not in done[step]
+        ]
+        if not steps:
+            break
+        step, names = steps[0]
+        done[step].add(names)
+        # Where the allowance is over it counts as it is.
+        register.models[names] = found[names] = step(explanation.bench, found[names])
+    return list(found.values())
 
 
 def _adopt(
@@ -339,8 +337,9 @@ def _adopt(
     adequacy = assess(found, comparison.places, score=test)
     if adequacy.p_combined < options.suspect and again:
         fresh = take_signatures(
-            bench.runs, model.surface, found.system, again, finite=options.finite_amplitudes
-        )
+            bench.runs, model.surface, found.system, again,
+            finite=options.finite_amplitudes, turns=1,
+        )  # fmt: skip
         signatures.update(fresh)
         ladders = {name: signature.ladder for name, signature in fresh.items()}
         model = replace(model, surface=model.surface.with_ladders(ladders))

@@ -72,6 +72,7 @@ def take_signatures(
     candidates: Sequence[Candidate],
     *,
     finite: bool = True,
+    turns: int = 2,
 ) -> dict[str, Signature]:
     """Run every candidate's ladder at an anchor, in four batches, drawn out where little is seen.
 
@@ -84,6 +85,7 @@ def take_signatures(
         linear: its system, which knows what the parameters imitate.
         candidates: what is tried.
         finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
+        turns: amplitudes of each sign beside the middle one.
     """
     bench = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
     stay = np.zeros(surface.space.size)
@@ -93,7 +95,7 @@ def take_signatures(
         middles = [(c.name, a) for c in candidates for a in _middles(c)]
         bench.run([(name, a, bench.meeting(name, a)) for name, a in middles])
         others = [(c.name, bench.others(c.name, sign)) for c in candidates for sign in (1.0, -1.0)]
-        for turn in (0, 1):
+        for turn in range(turns):
             wanted = [(name, rungs[turn]) for name, rungs in others if len(rungs) > turn]
             bench.run([(name, a, bench.meeting(name, a)) for name, a in wanted])
     return {

@@ -1,12 +1,14 @@
-"""The curve that a hidden strength law has, and whether a diagnosis has drawn it.
+"""The curve that a hidden strength law has, and whether a diagnosis has found it.
 
 A law outside the library cannot be named. Where it changes a strength, the diagnosis should say
-what the strength hangs on, and draw how. The constant is not asked for: it is part of S_r.
+what the strength hangs on, and draw how, or name a law of the library that runs alike. The constant
+is not asked for: it is part of S_r.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,13 +16,21 @@ import numpy as np
 
 from diagnosis.blind.digest import CurveDigest
 from geometry.scene import Scene
-from mpm_taichi.effects import effects_on
+from mpm_taichi.effects import effects, effects_on
 from mpm_taichi.effects.base import Active
 
 #: Correlation of the logarithms of two curves from which they are the same shape.
 ALIKE = 0.7
 #: What stands for a field that is fixed in space: height above the base of its points [m].
 FIELD_HEIGHT = 1.0
+#: Where two laws are compared, by variable: overburden [kPa], log10 of the strain rate [1/s],
+#: plastic strain, time [s]; laws of the position between the feet of the section.
+COMPARED = {
+    "overburden": np.linspace(10.0, 190.0, 10),
+    "strain_rate": np.linspace(-2.0, 1.0, 10),
+    "strain": np.linspace(0.0, 2.0, 10),
+    "time": np.linspace(0.0, 40.0, 10),
+}
 
 
 def recovered(curve: CurveDigest | None, scene: Scene, effect: str, law: str) -> bool:
@@ -38,6 +48,31 @@ def recovered(curve: CurveDigest | None, scene: Scene, effect: str, law: str) ->
     true = ln_multiplier(active, scene, law, np.array(curve.knots))
     found = np.log(np.maximum(curve.multiplier, 1e-6))
     return alike(true, found)
+
+
+def runs_alike(named: Mapping[str, float], scene: Scene, effect: str, law: str) -> bool:
+    """A law of the library was named that hangs on the same variable and has the same shape.
+
+    Args:
+        named: effects of the verdict with their amplitudes.
+        scene: the section with the hidden effect on.
+        effect: its name.
+        law: variable that its strength hangs on.
+    """
+    if len(named) != 1:
+        return False
+    ((name, amplitude),) = named.items()
+    known = effects().get(name)
+    if known is None or (known.strength is None and known.field is None):
+        return False
+    knots = COMPARED.get(law, np.linspace(scene.foot("left"), scene.foot("right"), 10))
+    curves = [
+        ln_multiplier(active, on, law, knots)
+        for on in (scene, scene.changed(effects={name: amplitude}))
+        for active in effects_on(on)
+        if active.effect.name in (effect, name)
+    ]
+    return len(curves) == 2 and alike(*curves)  # an amplitude of zero is no effect
 
 
 def alike(one: np.ndarray, other: np.ndarray) -> bool:
@@ -63,7 +98,7 @@ def ln_multiplier(active: Active, scene: Scene, variable: str, knots: np.ndarray
 def _ln_at(active: Active, effect: Any, variable: str, u: float, knots: np.ndarray) -> float:
     here = SimpleNamespace(
         liquefied=1.0, strain_rate=0.0, strain=0.0, time=0.0, overburden=0.0,
-        mean_overburden=1e3 * float(np.mean(knots)), x0=0.0,
+        mean_overburden=1e3 * float(np.mean(knots)), x0=0.0, cell=1.0,
     )  # fmt: skip
     if variable == "strain_rate":
         here.strain_rate = 10.0**u

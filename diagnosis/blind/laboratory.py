@@ -26,6 +26,13 @@ Entry = float | Mapping[str, float]
 CREEP = 0.02
 
 
+def times(entry: Entry, factor: float) -> Entry:
+    """An effect's entry with its amplitude multiplied."""
+    if isinstance(entry, Mapping):
+        return {**entry, "amplitude": float(f"{factor * entry['amplitude']:.6g}")}
+    return float(f"{factor * entry:.6g}")
+
+
 @dataclass(frozen=True)
 class Request:
     """One run.

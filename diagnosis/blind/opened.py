@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnosis.blind.benchmark import Benchmark, Places
-from diagnosis.blind.curves import recovered
+from diagnosis.blind.curves import recovered, runs_alike
 from diagnosis.blind.digest import Digest, load_digest
 from diagnosis.blind.make import sealed_cases
 from diagnosis.blind.run import METHOD, VARIANTS
@@ -75,7 +75,7 @@ def judged(rows: Sequence[Row], benchmark: Benchmark, variant: str) -> list[Judg
     for row in rows:
         if variant in row["verdicts"]:
             digest = validate_settings(Digest, row["verdicts"][variant], origin="record")
-            found.append(Judged(row["truth"], digest, _curve(row["truth"], digest, benchmark)))
+            found.append(Judged(row["truth"], digest, *_law(row["truth"], digest, benchmark)))
     return found
 
 
@@ -91,14 +91,20 @@ def shared(by_variant: Mapping[str, Sequence[Judged]]) -> dict[str, list[Judged]
     }
 
 
-def _curve(truth: Mapping[str, Any], digest: Digest, benchmark: Benchmark) -> bool | None:
-    """Whether the curve of a strength law outside the library was recovered; None: no law."""
+def _law(
+    truth: Mapping[str, Any], digest: Digest, benchmark: Benchmark
+) -> tuple[bool | None, bool]:
+    """Of a strength law outside the library: its curve was recovered, a law like it was named.
+
+    The first is None where there is no law.
+    """
     if truth["kind"] != "outside":
-        return None
+        return None, False
     (name,) = truth["effects"]
     law = benchmark.plan.laws.get(name)
     if law is None:
-        return None
+        return None, False
     section = benchmark.sections[truth["section"]]
     scene = section.scene.changed(effects=dict(truth["effects"]))
-    return recovered(digest.curve, scene, name, law)
+    curve = recovered(digest.curve, scene, name, law)
+    return curve, runs_alike(digest.effects, scene, name, law)

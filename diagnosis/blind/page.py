@@ -60,6 +60,7 @@ def generated(
         f"![Every figure with its interval and what is asked of it]({pictures}/asked.png)",
         f"![Named and alarmed over detectability]({pictures}/detectability.png)",
         "### By detectability", _bins(method),
+        "### Pairs", _pairs(method),
         f"![What was hidden and what was said]({pictures}/confusion.png)",
         "### By effect", _effects(judged),
         f"![Error of S_r before and after]({pictures}/strength.png)",
@@ -129,6 +130,16 @@ def _bins(method: Score) -> str:
     return table(("singles", *ends), rows)
 
 
+def _pairs(method: Score) -> str:
+    words = {"pair_exact": "both found, and nothing else", "pair_half": "at least one of the two"}
+    ends = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
+    rows = [(words[name], *(share.words for share in method.bins[name])) for name in words]
+    return (
+        "By lambda of the fainter effect beside the other: what is left of the slide once the base "
+        "model and the other effect have been refitted.\n\n"
+    ) + table(("pairs", *ends), rows)
+
+
 def _effects(judged: Sequence[Judged]) -> str:
     """By effect and bin of lambda: how many were named, of how many."""
     singles = [one for one in judged if one.truth["kind"] == "single"]
@@ -175,12 +186,12 @@ def _misses(judged: Sequence[Judged]) -> str:
             and not (one.right if one.separable else one.useful_set)
             or (one.named is not None and not one.right)
         ),
-        "pair": lambda one: set(one.digest.effects) != one.hidden,
+        "pair": lambda one: not one.found_exactly,
         "outside": lambda one: one.explained_away,
     }
     rows = [
         (one.truth["name"], one.truth["section"], one.truth["survey"],
-         " + ".join(sorted(one.hidden)) or "nothing", f"{one.seen:.0f}",
+         " + ".join(sorted(one.hidden)) or "nothing", _lambda(one),
          one.digest.verdict.replace("_", " "), " + ".join(sorted(one.digest.effects)) or "none",
          "; ".join(" + ".join(names) or "none" for names in one.digest.set_90[:3]))
         for one in judged
@@ -193,6 +204,12 @@ def _misses(judged: Sequence[Judged]) -> str:
         "strangers explained away."
     )
     return f"{note}\n\n{table(header, rows)}" if rows else "None."
+
+
+def _lambda(one: Judged) -> str:
+    if one.beside is None:
+        return f"{one.seen:.0f}"
+    return f"{one.seen:.0f}, {one.beside:.0f} beside the other"
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

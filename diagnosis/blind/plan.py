@@ -37,7 +37,8 @@ class Planned:
         effects: names, as many as the kind has.
         section: name.
         survey: name of the set of measurements.
-        bin: of detectability, from 0; of nulls without meaning.
+        bin: of detectability, from 0; of two effects, of the fainter beside the other; of nulls
+            without meaning.
     """
 
     name: str
@@ -149,8 +150,8 @@ class _Dealer:
         return (name,), self._deck((kind, name, rung), self._places(name, rung)).deal(), rung
 
     def pair(self, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, str], int]:
-        """Two effects, each of which could be seen alone: a pair is hopeless otherwise."""
-        rung = self._deck(("pair", "bin"), range(self.bins // 2, self.bins)).deal()
+        """Two effects, each of which could be seen so well alone, and a bin above the faintest."""
+        rung = self._deck(("pair", "bin"), range(min(1, self.bins - 1), self.bins)).deal()
         while rung >= 0:
             places = {name: self._places(name, rung) for name in names}
             couples = [

@@ -38,11 +38,13 @@ class Judged:
         digest: of the verdict.
         curve_found: of a strength law outside the library: its curve was recovered; None: no law,
             or no curve was asked for.
+        like_law: of the same: a law of the library was named that runs like it.
     """
 
     truth: Mapping[str, Any]
     digest: Digest
     curve_found: bool | None = None
+    like_law: bool = False
 
     @property
     def hidden(self) -> frozenset[str]:
@@ -81,6 +83,17 @@ class Judged:
         return self.attributed and not self.right
 
     @property
+    def found_exactly(self) -> bool:
+        """The effects of the verdict are those that were hidden."""
+        return set(self.digest.effects) == self.hidden
+
+    @property
+    def beside(self) -> float | None:
+        """Of two effects, lambda of the fainter beside the other; None where it was not told."""
+        found = self.truth.get("beside")
+        return None if found is None else float(found)
+
+    @property
     def set_holds(self) -> bool:
         """The 90 % set holds exactly what was hidden."""
         return any(set(names) == self.hidden for names in self.digest.set_90)
@@ -104,8 +117,7 @@ class Judged:
     @property
     def bin(self) -> int:
         """Bin of lambda; of a case at the very end of the last, that."""
-        found = bin_of(self.seen)
-        return len(BINS) - 2 if found is None else found
+        return _bin(self.seen)
 
     def strength_error(self, stage: str) -> float:
         """Ln of the first parameter over the truth, of the `base` or the `final` model."""
@@ -119,6 +131,11 @@ class Judged:
         name = next(iter(self.truth["parameters"]))
         final = self.digest.final
         return abs(final.values[name] - self.truth["parameters"][name]) <= 2.0 * final.std[name]
+
+
+def _bin(seen: float) -> int:
+    found = bin_of(seen)
+    return len(BINS) - 2 if found is None else found
 
 
 @dataclass(frozen=True)
@@ -178,10 +195,15 @@ def score(judged: Sequence[Judged]) -> Score:
         ),
         "strength_within_2_std": Share.of(one.strength_within for one in right),
         "strength_within_2_std_all": Share.of(one.strength_within for one in judged),
-        "pair_exact": Share.of(set(one.digest.effects) == one.hidden for one in pairs),
+        "pair_exact": Share.of(one.found_exactly for one in pairs),
+        "pair_exact_25": Share.of(one.found_exactly for one in pairs if (one.beside or 0.0) >= 25),
         "pair_half": Share.of(bool(set(one.digest.effects) & one.hidden) for one in pairs),
         "explained_away": Share.of(one.explained_away for one in outside),
+        "explained_unlike": Share.of(one.explained_away and not one.like_law for one in outside),
         "curve_recovered": Share.of(laws),
+        "law_found": Share.of(
+            bool(one.curve_found or one.like_law) for one in outside if one.curve_found is not None
+        ),
     }
     medians = {
         "strength_error_base": _median(abs(one.strength_error("base")) for one in right),
@@ -204,6 +226,8 @@ def score(judged: Sequence[Judged]) -> Score:
         "alarm": _binned(singles, lambda one: one.alarmed),
         "set_holds": _binned(singles, lambda one: one.set_holds),
         "wrong_name": _binned(singles, lambda one: one.named is not None and not one.right),
+        "pair_exact": _beside(pairs, lambda one: one.found_exactly),
+        "pair_half": _beside(pairs, lambda one: bool(set(one.digest.effects) & one.hidden)),
     }
     counts = {kind: len(members) for kind, members in kinds.items()}
     return Score(shares, medians, bins, counts)
@@ -221,6 +245,16 @@ def _share(cases: Sequence[Judged], test: Callable[[Judged], bool], least: float
 def _binned(cases: Sequence[Judged], test: Callable[[Judged], bool]) -> list[Share]:
     return [
         Share.of(test(one) for one in cases if one.bin == number) for number in range(len(BINS) - 1)
+    ]
+
+
+def _beside(pairs: Sequence[Judged], test: Callable[[Judged], bool]) -> list[Share]:
+    """By the bin of the fainter effect beside the other."""
+    return [
+        Share.of(
+            test(one) for one in pairs if one.beside is not None and _bin(one.beside) == number
+        )
+        for number in range(len(BINS) - 1)
     ]
 
 

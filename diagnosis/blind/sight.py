@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.blind import surveys
 from diagnosis.blind.base_model import JITTER, BaseModel, Read
 from diagnosis.blind.detectability import BINS, Refit, find_amplitude, refit
-from diagnosis.blind.laboratory import Entry, Laboratory, Request
+from diagnosis.blind.laboratory import Entry, Laboratory, Request, times
 from diagnosis.blind.sections import Section
 from geometry.measured import Deposit
 from geometry.random_numbers import Stream
@@ -28,6 +28,8 @@ FIRST_SEED = 101
 #: A truth is at most so many times as strong as the top rung of its effect's ladder, which the
 #: effect's own author calls large: beyond it the physics is no longer believable.
 BEYOND_LADDER = 3.0
+#: Amplitudes at which one of two effects may stand for both, over its true one.
+SHARES = (0.4, 0.7, 0.85, 1.0, 1.15, 1.4, 1.8)
 
 
 def strongest(scale: Amplitude, sign: float = 1.0) -> float:
@@ -90,6 +92,12 @@ class Sight:
                 break
         return best
 
+    def within(self, name: str, entry: Entry) -> Entry:
+        """An effect's entry, no stronger than a truth may have it."""
+        amplitude = entry["amplitude"] if isinstance(entry, Mapping) else entry
+        most = strongest(effect_of(name).amplitude, amplitude)
+        return times(entry, min(1.0, most / abs(amplitude)))
+
     def seen(self, effects: Mapping[str, Entry]) -> float:
         """Lambda of a set of effects; NaN where its run failed or is no flow slide."""
         slides = self.slides(effects, LOOKS)
@@ -101,32 +109,75 @@ class Sight:
         slides = self.slides(effects, LOOKS_FOR_GOOD)
         return None if slides is None else self.refit(slides, self.survey)
 
+    def beside(self, effects: Mapping[str, Entry]) -> float | None:
+        """Lambda of the fainter of two effects beside the other; None where it cannot be had.
+
+        What is left once the base model and the other effect have been refitted. What that effect
+        does at several amplitudes is simulated at the true parameters and taken off the slide, and
+        the base model is refitted to the rest.
+        """
+        whole = self.slides(effects, LOOKS_FOR_GOOD)
+        nothing = self._deposits({}, LOOKS_FOR_GOOD)
+        if whole is None or nothing is None:
+            return None
+        toe = self._toe(whole)
+        every = [self._halves(one, self.survey, toe) for one in (whole, nothing)]
+        if any(one is None for one in every):
+            return None
+        left = []
+        for name, entry in effects.items():
+            for share in SHARES:
+                part = self._deposits({name: times(entry, share)}, LOOKS_FOR_GOOD)
+                alone = None if part is None else self._halves(part, self.survey, toe)
+                if alone is not None:
+                    rest = self._refit(every[0] - alone + every[1], self.survey, toe)
+                    left += [] if rest is None else [rest.seen]
+        return min(left, default=None)
+
     def slides(self, effects: Mapping[str, Entry], number: int) -> list[Deposit] | None:
         """Slides with different jitters; None where one failed or is no flow slide."""
-        own = tuple(self.values.tolist())
-        requests = [
-            Request(own, effects, jitter=JITTER, seed=FIRST_SEED + k) for k in range(number)
-        ]
-        found = []
-        for one in self.laboratory.deposits(self.section, requests):
-            if one is None or not is_slide(self.section, one):
-                return None
-            found.append(one)
+        found = self._deposits(effects, number)
+        if found is None or not all(is_slide(self.section, one) for one in found):
+            return None
         return found
 
     def refit(self, slides: Sequence[Deposit], survey: str) -> Refit | None:
         """The base model that comes nearest to slides, and lambda; None where it cannot be read."""
-        toe = float(np.mean([surveys.toe_of(self.section, one) for one in slides]))
+        toe = self._toe(slides)
+        halves = self._halves(slides, survey, toe)
+        return None if halves is None else self._refit(halves, survey, toe)
+
+    def _deposits(self, effects: Mapping[str, Entry], number: int) -> list[Deposit] | None:
+        """Deposits with different jitters; None where one failed or cannot be asked for."""
+        for name, entry in effects.items():
+            scale = effect_of(name).amplitude
+            amplitude = entry["amplitude"] if isinstance(entry, Mapping) else entry
+            if not scale.low <= amplitude <= scale.high:
+                return None
+        own = tuple(self.values.tolist())
+        requests = [
+            Request(own, effects, jitter=JITTER, seed=FIRST_SEED + k) for k in range(number)
+        ]
+        found = self.laboratory.deposits(self.section, requests)
+        return None if any(one is None for one in found) else found
+
+    def _toe(self, slides: Sequence[Deposit]) -> float:
+        return float(np.mean([surveys.toe_of(self.section, one) for one in slides]))
+
+    def _halves(self, slides: Sequence[Deposit], survey: str, toe: float) -> np.ndarray | None:
+        """Readings in two halves of the runs, (2, m); None where one cannot be read."""
         places = self.base.places(survey, toe)
         read = [Read.of(self.section, one) for one in slides]
         readings = np.array([one.by(self.section, survey, places) for one in read if one])
+        if len(readings) < len(slides) or not np.isfinite(readings).all():
+            return None
+        return np.array([readings[k::2].mean(axis=0) for k in (0, 1)])
+
+    def _refit(self, halves: np.ndarray, survey: str, toe: float) -> Refit | None:
         try:
             curve = self.base.curve(survey, toe)
         except ValueError:
             return None
-        if len(readings) < len(slides) or not np.isfinite(readings).all():
-            return None
-        halves = np.array([readings[k::2].mean(axis=0) for k in (0, 1)])
         return refit(halves, curve, *self.base.split(self.values))
 
 

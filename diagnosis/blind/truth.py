@@ -17,7 +17,7 @@ import numpy as np
 from diagnosis.blind import surveys
 from diagnosis.blind.base_model import JITTER, BaseModel
 from diagnosis.blind.detectability import BINS, Refit, bin_of, middle_of
-from diagnosis.blind.laboratory import Entry, Laboratory, Request
+from diagnosis.blind.laboratory import Entry, Laboratory, Request, times
 from diagnosis.blind.plan import Planned
 from diagnosis.blind.seal import SALT, salt_of
 from diagnosis.blind.sections import Section, normal
@@ -30,8 +30,12 @@ from pipeline.cli import WorkFailed
 FINER, COURANT = (0.75, 0.85), 0.2
 #: Drawings of parameters before a case is given up.
 DRAWS = 6
-#: Runs from which on nothing is drawn again.
-RUNS = 80
+#: Runs from which on nothing is drawn again: for one effect, for two.
+RUNS = {1: 80, 2: 300}
+#: Times that two effects are made larger or smaller together.
+PAIR_TRIES = 3
+#: Share of the largest lambda that two effects together are brought to; a change of no account.
+ROOM, LITTLE = 0.9, 0.05
 #: Times amplitudes are made smaller where they can be seen too well together.
 SMALLER = 5
 
@@ -59,15 +63,19 @@ class Drawn:
         values: parameters (p,) in outside units.
         amplitudes: entries of the scene's effects.
         refit: the base model that comes nearest; None where nothing is hidden.
+        beside: of two effects, lambda of the fainter beside the other.
     """
 
     values: np.ndarray
     amplitudes: dict[str, Entry]
     refit: Refit | None
+    beside: float | None = None
 
     @property
     def seen(self) -> float:
-        """Lambda."""
+        """Lambda of what is to be found: of two effects, of the fainter beside the other."""
+        if self.beside is not None:
+            return self.beside
         return 0.0 if self.refit is None else self.refit.seen
 
 
@@ -106,7 +114,7 @@ class Maker:
             self.base(section)  # its runs belong to all cases
         begin = self.laboratory.runs
         for _ in range(DRAWS):
-            if self.laboratory.runs - begin >= RUNS:
+            if self.laboratory.runs - begin >= RUNS[max(len(planned.effects), 1)]:
                 break
             drawn = self._draw(planned, section, stream)
             if drawn is None:
@@ -133,14 +141,41 @@ class Maker:
         amplitudes = self._amplitudes(planned, sight, stream)
         if amplitudes is None:
             return None
+        if len(amplitudes) > 1:
+            return self._pair(planned, sight, amplitudes)
         for _ in range(SMALLER):
             refit = sight.seen_for_good(amplitudes)
             if refit is None or refit.seen < BINS[0]:
                 return None
             if refit.seen < BINS[-1]:
                 return Drawn(values, amplitudes, refit)
-            amplitudes = {name: _times(entry, 0.7) for name, entry in amplitudes.items()}
+            amplitudes = {name: times(entry, 0.7) for name, entry in amplitudes.items()}
         return None
+
+    def _pair(self, planned: Planned, sight: Sight, amplitudes: dict[str, Entry]) -> Drawn | None:
+        """Two effects, changed together until the fainter is seen beside the other as was dealt."""
+        wanted = middle_of(planned.bin)
+        found: list[Drawn] = []
+        for _ in range(PAIR_TRIES):
+            refit = sight.seen_for_good(amplitudes)
+            if refit is None or refit.seen < BINS[0]:
+                break
+            room = math.sqrt(ROOM * BINS[-1] / refit.seen)
+            factor = room
+            if refit.seen < BINS[-1]:
+                beside = sight.beside(amplitudes)
+                if beside is None:
+                    break
+                if beside >= BINS[0]:
+                    found.append(Drawn(sight.values, amplitudes, refit, beside))
+                if bin_of(beside) == planned.bin:
+                    break
+                factor = min(math.sqrt(wanted / max(beside, BINS[0])), room)
+            changed = {name: sight.within(name, times(e, factor)) for name, e in amplitudes.items()}
+            if changed == amplitudes or abs(math.log(factor)) < LITTLE:
+                break
+            amplitudes = changed
+        return min(found, key=lambda one: abs(math.log(one.seen / wanted)), default=None)
 
     def _amplitudes(
         self, planned: Planned, sight: Sight, stream: Stream
@@ -190,7 +225,8 @@ class Maker:
             "effects": drawn.amplitudes,
             "parameters": dict(zip(section.parameters.names, values.tolist(),
                                    strict=True)),
-            "lambda": round(drawn.seen, 4),
+            "lambda": 0.0 if drawn.refit is None else round(drawn.refit.seen, 4),
+            **({} if drawn.beside is None else {"beside": round(drawn.beside, 4)}),
             "refitted": {} if drawn.refit is None else self._refitted(section, drawn.refit),
             "bin_wanted": planned.bin,
             "spacing_factor": request.spacing_factor,
@@ -207,13 +243,6 @@ class Maker:
         """Parameters of the base model that comes nearest to the slide."""
         values = self.base(section).joined(refit.u, refit.held)
         return dict(zip(section.parameters.names, np.round(values, 4).tolist(), strict=True))
-
-
-def _times(entry: Entry, factor: float) -> Entry:
-    """An effect's entry with its amplitude multiplied."""
-    if isinstance(entry, Mapping):
-        return {**entry, "amplitude": float(f"{factor * entry['amplitude']:.6g}")}
-    return float(f"{factor * entry:.6g}")
 
 
 def slide_request(

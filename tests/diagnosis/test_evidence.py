@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.optimize import lsq_linear
 
 from diagnosis.evidence import (
     credible_set,
+    ln_choices,
     ln_evidence,
     probabilities,
     share_within,
@@ -124,3 +126,13 @@ def test_data_weighs_by_the_inverse_covariance():
     residual = data.residual(np.zeros(2))
     expected = data.measured @ np.linalg.solve(covariance, data.measured)
     assert residual @ residual == pytest.approx(expected)
+
+
+@given(st.integers(1, 30), st.integers(0, 4))
+def test_prior_odds_share_one_among_all_models_of_a_size(candidates, effects):
+    """As many as there are ways to choose; the order of two effects makes no other model."""
+    models = sum(1 for _ in combinations(range(candidates), effects))
+    if models:
+        assert math.exp(-ln_choices(candidates, effects)) * models == pytest.approx(1.0)
+    else:
+        assert ln_choices(candidates, effects) == 0.0

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from diagnosis import diagnose
+from diagnosis import diagnose, rounds
 from diagnosis.adequacy import Adequacy, HeldOutMisfit
 from diagnosis.decide import excess, still_failing
 from diagnosis.fit import Fit
 from diagnosis.loop import find
 from diagnosis.options import Options
 from diagnosis.refit import Refitted
-from diagnosis.rounds import accepted, why_not
+from diagnosis.rounds import Register, _accepted, accepted, wanted_models, why_not
+from diagnosis.space import Amplitude
 from diagnosis.verdict import Verdict
 from tests.diagnosis.straight import straight
 
@@ -72,11 +74,11 @@ def test_an_engineer_rules_an_effect_out():
     assert verdict.forbidden == ["late"]
 
 
-def refitted(ln_evidence: float, total: float, held_out: float) -> Refitted:
+def refitted(ln_evidence: float, total: float, held_out: float, *names: str) -> Refitted:
     """As much of a refit as acceptance looks at; five numbers held out."""
     p = float(np.exp(-0.5 * max(held_out - 3.0, 0.0)))
     case = straight(0, {})
-    space = case.space([])
+    space = case.space([Amplitude(name, 0.0, 1.0, 1.0) for name in names])
     fit = Fit(space, np.zeros(2), np.zeros(1), np.zeros((1, 2)), total)
     return Refitted(fit, ln_evidence, HeldOutMisfit(held_out, 5, p, -0.5 * held_out), None)
 
@@ -127,3 +129,32 @@ def test_an_answer_that_leaves_much_of_the_misfit_does_not_stand():
     assert not still_failing(base, found(40.0, 14.0, 0.005), Options()), "19 of 100 are left"
     assert still_failing(base, found(40.0, 16.0, 0.005), Options())
     assert excess(found(20.0, 3.0, 0.9)) == 0.0
+
+
+def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
+    """What is refitted beside an adopted effect when candidates promise these falls of chi2."""
+    ranked = sorted(drops, key=lambda name: -drops[name])
+    scores = SimpleNamespace(ranked=ranked, best=lambda name: SimpleNamespace(drop=drops[name]))
+    now = SimpleNamespace(scores=scores, model=SimpleNamespace(names=("late",)))
+    explanation = SimpleNamespace(alike=lambda name, limit: ["twin", "faint"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rounds, "best_pairs", lambda comparison, explanation, count: [("a", "b")])
+        return wanted_models(None, explanation, now, Options(), first=False)
+
+
+def test_beside_a_first_effect_only_what_promises_something_is_refitted():
+    found = promising({"step": 12.0, "twin": 3.5, "faint": 2.5, "nothing": 0.1})
+    assert found == [("late", "step"), ("late", "twin"), ("a", "b")]
+    assert promising({"faint": 2.5}) == [("a", "b")]
+
+
+def test_a_further_effect_must_be_worth_having_without_the_error_of_the_first():
+    """An error that forgives everything makes a worse model look as good as any."""
+    now = refitted(-60.0, 160.0, 8.0, "late")
+    worse = refitted(-70.0, 100.0, 5.0, "late", "step")
+    better = refitted(-40.0, 90.0, 5.0, "bend", "late")
+    register = Register({model.names: model for model in (now, worse, better)})
+    flat = {now.names: -25.0, worse.names: -15.0, better.names: -20.0}
+    register.weighed = lambda model: replace(model, ln_evidence=flat[model.names])
+    assert _accepted(register, now, [worse], Options()) is None
+    assert _accepted(register, now, [worse, better], Options()) is better

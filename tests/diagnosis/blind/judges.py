@@ -22,6 +22,7 @@ def truths(number, seed=0):
             "effects": {name: 1.0 for name in names},
             "parameters": {"strength": float(draw.uniform(10, 40))},
             "lambda": seen,
+            **({"beside": seen / 2.0} if kind == "pair" else {}),
         }  # fmt: skip
 
 

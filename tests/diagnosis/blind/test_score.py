@@ -152,3 +152,23 @@ def test_a_worse_prediction_of_what_was_held_out_is_told():
     names = sorted(truth["effects"])
     worse = Judged(truth, digest(truth, "identified", names, held_out=(4.0, 9.0)))
     assert score([worse]).shares["held_out_falls"].value == 0.0
+
+
+def test_pairs_are_counted_by_the_fainter_beside_the_other():
+    row = [t for t in truths(160) if t["kind"] == "pair"]
+    found = score([Judged(t, perfect(t)) for t in row])
+    each = [sum(low <= t["beside"] < high for t in row) for low, high in ((3, 10), (10, 25))]
+    assert [share.n for share in found.bins["pair_exact"][:2]] == each
+    assert found.shares["pair_exact_25"].n == sum(t["beside"] >= 25.0 for t in row) > 0
+    assert found.shares["pair_exact_25"].value == found.shares["pair_exact"].value == 1.0
+
+
+def test_a_law_that_runs_alike_is_told_apart_from_being_explained_away():
+    row = [t for t in truths(64) if t["kind"] == "outside"]
+    said = [digest(t, "identified", ["effect_0"]) for t in row]
+    found = score(
+        [Judged(t, d, False, k % 2 == 0) for k, (t, d) in enumerate(zip(row, said, strict=True))]
+    )
+    assert found.shares["explained_away"].value == 1.0
+    assert found.shares["explained_unlike"].value == found.shares["law_found"].value == 0.5
+    assert found.shares["curve_recovered"].value == 0.0

@@ -112,6 +112,32 @@ def test_a_pair_has_two_effects_that_can_be_seen(sight):
     assert maker.make(planned, sight.section) is None
 
 
+def test_the_fainter_of_two_is_seen_less_beside_the_other_than_both(sight):
+    """What stands for the other takes its part of what is left; all of it, of the same again."""
+    both = {"overburden_strength": 0.6, "side_friction": 0.9}
+    found, whole = sight.beside(both), sight.seen_for_good(both).seen
+    assert 0.0 <= found < 0.8 * whole
+    least = min(sight.seen_for_good({name: a}).seen for name, a in both.items())
+    assert found < 2.0 * least
+    faint = sight.beside({"overburden_strength": 0.6, "cracking": 1e-4})
+    assert faint < 3.0 < sight.seen_for_good({"overburden_strength": 0.6}).seen
+
+
+def test_an_amplitude_out_of_bounds_is_not_simulated(sight):
+    assert sight.beside({"overburden_strength": 1.5, "side_friction": 0.5}) is None
+
+
+def test_a_pair_is_made_so_that_both_are_seen(sight):
+    names = ("overburden_strength", "side_friction")
+    planned = Planned("case_0006", "pair", names, "tailings_dam", "markers", 1)
+    truth = (
+        Maker(sight.laboratory, 5, lambda section: sight.base).make(planned, sight.section).truth
+    )
+    assert set(truth["effects"]) == set(names)
+    assert 3.0 <= truth["beside"] < truth["lambda"] < 200.0
+    assert 10.0 <= truth["lambda"]
+
+
 def test_a_null_costs_one_run(sight):
     planned = Planned("case_0005", "null", (), "tailings_dam", "markers", 0)
     before = sight.laboratory.runs
