@@ -136,10 +136,15 @@ def _accepted(
     It must be worth having without the error of the effects so far, too: where they err much, that
     error forgives everything.
     """
-    better = [model for model in tried if model.ln_evidence > now.ln_evidence]
-    doubted = [register.weighed(model) for model in better]
-    best = accepted(register.weighed(now), doubted, options)
-    return None if best is None else register.models[best.names]
+    left = list(tried)
+    while True:
+        best = accepted(register.weighed(now), [register.weighed(model) for model in left], options)
+        if best is None:
+            return None
+        model = register.models[best.names]
+        if model.ln_evidence > now.ln_evidence:
+            return model
+        left = [other for other in left if other.names != best.names]
 
 
 def _within_its_error(
