@@ -335,12 +335,14 @@ def _adopt(
     others = [c for c in explanation.candidates if c.name not in model.names]
     known = {c.name: signatures[c.name] for c in others}
     scores = score_all(found, known, others, projection=options.projection)
-    # Signatures were taken without the effects that are now there: the best are taken anew.
+    # Signatures were taken without the effects that are now there: the best are taken anew, if the
+    # measurements could contradict yet another effect.
     best = [name for name in scores.ranked if scores.best(name).drop > 0.0][: options.refitted]
     again = [c for c in others if c.name in best]
     test = Test("score", scores.largest, scores.p_largest) if known else None
     adequacy = assess(found, comparison.places, score=test)
-    if adequacy.p_combined < options.suspect and again:
+    spare = explanation.adequacy.dof - len(model.names) - 1 >= options.spare
+    if adequacy.p_combined < options.suspect and again and spare:
         fresh = take_signatures(
             bench.runs, model.surface, found.system, again,
             finite=options.finite_amplitudes, turns=1,

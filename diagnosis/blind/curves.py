@@ -23,6 +23,8 @@ from mpm_taichi.effects.base import Active
 ALIKE = 0.7
 #: What stands for a field that is fixed in space: height above the base of its points [m].
 FIELD_HEIGHT = 1.0
+#: Least multiplier whose logarithm is taken: a law may take all strength away somewhere.
+LEAST = 1e-6
 #: Where two laws are compared, by variable: overburden [kPa], log10 of the strain rate [1/s],
 #: plastic strain, time [s]; laws of the position between the feet of the section.
 COMPARED = {
@@ -46,7 +48,7 @@ def recovered(curve: CurveDigest | None, scene: Scene, effect: str, law: str) ->
         return False
     (active,) = [one for one in effects_on(scene) if one.effect.name == effect]
     true = ln_multiplier(active, scene, law, np.array(curve.knots))
-    found = np.log(np.maximum(curve.multiplier, 1e-6))
+    found = np.log(np.maximum(curve.multiplier, LEAST))
     return alike(true, found)
 
 
@@ -63,7 +65,9 @@ def runs_alike(named: Mapping[str, float], scene: Scene, effect: str, law: str) 
         return False
     ((name, amplitude),) = named.items()
     known = effects().get(name)
-    if known is None or (known.strength is None and known.field is None):
+    if known is None or (known.field is not None) != (law == "position"):
+        return False  # an error of the survey; or one hangs on the place and the other does not
+    if known.field is None and known.strength is None:
         return False
     knots = COMPARED.get(law, np.linspace(scene.foot("left"), scene.foot("right"), 10))
     curves = [
@@ -107,4 +111,4 @@ def _ln_at(active: Active, effect: Any, variable: str, u: float, knots: np.ndarr
     else:
         setattr(here, {"position": "x0"}.get(variable, variable), u)
     soil = SimpleNamespace(cohesion=1.0, friction=0.0, cap=0.0)
-    return math.log(active.effect.strength(effect, soil, here).cohesion)
+    return math.log(max(active.effect.strength(effect, soil, here).cohesion, LEAST))

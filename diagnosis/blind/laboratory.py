@@ -26,11 +26,15 @@ Entry = float | Mapping[str, float]
 CREEP = 0.02
 
 
+def amplitude_of(entry: Entry) -> float:
+    """The amplitude of an effect's entry."""
+    return entry["amplitude"] if isinstance(entry, Mapping) else entry
+
+
 def times(entry: Entry, factor: float) -> Entry:
     """An effect's entry with its amplitude multiplied."""
-    if isinstance(entry, Mapping):
-        return {**entry, "amplitude": float(f"{factor * entry['amplitude']:.6g}")}
-    return float(f"{factor * entry:.6g}")
+    changed = float(f"{factor * amplitude_of(entry):.6g}")
+    return {**entry, "amplitude": changed} if isinstance(entry, Mapping) else changed
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ class _Dealer:
         return (name,), self._deck((kind, name, rung), self._places(name, rung)).deal(), rung
 
     def pair(self, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, str], int]:
-        """Two effects, each of which could be seen so well alone, and a bin above the faintest."""
+        """Two effects that each reach a dealt bin alone; a lower bin where no two do."""
         rung = self._deck(("pair", "bin"), range(min(1, self.bins - 1), self.bins)).deal()
         while rung >= 0:
             places = {name: self._places(name, rung) for name in names}

@@ -89,9 +89,12 @@ class Judged:
 
     @property
     def beside(self) -> float | None:
-        """Of two effects, lambda of the fainter beside the other; None where it was not told."""
+        """Of two effects, lambda of the fainter beside the other; None where it was not told.
+
+        Beside the other at no amplitude at all it is lambda of both.
+        """
         found = self.truth.get("beside")
-        return None if found is None else float(found)
+        return None if found is None else min(float(found), self.seen)
 
     @property
     def set_holds(self) -> bool:
@@ -202,7 +205,9 @@ def score(judged: Sequence[Judged]) -> Score:
         "explained_unlike": Share.of(one.explained_away and not one.like_law for one in outside),
         "curve_recovered": Share.of(laws),
         "law_found": Share.of(
-            bool(one.curve_found or one.like_law) for one in outside if one.curve_found is not None
+            bool(one.curve_found or one.right or (one.attributed and one.like_law))
+            for one in outside
+            if one.curve_found is not None
         ),
     }
     medians = {

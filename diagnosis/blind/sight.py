@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.blind import surveys
 from diagnosis.blind.base_model import JITTER, BaseModel, Read
 from diagnosis.blind.detectability import BINS, Refit, find_amplitude, refit
-from diagnosis.blind.laboratory import Entry, Laboratory, Request, times
+from diagnosis.blind.laboratory import Entry, Laboratory, Request, amplitude_of, times
 from diagnosis.blind.sections import Section
 from geometry.measured import Deposit
 from geometry.random_numbers import Stream
@@ -94,7 +94,7 @@ class Sight:
 
     def within(self, name: str, entry: Entry) -> Entry:
         """An effect's entry, no stronger than a truth may have it."""
-        amplitude = entry["amplitude"] if isinstance(entry, Mapping) else entry
+        amplitude = amplitude_of(entry)
         most = strongest(effect_of(name).amplitude, amplitude)
         return times(entry, min(1.0, most / abs(amplitude)))
 
@@ -112,27 +112,34 @@ class Sight:
     def beside(self, effects: Mapping[str, Entry]) -> float | None:
         """Lambda of the fainter of two effects beside the other; None where it cannot be had.
 
-        What is left once the base model and the other effect have been refitted. What that effect
-        does at several amplitudes is simulated at the true parameters and taken off the slide, and
-        the base model is refitted to the rest.
+        What is left once the base model and the other effect have been refitted, at no amplitude or
+        any of `SHARES`. What the other does is simulated at the true parameters and taken off the
+        slide, and the base model is refitted to the rest.
         """
         whole = self.slides(effects, LOOKS_FOR_GOOD)
         nothing = self._deposits({}, LOOKS_FOR_GOOD)
         if whole is None or nothing is None:
             return None
         toe = self._toe(whole)
-        every = [self._halves(one, self.survey, toe) for one in (whole, nothing)]
-        if any(one is None for one in every):
+        both, none = (self._halves(one, self.survey, toe) for one in (whole, nothing))
+        if both is None or none is None:
             return None
-        left = []
+        both_seen = self._refit(both, self.survey, toe)
+        if both_seen is None:
+            return None
+        left = [both_seen.seen]
         for name, entry in effects.items():
+            rests = []
             for share in SHARES:
                 part = self._deposits({name: times(entry, share)}, LOOKS_FOR_GOOD)
                 alone = None if part is None else self._halves(part, self.survey, toe)
-                if alone is not None:
-                    rest = self._refit(every[0] - alone + every[1], self.survey, toe)
-                    left += [] if rest is None else [rest.seen]
-        return min(left, default=None)
+                rest = None if alone is None else self._refit(both - alone + none, self.survey, toe)
+                if rest is not None:
+                    rests.append(rest.seen)
+            if not rests:
+                return None
+            left += rests
+        return min(left)
 
     def slides(self, effects: Mapping[str, Entry], number: int) -> list[Deposit] | None:
         """Slides with different jitters; None where one failed or is no flow slide."""
@@ -151,8 +158,7 @@ class Sight:
         """Deposits with different jitters; None where one failed or cannot be asked for."""
         for name, entry in effects.items():
             scale = effect_of(name).amplitude
-            amplitude = entry["amplitude"] if isinstance(entry, Mapping) else entry
-            if not scale.low <= amplitude <= scale.high:
+            if not scale.low <= amplitude_of(entry) <= scale.high:
                 return None
         own = tuple(self.values.tolist())
         requests = [

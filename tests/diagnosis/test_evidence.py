@@ -83,11 +83,16 @@ def test_laplace_with_a_prior_and_with_two_amplitudes():
     assert gain == pytest.approx(by_quadrature(case, two) - by_quadrature(case, one), abs=0.03)
 
 
-def test_odds_are_one_in_k_for_each_effect():
+def test_odds_are_one_in_k_for_an_effect_and_one_in_all_pairs_for_two():
     case = straight(seed=1, effects={})
     fit = fitted(case, case.space([Amplitude("bend", -2.0, 2.0, 1.0)]))
     lost = ln_evidence(case.data, fit, 1) - ln_evidence(case.data, fit, 12)
     assert lost == pytest.approx(math.log(12))
+    two = case.space([Amplitude(name, -2.0, 2.0, 1.0) for name in ("bend", "step")])
+    lost = ln_evidence(case.data, fitted(case, two), 2) - ln_evidence(
+        case.data, fitted(case, two), 12
+    )
+    assert lost == pytest.approx(math.log(66))
 
 
 def test_evidence_does_not_hang_on_the_unit_of_the_amplitude():

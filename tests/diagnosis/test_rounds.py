@@ -131,6 +131,21 @@ def test_an_answer_that_leaves_much_of_the_misfit_does_not_stand():
     assert excess(found(20.0, 3.0, 0.9)) == 0.0
 
 
+def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch):
+    model = straight(0, {"late": 2.5, "step": 2.5})
+    asked = Options(draws=400, replicates=3, seed=0)
+    dof = find(model, asked).explanation.adequacy.dof
+
+    def taken(*arguments, **keywords):
+        raise AssertionError("signatures were taken anew")
+
+    monkeypatch.setattr(rounds, "take_signatures", taken)
+    with pytest.raises(AssertionError, match="taken anew"):
+        find(straight(0, {"late": 2.5, "step": 2.5}), asked)
+    alone = find(straight(0, {"late": 2.5, "step": 2.5}), replace(asked, spare=dof - 1))
+    assert len(alone.register.current.model.names) == 1
+
+
 def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
     """What is refitted beside an adopted effect when candidates promise these falls of chi2."""
     ranked = sorted(drops, key=lambda name: -drops[name])

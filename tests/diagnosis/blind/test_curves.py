@@ -33,6 +33,8 @@ def scene(benchmark, effect, amplitude=0.5):
         ("root_of_rate", {"strain_softening": 0.5}, False),
         ("strength_in_time", {"overburden_strength": 0.6}, False),
         ("strong_lens", {"spatial_variability": 0.0}, False),
+        ("two_layers", {"spatial_variability": 0.5}, False),  # a field hangs on the place
+        ("strength_in_time", {"overburden_strength": 1.0}, False),  # no strength at no overburden
     ],
 )
 def test_laws_of_the_library_that_run_like_a_stranger(benchmark, hidden, named, expected):
