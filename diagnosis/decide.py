@@ -88,10 +88,14 @@ def explanations(register: Register, options: Options) -> dict[tuple[str, ...], 
     weighed = {names: register.weighed(model) for names, model in register.models.items()}
     for names, model in register.models.items():
         smaller = [
-            other
-            for key, other in weighed.items()
+            key
+            for key in weighed
             if key and set(key) < set(names) and names != register.current.model.names
         ]
-        if all(not why_not(less, weighed[names], options) for less in smaller):
+        if all(
+            model.ln_evidence > register.models[less].ln_evidence
+            and not why_not(weighed[less], weighed[names], options)
+            for less in smaller
+        ):
             kept[names] = model.ln_evidence
     return kept

@@ -53,6 +53,7 @@ class Options:
         left_over: unless no more than this share of the base model's excess misfit is left.
         refitted: candidates that are refitted by their score.
         inseparable: |cosine| from which two signatures are the same to these data.
+        hardly_separable: |cosine| from which an effect is refitted before its double is named.
         same_signature: cosine that the signature of a second seed must reach.
         least_gain: of ln evidence, odds included, before an effect is accepted.
         least_drop: of chi2.
@@ -86,6 +87,7 @@ class Options:
     left_over: float = 0.2
     refitted: int = 5
     inseparable: float = 0.95
+    hardly_separable: float = 0.8
     same_signature: float = 0.9
     least_gain: float = 2.3
     least_drop: float = 6.0

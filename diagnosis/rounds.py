@@ -7,7 +7,7 @@ also the best pairs, since one effect may have stood for two. The best is adopte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -33,7 +33,7 @@ PAIRS = 2
 LARGEST_RESERVE = 50
 #: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
 NEAR_BEST = 3.0
-#: Models within that of the accepted one that are put on equal terms with it, itself among them.
+#: Models within that of the best that are put on equal terms with it, itself among them.
 CONTENDERS = 4
 
 
@@ -170,7 +170,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
     signatures = dict(explanation.signatures)
     runs = comparison.base.runs
     # What fails in the end is to be shown as a curve, and that takes runs, too. They are kept while
-    # models are sought; what settles an answer may have them, should there be no curve to show.
+    # a first effect is sought; what settles it, and a second one, may have them.
     kept = min(runs_wanted(runs.model.curves), LARGEST_RESERVE)
     for number in range(options.rounds):
         now = register.current
@@ -184,8 +184,19 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(register, comparison, explanation, ground, now, names)
         runs.reserve = 0
-        tried = _settle_best(register, explanation, now.model, tried, options)
+        tried = _judge_best(register, explanation, now.model, tried, options)
         best = _accepted(register, now.model, tried, options)
+        if best is not None and number == 0:
+            tried += _try(
+                register, comparison, explanation, ground, now,
+                untried_doubles(register, explanation, best, options),
+            )  # fmt: skip
+            tried = _judge_best(register, explanation, now.model, tried, options)
+        # A first effect has to pass by the slope that its search has learnt: its own comes on top,
+        # so that what is faint stays unnamed. A further one is compared with a model that has one.
+        if best is not None or now.model.names:
+            tried = _on_equal_terms(register, explanation, now.model, tried, options)
+            best = _accepted(register, now.model, tried, options)
         if number == 0:
             for after in (register.models[model.names] for model in tried):
                 reason = "" if after is best else why_not(now.model, after, options)
@@ -219,6 +230,18 @@ def wanted_models(
     if not first:
         models += best_pairs(comparison, explanation, PAIRS)
     return models
+
+
+def untried_doubles(
+    register: Register, explanation: Explanation, best: Refitted, options: Options
+) -> list[tuple[str, ...]]:
+    """Effects that are hard to tell from the one that is about to be named, and were not refitted.
+
+    A score is linear: of two effects that look alike the wrong one may promise more.
+    """
+    (name,) = best.names
+    alike = explanation.alike(name, options.hardly_separable)
+    return [(other,) for other in alike if (other,) not in register.models]
 
 
 def best_pairs(
@@ -279,43 +302,48 @@ def _try(
     return tried
 
 
-def _settle_best(
+def _judge_best(
     register: Register,
     explanation: Explanation,
     now: Refitted,
     tried: list[Refitted],
     options: Options,
 ) -> list[Refitted]:
-    """Judge the best by fresh jitters, and give it a derivative of its own; and what is near it.
-
-    The model so far has a derivative of its own, which alone is worth some ln evidence: without one
-    nothing that is tried is compared fairly with it, nor with a rival that has one. One after the
-    other, the best first, so that it is settled should the runs come to an end.
-    """
+    """Judge the best models, and those near them, by fresh jitters, until the best is judged."""
     bar = register.weighed(now).ln_evidence + options.least_gain - NEAR_BEST
     found = {model.names: model for model in tried}
-    done: dict[Callable[[Bench, Refitted], Refitted], set[tuple[str, ...]]] = {
-        judge: set(), adopted: set(),
-    }  # fmt: skip
-    while found:
+    for _ in range(len(found)):
         evidence = {names: register.weighed(model).ln_evidence for names, model in found.items()}
-        order = sorted(evidence, key=lambda names: -evidence[names])
-        least = max(evidence[order[0]] - NEAR_BEST, bar)
-        if len(done[adopted]) >= CONTENDERS:
-            order = order[:1]
-        steps = [
-            (step, names)
-            for names in order
-            for step in (judge, adopted)
-            if evidence[names] >= least and names not in done[step]
-        ]
-        if not steps:
+        least = max(max(evidence.values()) - NEAR_BEST, bar)
+        waiting = [n for n, m in found.items() if not m.judged and evidence[n] >= least]
+        if not waiting:
             break
-        step, names = steps[0]
-        done[step].add(names)
+        names = max(waiting, key=lambda n: evidence[n])
         # Where the allowance is over it counts as it is.
-        register.models[names] = found[names] = step(explanation.bench, found[names])
+        found[names] = replace(judge(explanation.bench, found[names]), judged=True)
+        register.models[names] = found[names]
     return list(found.values())
+
+
+def _on_equal_terms(
+    register: Register,
+    explanation: Explanation,
+    now: Refitted,
+    tried: list[Refitted],
+    options: Options,
+) -> list[Refitted]:
+    """Give the best and what is near it derivatives of their own, the best first.
+
+    A derivative of its own is worth some ln evidence: were one model alone given one, its rivals
+    would be out of the answer for want of it.
+    """
+    evidence = {model.names: register.weighed(model).ln_evidence for model in tried}
+    bar = register.weighed(now).ln_evidence + options.least_gain - NEAR_BEST
+    least = max(max(evidence.values(), default=-np.inf) - NEAR_BEST, bar)
+    near = [names for names in evidence if evidence[names] >= least]
+    for names in sorted(near, key=lambda names: -evidence[names])[:CONTENDERS]:
+        register.models[names] = adopted(explanation.bench, register.models[names])
+    return [register.models[model.names] for model in tried]
 
 
 def _adopt(

@@ -85,7 +85,7 @@ def take_signatures(
         linear: its system, which knows what the parameters imitate.
         candidates: what is tried.
         finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
-        turns: amplitudes of each sign beside the middle one.
+        turns: amplitudes of each sign beside the middle one; of one, the largest.
     """
     bench = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
     stay = np.zeros(surface.space.size)
@@ -95,6 +95,8 @@ def take_signatures(
         middles = [(c.name, a) for c in candidates for a in _middles(c)]
         bench.run([(name, a, bench.meeting(name, a)) for name, a in middles])
         others = [(c.name, bench.others(c.name, sign)) for c in candidates for sign in (1.0, -1.0)]
+        if turns == 1:
+            others = [(name, [max(rungs, key=abs)] if rungs else []) for name, rungs in others]
         for turn in range(turns):
             wanted = [(name, rungs[turn]) for name, rungs in others if len(rungs) > turn]
             bench.run([(name, a, bench.meeting(name, a)) for name, a in wanted])
