@@ -16,7 +16,14 @@ from diagnosis.fit import Fit
 from diagnosis.loop import find
 from diagnosis.options import Options
 from diagnosis.refit import Refitted
-from diagnosis.rounds import Register, _accepted, accepted, wanted_models, why_not
+from diagnosis.rounds import (
+    Register,
+    _accepted,
+    accepted,
+    untried_doubles,
+    wanted_models,
+    why_not,
+)
 from diagnosis.space import Amplitude
 from diagnosis.verdict import Verdict
 from tests.diagnosis.straight import straight
@@ -173,3 +180,33 @@ def test_a_further_effect_must_be_worth_having_without_the_error_of_the_first():
     register.weighed = lambda model: replace(model, ln_evidence=flat[model.names])
     assert _accepted(register, now, [worse], Options()) is None
     assert _accepted(register, now, [worse, better], Options()) is better
+
+
+def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains(monkeypatch):
+    now = refitted(0.0, 60.0, 5.0)
+    near = [refitted(5.0 - 1.4 * k, 30.0, 4.0, name) for k, name in enumerate(("a", "b", "c", "d"))]
+    register = Register({model.names: model for model in (now, *near)})
+    monkeypatch.setattr(
+        rounds, "adopted",
+        lambda bench, model: replace(model, ln_evidence=model.ln_evidence + 2.5, sloped=True),
+    )  # fmt: skip
+    found = rounds._on_equal_terms(register, SimpleNamespace(bench=None), now, near, Options())
+    assert [model.sloped for model in found] == [True, True, True, False]  # d is 4.2 behind
+    assert register.models[("a",)].ln_evidence == 7.5
+    faint = [refitted(-1.0, 58.0, 5.0, "e")]  # more than 3 below what is asked for
+    register.models[("e",)] = faint[0]
+    assert (
+        rounds._on_equal_terms(register, SimpleNamespace(bench=None), now, faint, Options())
+        == faint
+    )
+
+
+def test_doubles_of_what_is_to_be_named_are_refitted_unless_they_were():
+    best, tried = refitted(5.0, 30.0, 4.0, "side"), refitted(4.0, 32.0, 4.0, "pool")
+    register = Register({best.names: best, tried.names: tried})
+    asked = []
+    explanation = SimpleNamespace(
+        alike=lambda name, least: asked.append((name, least)) or ["pool", "drag"]
+    )
+    assert untried_doubles(register, explanation, best, Options()) == [("drag",)]
+    assert asked == [("side", 0.8)]
