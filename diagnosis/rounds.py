@@ -302,6 +302,17 @@ def _try(
     return tried
 
 
+def _near_the_best(
+    register: Register, now: Refitted, tried: Sequence[Refitted], options: Options
+) -> list[tuple[str, ...]]:
+    """Models near the best of those tried and not far below what is asked for, best first."""
+    evidence = {model.names: register.weighed(model).ln_evidence for model in tried}
+    bar = register.weighed(now).ln_evidence + options.least_gain
+    least = max(*evidence.values(), bar) - NEAR_BEST if evidence else bar
+    near = [names for names in evidence if evidence[names] >= least]
+    return sorted(near, key=lambda names: -evidence[names])
+
+
 def _judge_best(
     register: Register,
     explanation: Explanation,
@@ -310,15 +321,13 @@ def _judge_best(
     options: Options,
 ) -> list[Refitted]:
     """Judge the best models, and those near them, by fresh jitters, until the best is judged."""
-    bar = register.weighed(now).ln_evidence + options.least_gain - NEAR_BEST
     found = {model.names: model for model in tried}
     for _ in range(len(found)):
-        evidence = {names: register.weighed(model).ln_evidence for names, model in found.items()}
-        least = max(max(evidence.values()) - NEAR_BEST, bar)
-        waiting = [n for n, m in found.items() if not m.judged and evidence[n] >= least]
+        near = _near_the_best(register, now, list(found.values()), options)
+        waiting = [names for names in near if not found[names].judged]
         if not waiting:
             break
-        names = max(waiting, key=lambda n: evidence[n])
+        names = waiting[0]
         # Where the allowance is over it counts as it is.
         found[names] = replace(judge(explanation.bench, found[names]), judged=True)
         register.models[names] = found[names]
@@ -337,11 +346,7 @@ def _on_equal_terms(
     A derivative of its own is worth some ln evidence: were one model alone given one, its rivals
     would be out of the answer for want of it.
     """
-    evidence = {model.names: register.weighed(model).ln_evidence for model in tried}
-    bar = register.weighed(now).ln_evidence + options.least_gain - NEAR_BEST
-    least = max(max(evidence.values(), default=-np.inf) - NEAR_BEST, bar)
-    near = [names for names in evidence if evidence[names] >= least]
-    for names in sorted(near, key=lambda names: -evidence[names])[:CONTENDERS]:
+    for names in _near_the_best(register, now, tried, options)[:CONTENDERS]:
         register.models[names] = adopted(explanation.bench, register.models[names])
     return [register.models[model.names] for model in tried]
 

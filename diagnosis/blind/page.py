@@ -18,6 +18,8 @@ from pipeline.files import write_text
 
 SCORE, SPARSE = "score", "sparse"
 """Names of the generated parts; the markers of one are `<!-- score: begin -->` and `end`."""
+ENDS = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
+"""The bins of lambda, in words."""
 VARIANT_WORDS = {
     METHOD: "the method",
     "no_model_error": "without the model's own error (C_num)",
@@ -125,19 +127,18 @@ def _bins(method: Score) -> str:
         "set_holds": "the 90 % set holds the truth",
         "wrong_name": "a wrong name alone",
     }
-    ends = [f"lambda {low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
+    ends = [f"lambda {end}" for end in ENDS]
     rows = [(words[name], *(share.words for share in method.bins[name])) for name in words]
     return table(("singles", *ends), rows)
 
 
 def _pairs(method: Score) -> str:
     words = {"pair_exact": "both found, and nothing else", "pair_half": "at least one of the two"}
-    ends = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
     rows = [(words[name], *(share.words for share in method.bins[name])) for name in words]
     return (
         "By lambda of the fainter effect beside the other: what is left of the slide once the base "
         "model and the other effect have been refitted.\n\n"
-    ) + table(("pairs", *ends), rows)
+    ) + table(("pairs", *ENDS), rows)
 
 
 def _effects(judged: Sequence[Judged]) -> str:
@@ -153,8 +154,7 @@ def _effects(judged: Sequence[Judged]) -> str:
              f"{sum(one.useful_set for one in own)} of {len(own)}", f"{nearest:.2f}",
              ", ".join(sorted(set(wrong))) or "none")
         )  # fmt: skip
-    ends = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
-    header = ("hidden", *(f"named at lambda {end}" for end in ends), "set of three holds it",
+    header = ("hidden", *(f"named at lambda {end}" for end in ENDS), "set of three holds it",
               "largest cosine to a rival", "wrong names")  # fmt: skip
     return table(header, rows)
 
