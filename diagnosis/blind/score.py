@@ -83,6 +83,11 @@ class Judged:
         return self.attributed and not self.right
 
     @property
+    def law_found(self) -> bool:
+        """Of a strength law outside the library: its curve was drawn, or a law like it named."""
+        return bool(self.curve_found or self.right or (self.attributed and self.like_law))
+
+    @property
     def found_exactly(self) -> bool:
         """The effects of the verdict are those that were hidden."""
         return set(self.digest.effects) == self.hidden
@@ -182,7 +187,7 @@ def score(judged: Sequence[Judged]) -> Score:
     answered = [one for one in singles if one.attributed]
     right = [one for one in singles if one.right]
     named = [one for one in (*singles, *nulls) if one.named is not None]
-    laws = [one.curve_found for one in outside if one.curve_found is not None]
+    laws = [one for one in outside if one.curve_found is not None]
     shares = {
         "false_attribution": Share.of(one.attributed for one in nulls),
         "false_alarm": Share.of(one.alarmed for one in nulls),
@@ -203,12 +208,9 @@ def score(judged: Sequence[Judged]) -> Score:
         "pair_half": Share.of(bool(set(one.digest.effects) & one.hidden) for one in pairs),
         "explained_away": Share.of(one.explained_away for one in outside),
         "explained_unlike": Share.of(one.explained_away and not one.like_law for one in outside),
-        "curve_recovered": Share.of(laws),
-        "law_found": Share.of(
-            bool(one.curve_found or one.right or (one.attributed and one.like_law))
-            for one in outside
-            if one.curve_found is not None
-        ),
+        "curve_recovered": Share.of(one.curve_found for one in laws),
+        "law_found": Share.of(one.law_found for one in laws),
+        "law_found_25": _share(laws, lambda one: one.law_found, 25.0),
     }
     medians = {
         "strength_error_base": _median(abs(one.strength_error("base")) for one in right),

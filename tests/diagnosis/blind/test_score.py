@@ -172,3 +172,6 @@ def test_a_law_that_runs_alike_is_told_apart_from_being_explained_away():
     assert found.shares["explained_away"].value == 1.0
     assert found.shares["explained_unlike"].value == found.shares["law_found"].value == 0.5
     assert found.shares["curve_recovered"].value == 0.0
+    seen = [t["lambda"] >= 25.0 for t in row]
+    assert 0 < found.shares["law_found_25"].n == sum(seen) < len(row)
+    assert found.shares["law_found_25"].hits == sum(seen[::2])
