@@ -5,7 +5,8 @@
 - *ambiguous*: an explanation was accepted, but it takes several to reach 90 %, or the runs that
   were allowed did not suffice to try its rivals.
 - *unknown_effect*: the base model fails its tests and nothing passes, or what passes still fails
-  and leaves much of the misfit, more than the error of its own effects.
+  and leaves much of the misfit, more than the error of its own effects; or a random pattern passes
+  that is one of many (`Candidate.by_chance`). It fits by chance, and is a clue, not a name.
 - *suspect*: p between 0.05 and 0.20, and nothing passes.
 
 Probabilities are those of ln Z among all models that were tried. A model that adds to another an
@@ -14,10 +15,12 @@ effect which was not accepted is counted with the smaller one: what it has beyon
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from diagnosis.adequacy import Adequacy
 from diagnosis.evidence import credible_set, probabilities
+from diagnosis.model import Candidate
 from diagnosis.options import Options
 from diagnosis.rounds import Adopted, Register, why_not
 from diagnosis.verdict import Verdicts
@@ -33,6 +36,7 @@ class Decision:
         sets: explanations that together reach the wanted probability, most probable first.
         probability: of every explanation that was tried.
         untried: rivals of the answer that were wanted and could not be had.
+        by_chance: random patterns that were accepted and name nothing; the final model is without.
     """
 
     verdict: Verdicts
@@ -40,10 +44,11 @@ class Decision:
     sets: dict[tuple[str, ...], float]
     probability: dict[tuple[str, ...], float]
     untried: tuple[tuple[str, ...], ...] = ()
+    by_chance: tuple[str, ...] = ()
 
 
-def decide(register: Register, options: Options) -> Decision:
-    """The verdict on a finished register."""
+def decide(register: Register, candidates: Sequence[Candidate], options: Options) -> Decision:
+    """The verdict on a finished register of models of these candidates."""
     final = register.current
     p_base = register.way[0].adequacy.p_combined
     probability = probabilities(explanations(register, options))
@@ -55,6 +60,12 @@ def decide(register: Register, options: Options) -> Decision:
         alone = {(): probability.get((), 0.0)}
         return Decision(verdict, final, alone if verdict == "adequate" else {}, probability)
     sets = credible_set(probability, options.credible)
+    random = {candidate.name for candidate in candidates if candidate.by_chance}
+    if drawn := random.intersection(final.model.names):
+        named = [one for one in register.way if random.isdisjoint(one.model.names)]
+        return Decision(
+            "unknown_effect", named[-1], sets, probability, by_chance=tuple(sorted(drawn))
+        )
     failing = still_failing(register.way[0].adequacy, final.adequacy, options)
     if failing and not register.within_error:
         return Decision("unknown_effect", final, sets, probability)

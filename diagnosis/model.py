@@ -71,6 +71,8 @@ class Candidate:
         prior_mean: most likely amplitude beforehand; None: nothing is known but the bounds.
         prior_std: its standard deviation; None with `prior_mean`.
         free: its runs cost nothing (an error of the survey that only moves the prediction).
+        by_chance: one pattern of many that are random, and nobody has said that it is the one: what
+            it explains is not explained, but varies from place to place.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Candidate:
     prior_mean: float | None = None
     prior_std: float | None = None
     free: bool = False
+    by_chance: bool = False
 
     @property
     def two_signed(self) -> bool:

@@ -84,7 +84,7 @@ class MPMModel:
         self._errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
         places, unmoved = boundaries(setup.scene, sensitivities)
         self._boundaries = {place.candidate.name: place for place in places}
-        physics, idle = acting_candidates(setup.scene)
+        physics, idle = acting_candidates(setup.scene, self.numbers)
         every = [
             *physics,
             *(place.candidate for place in self._boundaries.values()),
@@ -302,8 +302,15 @@ def strength_curves(setup: Setup, run: KeptRun, zones: Sequence[str]) -> list[Cu
     ]
 
 
-def acting_candidates(scene: Scene) -> tuple[list[Candidate], dict[str, str]]:
-    """Effects that can act on a section, and why the others cannot."""
+def acting_candidates(
+    scene: Scene, numbers: Mapping[str, Mapping[str, float]] | None = None
+) -> tuple[list[Candidate], dict[str, str]]:
+    """Effects that can act on a section, and why the others cannot.
+
+    Args:
+        scene: the section.
+        numbers: effect -> further numbers of it that are known.
+    """
     found, left_out = [], {}
     for name, effect in effects().items():
         reason = effect.applies(scene)
@@ -312,12 +319,12 @@ def acting_candidates(scene: Scene) -> tuple[list[Candidate], dict[str, str]]:
         if reason:
             left_out[name] = reason
         else:
-            found.append(candidate_of(effect))
+            found.append(candidate_of(effect, (numbers or {}).get(name, {})))
     return found, left_out
 
 
-def candidate_of(effect: Effect) -> Candidate:
-    """An effect of the library, or of a user, as a candidate."""
+def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:
+    """An effect of the library, or of a user, as a candidate; `numbers` are known of it."""
     amplitude = effect.amplitude
     ladder = [*amplitude.ladder]
     if amplitude.two_signed:
@@ -330,4 +337,5 @@ def candidate_of(effect: Effect) -> Candidate:
         low=amplitude.low,
         high=amplitude.high,
         ladder=tuple(sorted(ladder)),
+        by_chance=bool(effect.realisation) and effect.realisation not in numbers,
     )

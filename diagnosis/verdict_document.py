@@ -145,6 +145,12 @@ def sentence(found: Diagnosed) -> str:
                 f"The base model is suspect (p {p:.2g}), but no effect {among} improves it enough "
                 "to be named."
             )
+        case "unknown_effect" if decision.by_chance:
+            return (
+                f"The base model does not explain the measurements (p {p:.2g}). Best {among} fits "
+                f"{_joined(decision.by_chance)}, one random pattern of many, which names nothing: "
+                "what is missing varies from place to place."
+            )
         case "unknown_effect" if final.model.names:
             return (
                 f"With {_joined(final.model.names)} the model still fails: something else is "
@@ -225,7 +231,12 @@ def _steps(found: Diagnosed) -> list[verdict.Step]:
 def _refits(found: Diagnosed) -> dict[str, verdict.Refit]:
     """Refits of the first round."""
     data, before = found.comparison.base.data, found.register.way[0].model
+    by_chance = {
+        candidate.name for candidate in found.explanation.candidates if candidate.by_chance
+    }
     return {
-        name: refit_part(name, data, before, after, why)
+        name: refit_part(
+            name, data, before, after, why or ("one random pattern of many" * (name in by_chance))
+        )
         for name, (after, why) in found.register.first.items()
     }

@@ -139,6 +139,7 @@ class Effect:
         version: of a user's effect, the hash of its file, set where that is loaded; of the
             library's, nothing: they share `mpm_taichi.effects.PHYSICS_VERSION`.
         internal: part of the tool, no candidate.
+        realisation: of a random effect, the parameter that says which of its patterns is meant.
     """
 
     name: str
@@ -150,6 +151,7 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     version: str = ""
     internal: bool = False
+    realisation: str = ""
     strength: Callable | None = None
     dilation: Callable | None = None
     acceleration: Callable | None = None

@@ -273,6 +273,8 @@ def faults(one: Effect) -> str:
         values = (parameter.low, parameter.default, parameter.high)
         if not (all(map(math.isfinite, values)) and values == tuple(sorted(values))):
             return f"parameter {parameter.name}: default must lie between low and high"
+    if one.realisation and one.realisation not in {p.name for p in one.parameters}:
+        return f"realisation {one.realisation!r} is none of its parameters"
     if len(set(one.columns)) != len(one.columns):
         return f"two of its numbers have one name: {', '.join(one.columns)}"
     if bool(one.constant_names) != (one.constants is not None):

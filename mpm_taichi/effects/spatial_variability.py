@@ -93,6 +93,7 @@ EFFECT = Effect(
                   "l, distance in which the correlation of ln m falls to 1/e"),
         Parameter("seed", "", 1.0, 0.0, 1e6, "which realisation; a whole number"),
     ),
+    realisation="seed",
     strength=strength,
     field=multiplier,
     applies=needs_liquefied_soil,

@@ -57,6 +57,19 @@ def test_a_state_becomes_a_scene(case):
     assert higher.materials["loose_sand"].cohesion_kpa == 9.0
 
 
+def test_a_random_pattern_is_by_chance_until_its_draw_is_given(folder):
+    def by_chance() -> set[str]:
+        model = load_diagnosis(folder, Config()).model(RunStore(None, threads=1))
+        return {candidate.name for candidate in model.candidates if candidate.by_chance}
+
+    assert by_chance() == {"spatial_variability"}
+    text = "parameters:\n  spatial_variability: {correlation_length_m: 10}\n"
+    (folder / "diagnosis.yaml").write_text(text)
+    assert by_chance() == {"spatial_variability"}
+    (folder / "diagnosis.yaml").write_text(text.replace("10}", "10, seed: 4}"))
+    assert not by_chance()
+
+
 def test_a_curve_is_one_entry_of_the_scene(case, kept_runs):
     model = case.model(kept_runs)
     curves = {curve.variable: curve for curve in model.curves}

@@ -26,6 +26,7 @@ from diagnosis.rounds import (
 )
 from diagnosis.space import Amplitude
 from diagnosis.verdict import Verdict
+from diagnosis.verdict_document import verdict_document
 from tests.diagnosis.straight import straight
 
 
@@ -210,3 +211,29 @@ def test_doubles_of_what_is_to_be_named_are_refitted_unless_they_were():
     )
     assert untried_doubles(register, explanation, best, Options()) == [("drag",)]
     assert asked == [("side", 0.8)]
+
+
+def test_a_random_pattern_that_nobody_chose_names_nothing():
+    model = straight(3, {"late": 2.0})
+    model.candidates = [replace(one, by_chance=one.name == "late") for one in model.candidates]
+    asked = Options(draws=400, replicates=3, seed=3)
+    found = find(model, asked)
+    assert found.register.current.model.names == ("late",), "it fits, and that is said"
+    assert found.decision.verdict == "unknown_effect" and found.decision.by_chance == ("late",)
+    assert not found.decision.final.model.names
+    told = verdict_document(found, case="c", title="t")
+    assert not told.answer.effects and told.final.chi2 == told.base.chi2
+    (late,) = [one for one in told.candidates if one.name == "late"]
+    assert not late.refit.accepted and late.refit.why_not == "one random pattern of many"
+    assert "late, one random pattern of many" in told.sentence
+    known = diagnose(straight(3, {"late": 2.0}), asked, case="c", title="t")
+    assert known.verdict == "identified" and names(known) == ("late",)
+
+
+def test_beside_a_random_pattern_only_what_was_found_before_it_stays():
+    model = straight(0, {"late": 4.0, "step": 2.0})
+    model.candidates = [replace(one, by_chance=one.name == "step") for one in model.candidates]
+    found = find(model, Options(draws=400, replicates=3, seed=0))
+    assert found.register.current.model.names == ("late", "step")
+    assert found.decision.verdict == "unknown_effect"
+    assert found.decision.final.model.names == ("late",)

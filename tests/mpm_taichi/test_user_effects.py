@@ -81,8 +81,10 @@ BROKEN = {
     "default": (("10.0, 0.1", "10.0, 20.0"), "parameter time_s: default must lie between"),
     "arguments": (("strength(effect, soil, here)", "strength(effect, here)"), "hook strength: its"),
     "hooks": (("    strength=strength,\n", ""), "it has no hook that acts"),
+    "draw": (("    strength=strength,\n", '    strength=strength,\n    realisation="seed",\n'),
+             "realisation 'seed' is none of its parameters"),
     "words": (('looks_like="', 'looks_like="" and "'), "must say something"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", BROKEN)
