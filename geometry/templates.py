@@ -70,7 +70,7 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     if index < 0:
         raise InputError(f"index {index}: scenes are numbered from 0")
     key = (settings.seed, number_of(scale), index)
-    size = _size_of(Stream(*key, _SIZE), size)
+    size = _size_of(key, size)
     shares = settings.template_shares.model_dump()
     letter = list(shares)[Stream(*key, _TEMPLATE).pick(list(shares.values()))]
     reasons: list[str] = []
@@ -92,7 +92,7 @@ def rejections(config: Config, scale: str, index: int) -> list[str]:
     settings, size = config.geometry, config.scale(scale)
     scene = draw_scene(config, scale, index)
     key = (settings.seed, number_of(scale), index)
-    size = _size_of(Stream(*key, _SIZE), size)
+    size = _size_of(key, size)
     found = []
     for attempt in range(scene.origin.draws - 1):
         stream = Stream(*key, _OUTLINES, attempt)
@@ -101,8 +101,9 @@ def rejections(config: Config, scale: str, index: int) -> list[str]:
     return found
 
 
-def _size_of(stream: Stream, size: ScaleSettings) -> ScaleSettings:
+def _size_of(key: tuple[int, int, int], size: ScaleSettings) -> ScaleSettings:
     """The size of one scene: that of its scale, or enlarged, domain and all."""
+    stream = Stream(*key, _SIZE)
     large, by = stream.unit() < size.enlarged_share, stream.uniform(1.0, size.enlarged_by)
     if not large:
         return size

@@ -112,7 +112,7 @@ class GNSEngine:
         self.mode = mode
         self.on_frame = on_frame
         self.runs = 0
-        self.settings = model.settings(setup.settings)
+        self.settings = model.simulator.settings(setup.settings)
         self._slide(setup.parameters.start)  # whatever is refused is refused now
 
     @property

@@ -13,7 +13,6 @@ from gns.card import CARD_FILE, read_card
 from gns.checkpoints import MODEL_FILE
 from gns.simulator import Simulator
 from pipeline.cli import InputError
-from pipeline.config import SimulationSettings
 from pipeline.files import file_hash
 
 
@@ -36,10 +35,6 @@ class Model:
         """What of the model decides the numbers of a rollout: weights, type of number, device."""
         parameter = next(self.simulator.parameters())
         return f"{self.sha256} {parameter.dtype} {parameter.device.type}"
-
-    def settings(self, settings: SimulationSettings) -> SimulationSettings:
-        """Settings of a simulation whose frames are as far apart as the model steps."""
-        return self.simulator.settings(settings)
 
 
 def load_model(folder: str | Path, device: str = "cpu") -> Model:
