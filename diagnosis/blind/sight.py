@@ -23,6 +23,8 @@ from mpm_taichi.effects import effect as effect_of
 
 #: Runs behind a lambda while an amplitude is sought, and behind the one that is written down.
 LOOKS, LOOKS_FOR_GOOD = 2, 6
+#: Runs behind what one of two effects does by itself.
+LOOKS_BESIDE = 4
 #: Seeds of their jitters begin here: others than those of the base model's replicates.
 FIRST_SEED = 101
 #: A truth is at most so many times as strong as the top rung of its effect's ladder, which the
@@ -30,6 +32,8 @@ FIRST_SEED = 101
 BEYOND_LADDER = 3.0
 #: Amplitudes at which one of two effects may stand for both, over its true one.
 SHARES = (0.4, 0.7, 0.85, 1.0, 1.15, 1.4, 1.8)
+#: Of these so many are simulated again, so many times, at the parameters of the refit.
+RETURNED, RETURNS = 2, 2
 
 
 def strongest(scale: Amplitude, sign: float = 1.0) -> float:
@@ -113,33 +117,61 @@ class Sight:
         """Lambda of the fainter of two effects beside the other; None where it cannot be had.
 
         What is left once the base model and the other effect have been refitted, at no amplitude or
-        any of `SHARES`. What the other does is simulated at the true parameters and taken off the
-        slide, and the base model is refitted to the rest.
+        any of `SHARES`.
         """
         whole = self.slides(effects, LOOKS_FOR_GOOD)
-        nothing = self._deposits({}, LOOKS_FOR_GOOD)
-        if whole is None or nothing is None:
+        if whole is None:
             return None
         toe = self._toe(whole)
-        both, none = (self._halves(one, self.survey, toe) for one in (whole, nothing))
-        if both is None or none is None:
+        both = self._halves(whole, self.survey, toe)
+        alone = None if both is None else self._refit(both, self.survey, toe)
+        if both is None or alone is None:
             return None
-        both_seen = self._refit(both, self.survey, toe)
-        if both_seen is None:
-            return None
-        left = [both_seen.seen]
+        left = [alone.seen]
         for name, entry in effects.items():
-            rests = []
-            for share in SHARES:
-                part = self._deposits({name: times(entry, share)}, LOOKS_FOR_GOOD)
-                alone = None if part is None else self._halves(part, self.survey, toe)
-                rest = None if alone is None else self._refit(both - alone + none, self.survey, toe)
-                if rest is not None:
-                    rests.append(rest.seen)
-            if not rests:
+            found = self._left_by(name, entry, both, toe)
+            if found is None:
                 return None
-            left += rests
+            left.append(found)
         return min(left)
+
+    def _left_by(self, name: str, entry: Entry, both: np.ndarray, toe: float) -> float | None:
+        """Lambda that one of two effects leaves when it stands for both; None where it has no run.
+
+        What it does is simulated at the true parameters and taken off the slide (2, m), and the
+        base model is refitted to the rest. Parameters that give way to it change what it does: the
+        best amplitudes are simulated once more at those of the refit, and refitted again.
+        """
+        found = []
+        for share in SHARES:
+            part = {name: times(entry, share)}
+            rest = self._rest(part, self.values, both, toe)
+            if rest is not None:
+                found.append((rest, part))
+        found.sort(key=lambda pair: pair[0].seen)
+        left = [rest.seen for rest, _ in found]
+        for start, part in found[:RETURNED]:
+            rest: Refit | None = start
+            for _ in range(RETURNS):
+                there = self.base.joined(rest.u, rest.held)
+                rest = self._rest(part, there, both, toe)
+                if rest is None:
+                    break
+                left.append(rest.seen)
+        return min(left, default=None)
+
+    def _rest(
+        self, effects: Mapping[str, Entry], values: np.ndarray, both: np.ndarray, toe: float
+    ) -> Refit | None:
+        """The base model refitted to a slide (2, m) less what effects do at some parameters."""
+        halves = []
+        for entries in (effects, {}):
+            deposits = self._deposits(entries, LOOKS_BESIDE, values)
+            halves.append(None if deposits is None else self._halves(deposits, self.survey, toe))
+        change, none = halves
+        if change is None or none is None:
+            return None
+        return self._refit(both - change + none, self.survey, toe)
 
     def slides(self, effects: Mapping[str, Entry], number: int) -> list[Deposit] | None:
         """Slides with different jitters; None where one failed or is no flow slide."""
@@ -154,13 +186,15 @@ class Sight:
         halves = self._halves(slides, survey, toe)
         return None if halves is None else self._refit(halves, survey, toe)
 
-    def _deposits(self, effects: Mapping[str, Entry], number: int) -> list[Deposit] | None:
+    def _deposits(
+        self, effects: Mapping[str, Entry], number: int, values: np.ndarray | None = None
+    ) -> list[Deposit] | None:
         """Deposits with different jitters; None where one failed or cannot be asked for."""
         for name, entry in effects.items():
             scale = effect_of(name).amplitude
             if not scale.low <= amplitude_of(entry) <= scale.high:
                 return None
-        own = tuple(self.values.tolist())
+        own = tuple((self.values if values is None else values).tolist())
         requests = [
             Request(own, effects, jitter=JITTER, seed=FIRST_SEED + k) for k in range(number)
         ]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.blind import base_model
+from diagnosis.blind import sight as sight_file
 from diagnosis.blind.base_model import BaseModel, strength_of
 from diagnosis.blind.detectability import bin_of
 from diagnosis.blind.laboratory import Laboratory
@@ -116,6 +117,14 @@ def test_the_fainter_of_two_is_seen_less_beside_the_other_than_both_are(sight):
     """Each stands for a part of what the other does."""
     both = {"overburden_strength": 0.6, "side_friction": 0.9}
     assert 3.0 < sight.beside(both) < 0.6 * sight.seen_for_good(both).seen
+
+
+def test_what_an_effect_does_where_the_parameters_have_given_way_to_it_counts(sight, monkeypatch):
+    """Softening beside strength by overburden: with another strength the one nearly does both."""
+    both = {"overburden_strength": 0.7, "strain_softening": 0.75}
+    found = sight.beside(both)
+    monkeypatch.setattr(sight_file, "RETURNS", 0)
+    assert found < sight.beside(both)
 
 
 def test_what_is_nothing_alone_is_nothing_beside_another(sight):
