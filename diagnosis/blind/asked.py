@@ -64,5 +64,5 @@ ASKED = (
     Asked("explained_unlike", "the same without those whose law the named effect has, too", None),
     Asked("curve_recovered", "strangers that are a strength law: its curve recovered", None),
     Asked("law_found", "the same, or a law of the library named that runs like it", None),
-    Asked("law_found_25", "this at lambda 25 and more", None),
+    Asked("law_found_25", "a strength law found by curve or name, at lambda 25 and more", None),
 )  # fmt: skip
