@@ -15,12 +15,10 @@ effect which was not accepted is counted with the smaller one: what it has beyon
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from diagnosis.adequacy import Adequacy
 from diagnosis.evidence import credible_set, probabilities
-from diagnosis.model import Candidate
 from diagnosis.options import Options
 from diagnosis.rounds import Adopted, Register, why_not
 from diagnosis.verdict import Verdicts
@@ -47,8 +45,14 @@ class Decision:
     by_chance: tuple[str, ...] = ()
 
 
-def decide(register: Register, candidates: Sequence[Candidate], options: Options) -> Decision:
-    """The verdict on a finished register of models of these candidates."""
+def decide(register: Register, by_chance: frozenset[str], options: Options) -> Decision:
+    """The verdict on a finished register.
+
+    Args:
+        register: all models that were tried.
+        by_chance: candidates that are one random pattern of many.
+        options: what is asked for.
+    """
     final = register.current
     p_base = register.way[0].adequacy.p_combined
     probability = probabilities(explanations(register, options))
@@ -60,9 +64,8 @@ def decide(register: Register, candidates: Sequence[Candidate], options: Options
         alone = {(): probability.get((), 0.0)}
         return Decision(verdict, final, alone if verdict == "adequate" else {}, probability)
     sets = credible_set(probability, options.credible)
-    random = {candidate.name for candidate in candidates if candidate.by_chance}
-    if drawn := random.intersection(final.model.names):
-        named = [one for one in register.way if random.isdisjoint(one.model.names)]
+    if drawn := by_chance.intersection(final.model.names):
+        named = [one for one in register.way if by_chance.isdisjoint(one.model.names)]
         return Decision(
             "unknown_effect", named[-1], sets, probability, by_chance=tuple(sorted(drawn))
         )

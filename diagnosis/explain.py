@@ -50,6 +50,11 @@ class Explanation:
     adequacy: Adequacy
     bench: Bench
 
+    @property
+    def by_chance(self) -> frozenset[str]:
+        """Candidates that are one random pattern of many."""
+        return frozenset(one.name for one in self.candidates if one.by_chance)
+
     def alike(self, name: str, least: float) -> list[str]:
         """Candidates that these data cannot tell from one."""
         return look_alike(self.names, self.cosine, name, least)

@@ -58,7 +58,7 @@ def find(
     register = run_rounds(comparison, explanation, options)
     for adopted in register.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
-    decision = decide(register, explanation.candidates, options)
+    decision = decide(register, explanation.by_chance, options)
     found = Diagnosed(model, options, comparison, explanation, register, decision)
     if decision.verdict == "unknown_effect" and model.curves:
         say("nothing in the list explains it: seeking a strength curve that would")

@@ -308,7 +308,7 @@ def _near_the_best(
     """Models near the best of those tried and not far below what is asked for, best first."""
     evidence = {model.names: register.weighed(model).ln_evidence for model in tried}
     bar = register.weighed(now).ln_evidence + options.least_gain
-    least = max(*evidence.values(), bar) - NEAR_BEST if evidence else bar
+    least = max([*evidence.values(), bar]) - NEAR_BEST
     near = [names for names in evidence if evidence[names] >= least]
     return sorted(near, key=lambda names: -evidence[names])
 

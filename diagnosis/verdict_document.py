@@ -231,12 +231,9 @@ def _steps(found: Diagnosed) -> list[verdict.Step]:
 def _refits(found: Diagnosed) -> dict[str, verdict.Refit]:
     """Refits of the first round."""
     data, before = found.comparison.base.data, found.register.way[0].model
-    by_chance = {
-        candidate.name for candidate in found.explanation.candidates if candidate.by_chance
-    }
-    return {
-        name: refit_part(
-            name, data, before, after, why or ("one random pattern of many" * (name in by_chance))
-        )
-        for name, (after, why) in found.register.first.items()
-    }
+    refits = {}
+    for name, (after, why) in found.register.first.items():
+        if not why and name in found.explanation.by_chance:
+            why = "one random pattern of many"
+        refits[name] = refit_part(name, data, before, after, why)
+    return refits

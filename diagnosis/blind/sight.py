@@ -166,7 +166,7 @@ class Sight:
         """The base model refitted to a slide (2, m) less what effects do at some parameters."""
         halves = []
         for entries in (effects, {}):
-            deposits = self._deposits(entries, LOOKS_BESIDE, values)
+            deposits = self._deposits(entries, values, LOOKS_BESIDE)
             halves.append(None if deposits is None else self._halves(deposits, self.survey, toe))
         change, none = halves
         if change is None or none is None:
@@ -175,7 +175,7 @@ class Sight:
 
     def slides(self, effects: Mapping[str, Entry], number: int) -> list[Deposit] | None:
         """Slides with different jitters; None where one failed or is no flow slide."""
-        found = self._deposits(effects, number)
+        found = self._deposits(effects, self.values, number)
         if found is None or not all(is_slide(self.section, one) for one in found):
             return None
         return found
@@ -187,14 +187,14 @@ class Sight:
         return None if halves is None else self._refit(halves, survey, toe)
 
     def _deposits(
-        self, effects: Mapping[str, Entry], number: int, values: np.ndarray | None = None
+        self, effects: Mapping[str, Entry], values: np.ndarray, number: int
     ) -> list[Deposit] | None:
         """Deposits with different jitters; None where one failed or cannot be asked for."""
         for name, entry in effects.items():
             scale = effect_of(name).amplitude
             if not scale.low <= amplitude_of(entry) <= scale.high:
                 return None
-        own = tuple((self.values if values is None else values).tolist())
+        own = tuple(values.tolist())
         requests = [
             Request(own, effects, jitter=JITTER, seed=FIRST_SEED + k) for k in range(number)
         ]
