@@ -1,6 +1,6 @@
 # The workflow: random scenes -> simulations -> statistics; case histories -> strengths.
 #
-#   snakemake simulate_coarse        300 scenes at 2 m spacing: minutes on two cores
+#   snakemake simulate_coarse        700 scenes at 2 m spacing: minutes on two cores
 #   snakemake simulate_large         2,500 scenes (paper, Table 1); also simulate_small
 #   snakemake geometry_large         the scenes alone, with a gallery
 #   snakemake pack_coarse            its runs as a learned simulator reads them

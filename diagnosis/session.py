@@ -33,7 +33,7 @@ from geometry.measured_numbers import ToeRunout
 from geometry.scene import scene_hash
 from inversion.load import case_folder
 from inversion.run_store import RunStore
-from mpm_taichi.effects import load_effects_file
+from mpm_taichi.effects import add_effects_option, load_given_effects
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
 from pipeline.files import content_hash, file_hash, read_json, write_json
@@ -58,9 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
         metavar="FILE",
         help="a model to go on from, a file or its name in models/; default: the base model",
     )
-    parser.add_argument(
-        "--effects", metavar="FILE", help="Python file with effects of your own; it is run"
-    )
+    add_effects_option(parser)
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
     parser.add_argument(
         "--page", choices=("yes", "no"), default="yes", help="write the page; default: yes"
@@ -247,8 +245,7 @@ def open_session(arguments: argparse.Namespace) -> Session:
         raise InputError(f"--threads {arguments.threads}: at least 1")
     if arguments.spacing is not None and not arguments.spacing > 0:
         raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
-    if arguments.effects is not None:
-        load_effects_file(arguments.effects)
+    load_given_effects(arguments)
     place = case_folder(arguments.case)
     folder = Path(arguments.out or Path(config.results_folder) / place.resolve().name / "diagnosis")
     name, path = BASE, None

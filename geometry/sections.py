@@ -193,10 +193,10 @@ def _open(ring: list[Point]) -> list[Point]:
 
 def _add(section: Section, name: str, line: list[Point], where: str, closed: bool = True) -> None:
     """Put a line in its place by its name."""
-    if name.lower() == GROUND:
-        section.ground = line
-    elif name.lower() == WATER:
-        section.water = line
+    if name.lower() in (GROUND, WATER):
+        if getattr(section, name.lower()) is not None:
+            raise InputError(f"{where}: two lines are called {name!r}; join them into one")
+        setattr(section, name.lower(), line)
     elif not closed:
         raise InputError(
             f"{where}: the line {name!r} is not closed; zones are closed, other lines are called "

@@ -79,12 +79,10 @@ def group(device: str = "auto") -> Iterator[Group]:
     """
     rank, size = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
     local = int(os.environ.get("LOCAL_RANK", 0))
-    if device == "cuda" and torch.cuda.device_count() <= local:
-        raise InputError(
-            f"--device cuda: process {local} on this machine has no GPU; there are "
-            f"{torch.cuda.device_count()}"
-        )
-    on_gpu = device == "cuda" or (device == "auto" and torch.cuda.device_count() > local)
+    here, gpus = int(os.environ.get("LOCAL_WORLD_SIZE", size)), torch.cuda.device_count()
+    if device == "cuda" and gpus < here:
+        raise InputError(f"--device cuda: {here} processes on this machine, and {gpus} GPUs")
+    on_gpu = device == "cuda" or (device == "auto" and gpus >= here)
     chosen = torch.device("cuda", local) if on_gpu else torch.device("cpu")
     if on_gpu:
         torch.cuda.set_device(chosen)

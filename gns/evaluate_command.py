@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from gns.shard import SPLITS
 from pipeline.cli import InputError, add_common
@@ -107,8 +108,8 @@ def _card(name, arguments, config, simulator, data, model, found, result):
     from pipeline.manifest import manifest
 
     document = read_document(model / MODEL_FILE)
-    metadata = read_metadata(data)
     settings = dict(document.get("made_from", {}))
+    learned_from = _learned_from(document, read_metadata(data), model)
     network = simulator.config.model_dump(mode="json")
     ranges, contacts = network.pop("ranges"), network.pop("contacts")
     return Card(
@@ -122,9 +123,9 @@ def _card(name, arguments, config, simulator, data, model, found, result):
             step=int(document.get("step", 0)),
             data_hash=str(settings.pop("data_hash", "")),
             settings=settings,
-            data_scale=metadata.scale,
-            runs=len(metadata.runs("train")),
-            spacing_m=metadata.spacing_m,
+            data_scale=learned_from["scale"],
+            runs=learned_from["runs"],
+            spacing_m=learned_from["spacing_m"],
             validation=document.get("validation", {}),
         ),
         accuracy=result,
@@ -132,6 +133,28 @@ def _card(name, arguments, config, simulator, data, model, found, result):
         weights_sha256=file_hash(model / MODEL_FILE),
         manifest=manifest(config, {"training": int(settings.get("seed", 0))}),
     )
+
+
+def _learned_from(document, metadata, model: Path) -> dict[str, Any]:
+    """Scale, number and spacing of the runs that a model has learned from.
+
+    A model that does not say so itself has them from the data, if it has learned from these.
+    """
+    from gns.checkpoints import MODEL_FILE
+
+    if "learned_from" in document:
+        return document["learned_from"]
+    made_from = document.get("made_from", {}).get("data_hash")
+    if made_from not in (None, metadata.data_hash):
+        raise InputError(
+            f"{model / MODEL_FILE}: does not say what it has learned from, and these data "
+            f"({metadata.data_hash}) are others ({made_from})"
+        )
+    return {
+        "scale": metadata.scale,
+        "runs": len(metadata.runs("train")),
+        "spacing_m": metadata.spacing_m,
+    }
 
 
 def _draw_worst(simulator, windows, found, path: Path) -> None:

@@ -2,8 +2,8 @@
 
 Muon makes the momentum of a matrix orthogonal before it is subtracted (Jordan et al. 2024), so that
 all its directions are learned alike. In a short training on two cores the same loss was reached in
-two thirds of the steps (docs/gns.md). Vectors, first and last layers and convolutions stay with
-Adam.
+two thirds of the steps (docs/gns.md). Vectors, convolutions and narrow matrices (`LEAST_SIDE`: of
+outputs and of few features) stay with Adam.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from torch import nn
 from pipeline.config import TrainSettings
 
 LEAST_SIDE = 16
-"""Matrices with a shorter side are left to Adam: those of features and outputs."""
+"""Matrices with a shorter side are left to Adam."""
 
 
 class Optimizers:

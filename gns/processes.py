@@ -11,14 +11,18 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
+from typing import IO
 
 LOOK_EVERY_S = 0.1
 GRACE_S = 10.0
 """Time after one process has failed until the others are asked to end [s]. After PATIENCE_S they
 are killed."""
 PATIENCE_S = 60.0
+LINES_TOLD = 20
+"""Last lines that are shown of a process that failed where the first did not."""
 
 
 def in_processes(number: int, arguments: Sequence[str]) -> int:
@@ -34,15 +38,23 @@ def in_processes(number: int, arguments: Sequence[str]) -> int:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    common = {"WORLD_SIZE": number, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
-    processes = []
+    threads = max(len(os.sched_getaffinity(0)) // number, 1)
+    common = {
+        "WORLD_SIZE": number,
+        "LOCAL_WORLD_SIZE": number,
+        "MASTER_ADDR": "127.0.0.1",
+        "MASTER_PORT": port,
+        "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", threads),
+    }
+    processes, said = [], []
     for rank in range(number):
         own = {**common, "RANK": rank, "LOCAL_RANK": rank}
+        said.append(None if rank == 0 else tempfile.TemporaryFile())
         processes.append(
             subprocess.Popen(
                 [sys.executable, "-m", *arguments],
                 env={**os.environ, **{name: str(value) for name, value in own.items()}},
-                stderr=None if rank == 0 else subprocess.DEVNULL,
+                stderr=said[rank],
             )
         )
 
@@ -64,7 +76,27 @@ def in_processes(number: int, arguments: Sequence[str]) -> int:
                 process.kill()
             process.wait()
         signal.signal(signal.SIGTERM, before)
-    return next((p.returncode for p in processes if p.returncode), 0)
+    if processes[0].returncode <= 0:  # it was well, or ended from outside: it has not said why
+        _tell_of_another(processes, said)
+    codes = [process.returncode for process in processes]
+    return next((code for code in (*filter(_by_itself, codes), *codes) if code), 0)
+
+
+def _by_itself(code: int) -> bool:
+    """A process that ended with an error of its own, not by a signal."""
+    return code > 0
+
+
+def _tell_of_another(
+    processes: Sequence[subprocess.Popen], said: Sequence[IO[bytes] | None]
+) -> None:
+    """Print the end of what a process that failed by itself has said."""
+    for rank, (process, file) in enumerate(zip(processes, said, strict=True)):
+        if file is not None and _by_itself(process.returncode):
+            file.seek(0)
+            lines = file.read().decode(errors="replace").splitlines()[-LINES_TOLD:]
+            print(f"process {rank} of {len(processes)} failed:", *lines, sep="\n", file=sys.stderr)
+            return
 
 
 def _watch(processes: Sequence[subprocess.Popen], ask) -> None:

@@ -107,7 +107,9 @@ class Examples:
             run=given.run,
             frame=given.frame,
             window=(frames[:history] + walk).to(self.device),
-            accelerations=torch.from_numpy(self.windows.squares(given.run)).to(scene.friction),
+            accelerations=torch.from_numpy(self.windows.squares(given.run)).to(
+                device=self.device, dtype=scene.friction.dtype
+            ),
             after=frames[history:].to(self.device),
             steps_before=steps_before,
             offset=(walk[-1] if right_velocity else torch.zeros_like(walk[-1])).to(self.device),

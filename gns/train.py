@@ -90,6 +90,7 @@ class _Training:
     averaged: Simulator | None
     optimizer: Optimizers
     made_from: dict[str, Any]
+    learned_from: dict[str, Any]
     state: _Progress = field(default_factory=_Progress)
 
 
@@ -228,7 +229,7 @@ def simulator_config(
 
 
 def thinned_statistics(windows: Windows) -> Statistics:
-    """Means and spreads of frames `windows.stride` apart, from at most SAMPLED_RUNS runs."""
+    """Means and spreads of frames `windows.stride` apart, from SAMPLED_RUNS runs or more."""
     every = max(len(windows.runs) // SAMPLED_RUNS, 1)
     moments = [
         run_moments(windows.positions(int(run)), windows.facts(int(run)))
@@ -263,11 +264,16 @@ def _begin(
         averaged=deepcopy(simulator) if settings.averaging > 0 else None,
         optimizer=optimizer,
         made_from=made_from,
+        learned_from={
+            "scale": learned.metadata.scale,
+            "runs": len(learned.metadata.runs("train")),
+            "spacing_m": learned.metadata.spacing_m,
+        },
     )
     if anew and group.leads:
         folder.set_aside(made_from)
     group.wait()
-    document = folder.load_state(made_from, group.device, _first_of(made_from))
+    document = folder.load_state(made_from, "cpu", _first_of(made_from))
     if document is not None:
         simulator.load_state_dict(document["weights"])
         optimizer.load_state_dict(document["optimizer"])
@@ -437,6 +443,7 @@ def _keep_model(training: _Training, found: Validation | None) -> None:
             step=training.state.step,
             validation={} if found is None else found.as_numbers(),
             made_from=training.made_from,
+            learned_from=training.learned_from,
         )
 
 

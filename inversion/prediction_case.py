@@ -159,7 +159,8 @@ def _other_toes(entries: Sequence[Measured], scene: Scene) -> list[ToeRunout]:
     found = []
     for side in SIDES:
         wall = scene.domain.x_min if side == "left" else scene.domain.x_max
-        if side not in taken and abs(wall - scene.foot(side)) > 2.0 * scene.spacing:
+        room = abs(wall - scene.foot(side)) > 2.0 * scene.spacing
+        if side not in taken and (room or scene.domain.walls == "open"):
             found.append(
                 ToeRunout(
                     type="toe_runout", name=f"{side} toe", side=side, value_m=0.0, std_m=1.0,

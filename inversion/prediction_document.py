@@ -101,6 +101,8 @@ def _at_the_edge(case: PredictionCase, found: Distribution, number: int) -> floa
     entry, scene = case.entries[number], case.scene
     if not isinstance(entry, ToeRunout):
         return None
+    if scene.domain.walls == "open":
+        return 0.0
     edge = scene.domain.x_min if entry.side == "left" else scene.domain.x_max
     room = abs(edge - case.foot[entry.side])
     return _round(np.mean(found.samples[:, number] > room - 2.0 * scene.spacing))

@@ -24,6 +24,7 @@ from mpm_taichi.layout import (
     F64,
     FIRST_NODE,
     FIRST_POINT,
+    FRAME_COUNT,
     FRAME_START,
     FRAME_TIME,
     FRAMES,
@@ -94,8 +95,10 @@ def point_schedule(
                     swelling, kind, True,
                 )  # fmt: skip
         for n in range(slots * nodes):
-            if integers[n // nodes, PHASE] == SETTLING and swelling[n][3] > 0.0:
-                swelling[n] = cell_means(swelling[n])
+            slot = n // nodes
+            if integers[slot, PHASE] == SETTLING and n < integers[slot, LAST_NODE]:
+                if swelling[n][3] > 0.0:
+                    swelling[n] = cell_means(swelling[n])
         for p in range(slots * points):
             slot = p // points
             if integers[slot, PHASE] == SETTLING and p < integers[slot, LAST_SETTLED]:
@@ -150,7 +153,8 @@ def point_schedule(
     def begin_frame(slots: ti.i32, frame: ti.i32, integers: I32, numbers: F32, sums: F64):
         for slot in range(slots):
             count = 0
-            if integers[slot, PHASE] == MOVING and integers[slot, ALARM] == 0:
+            wanted = frame < integers[slot, FRAME_COUNT]
+            if wanted and integers[slot, PHASE] == MOVING and integers[slot, ALARM] == 0:
                 count = steps_of_frame(numbers, slot)
                 dt = numbers[slot, FRAME_TIME] / count
                 numbers[slot, TIME_STEP] = dt
@@ -249,11 +253,13 @@ def point_schedule(
                 if alarm != 0:
                     integers[slot, ALARM] = frame + 1
         for n in range(slots * nodes):
-            if turn < integers[n // nodes, SUBSTEPS] and swelling[n][3] > 0.0:
-                swelling[n] = cell_means(swelling[n])
+            slot = n // nodes
+            if turn < integers[slot, SUBSTEPS] and n < integers[slot, LAST_NODE]:
+                if swelling[n][3] > 0.0:
+                    swelling[n] = cell_means(swelling[n])
         for n in range(slots * nodes):
             slot = n // nodes
-            if turn < integers[slot, SUBSTEPS]:
+            if turn < integers[slot, SUBSTEPS] and n < integers[slot, LAST_NODE]:
                 smooth_cell(n, integers[slot, COLUMNS], numbers[slot, SMOOTHING], swelling)
 
     @ti.kernel

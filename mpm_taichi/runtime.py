@@ -210,6 +210,10 @@ class Slots:
             self.nodes - other.nodes
         )
 
+    def set_frames(self, slot: int, number: int) -> None:
+        """Have a slot advance by so many frames in the coming chunk."""
+        self.integers[slot, layout.FRAME_COUNT] = number
+
     def run(self) -> None:
         """Advance every slot by one chunk of frames (settling first where a scene is new)."""
         self._run(self.number)
@@ -266,6 +270,14 @@ class DeviceSlots(Slots):
 
     def compile(self) -> None:
         """Nothing to do: kernels of the point schedule compile one by one in the first run."""
+
+    def set_frames(self, slot: int, number: int) -> None:
+        """Have a slot advance by so many frames in the coming chunk."""
+        if self.integers[slot, layout.FRAME_COUNT] == number:
+            return
+        super().set_frames(slot, number)
+        if not self._host_is_new:  # one number: not worth bringing everything here and back
+            self._device["integers"][slot, layout.FRAME_COUNT] = number
 
     def fetch(self) -> None:
         """Bring everything to the host, whose copy then counts."""

@@ -18,7 +18,7 @@ from mpm_taichi.boundary import MARGIN
 from mpm_taichi.effects.base import Effect
 from mpm_taichi.effects.registry import effects_on, kernel_effects
 from mpm_taichi.initial_state import PreparedScene, prepare
-from mpm_taichi.runtime import DeviceSlots, Slots, start
+from mpm_taichi.runtime import MAX_ROWS, DeviceSlots, Slots, start
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
 
@@ -30,7 +30,9 @@ CHUNK = 8
 """Frames computed between two looks at the results."""
 
 SLOTS = {"cpu": 8, "cuda": 256}
-"""Scenes in flight."""
+"""Scenes in flight; on the CPU `PER_THREAD` for each thread where that is more."""
+
+PER_THREAD = 2
 
 SCHEDULES = {"cpu": "scene", "cuda": "point"}
 """How scenes are run on a device, see `solver`."""
@@ -88,7 +90,8 @@ def simulate_each(
     for place, scene in enumerate(scenes):
         check_scene(scene)
         groups.setdefault(kernel_effects(scene), []).append((place, scene))
-    start(device, threads)
+    threads = start(device, threads)
+    in_flight = max(SLOTS[device], PER_THREAD * threads if device == "cpu" else 0)
     for effects, members in groups.items():
         kernels = solver.build_kernels(
             affine=settings.transfer in ("affine_flip", "apic"),
@@ -96,7 +99,7 @@ def simulate_each(
             corrected=settings.volume_correction,
             effects=effects,
         )
-        yield from _simulate_group(members, settings, device, kernels, on_frame)
+        yield from _simulate_group(members, settings, device, kernels, in_flight, on_frame)
 
 
 def _compile(slots: Slots) -> None:
@@ -116,21 +119,20 @@ def _compile(slots: Slots) -> None:
 
 def _simulate_group(
     scenes: Sequence[tuple[int, Scene]], settings: SimulationSettings, device: str, kernels: object,
-    on_frame: OnFrame | None,
+    in_flight: int, on_frame: OnFrame | None,
 ) -> Iterator[tuple[int, Run]]:  # fmt: skip
     """`simulate_each` for (place, scene) pairs that share their kernels."""
+    number = min(in_flight, len(scenes))
     waiting = list(scenes)[::-1]
     flying: dict[int, Flight] = {}
     slots: Slots | None = None
     while waiting or flying:
         arrivals = {}
-        for slot in range(min(SLOTS[device], len(scenes))):
+        for slot in range(number):
             if slot not in flying and waiting:
                 place, scene = waiting.pop()
                 arrivals[slot] = Flight(place, prepare(scene, settings))
-        slots = _make_room(
-            slots, flying, arrivals, min(SLOTS[device], len(scenes)), device, kernels
-        )
+        slots = _make_room(slots, flying, arrivals, number, device, kernels)
         if arrivals:
             slots.fetch()
         for slot, flight in arrivals.items():
@@ -138,6 +140,7 @@ def _simulate_group(
         flying.update(arrivals)
         for slot, flight in flying.items():
             flight.make_way(slot, slots)
+            slots.set_frames(slot, flight.frames_wanted())
         began = time.perf_counter()
         slots.run()
         share = (time.perf_counter() - began) / len(flying)
@@ -157,6 +160,12 @@ def _simulate_group(
 def check_scene(scene: Scene) -> None:
     """Refuse what a scene may say but the solver cannot do; one line for a person."""
     effects_on(scene)
+    saturated = sum(one.saturated_density is not None for one in scene.materials.values())
+    if len(scene.materials) + saturated > MAX_ROWS:
+        raise InputError(
+            f"{scene.name}: materials: {len(scene.materials)}, {saturated} of them with a "
+            f"saturated_density: together at most {MAX_ROWS}"
+        )
     for zone in scene.zones:
         if zone.kinematic and zone.initial_velocity != (0.0, 0.0):
             raise InputError(
@@ -211,6 +220,7 @@ class Flight:
         kinetic = 0.5 * float(self.prepared.mass @ np.sum(speed**2, axis=1))
         first = np.zeros(layout.SUMS)
         first[layout.KINETIC] = kinetic
+        first[layout.TOP_SPEED] = float(np.sqrt(np.max(np.sum(speed**2, axis=1), initial=0.0)))
         self.energies.append(first)
         self.peak = kinetic
         self._note_walls(position, 0.0)
@@ -249,9 +259,18 @@ class Flight:
 
     # -- results --------------------------------------------------------------------------------
 
+    def frames_wanted(self) -> int:
+        """Frames of the coming chunk: none past the last, whose state is that of the run."""
+        known = len(self.frames) - 1
+        return next((n for n in range(1, CHUNK) if self._is_last(known + n)), CHUNK)
+
+    def _is_last(self, frame: int) -> bool:
+        duration, frame_time = self.prepared.settings.duration_s, self.prepared.frame_time
+        return frame * frame_time >= duration - 0.5 * frame_time
+
     def collect(self, slot: int, slots: Slots) -> None:
         """Take the frames of a chunk and decide whether the run goes on."""
-        settings, frame_time = self.prepared.settings, self.prepared.frame_time
+        frame_time = self.prepared.frame_time
         count = len(self.prepared.order)
         origin = np.asarray(self.prepared.grid.origin, np.float32)
         alarm = int(slots.integers[slot, layout.ALARM])  # frame of this chunk, from 1; 0: none
@@ -277,7 +296,7 @@ class Flight:
             self.energies.append(sums)
             self._note_walls(position, now)
             self._note_rest(sums[layout.KINETIC])
-            if now >= settings.duration_s - 0.5 * frame_time:
+            if self._is_last(len(self.frames) - 1):
                 self.ended = True
 
     def _fault(self, position: np.ndarray, sums: np.ndarray, alarm: bool) -> str:

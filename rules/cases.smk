@@ -14,6 +14,11 @@ def case_files(wildcards):
     )
 
 
+def case_folder(wildcards):
+    """The folder of a case, as the programs take it."""
+    return os.path.relpath(CASE_FOLDER / wildcards.case)
+
+
 rule simulate_case:
     input:
         case_files,
@@ -43,7 +48,7 @@ rule simulate_case:
     params:
         config=CONFIG_FILE,
         folder=lambda wildcards, output: os.path.dirname(output.picture),
-        case=lambda wildcards, input: os.path.dirname(input[0]),
+        case=case_folder,
         physics=content_hash({"physics": CASE_PHYSICS, "settings": SETTINGS.simulation}),
     message:
         "Simulating the case history {wildcards.case}"

@@ -30,13 +30,12 @@ def checked_settings():
 
 
 def write_settings():
-    """Put the settings in force into one file for the programs; return its path."""
-    path = Path(RESULTS) / "config.yaml"
+    """Put the settings in force into one file for the programs, once the workflow has its lock."""
     text = "# Written by the workflow: the settings in force. Edit config/config.yaml instead.\n"
     text += yaml.safe_dump(SETTINGS.model_dump(mode="json"), sort_keys=False)
+    path = Path(CONFIG_FILE)
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
-    return str(path)
 
 
 def physics_version(package):
@@ -53,7 +52,14 @@ def physics_version(package):
 
 SETTINGS = checked_settings()
 RESULTS = SETTINGS.results_folder
-CONFIG_FILE = write_settings()
+CONFIG_FILE = str(Path(RESULTS) / "config.yaml")
+
+
+# Not while this file is read: a dry run beside a running workflow must not change its settings.
+onstart:
+    write_settings()
+
+
 PHYSICS = {package: physics_version(package) for package in ("geometry", "mpm_taichi")}
 # Sections of case histories may have effects on; random scenes never have.
 CASE_PHYSICS = {**PHYSICS, "effects": physics_version("mpm_taichi/effects")}

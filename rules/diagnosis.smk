@@ -34,7 +34,7 @@ rule diagnose_case:
     params:
         config=CONFIG_FILE,
         folder=lambda wildcards, output: os.path.dirname(output.verdict),
-        case=lambda wildcards, input: os.path.dirname(input[0]),
+        case=case_folder,
         physics=content_hash(
             {
                 "physics": DIAGNOSIS_PHYSICS,

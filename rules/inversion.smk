@@ -37,7 +37,7 @@ rule classical_case:
         runtime=20,
     params:
         folder=lambda wildcards, output: os.path.dirname(output[0]),
-        case=lambda wildcards, input: os.path.dirname(input[0]),
+        case=case_folder,
         physics=content_hash(INVERSION_PHYSICS),
     message:
         "Kinetics, ZIF and IMM on the case history {wildcards.case}"
@@ -74,7 +74,7 @@ rule invert_case:
     params:
         config=CONFIG_FILE,
         folder=lambda wildcards, output: os.path.dirname(output.result),
-        case=lambda wildcards, input: os.path.dirname(input[0]),
+        case=case_folder,
         physics=content_hash(
             {
                 "physics": INVERSION_PHYSICS,
@@ -135,7 +135,7 @@ rule invert_case_gns:
     params:
         config=CONFIG_FILE,
         folder=lambda wildcards, output: os.path.dirname(output.result),
-        case=lambda wildcards, input: os.path.dirname(input[0]),
+        case=case_folder,
         model=MODEL_AT_HAND,
         physics=content_hash(
             {

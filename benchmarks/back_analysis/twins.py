@@ -8,9 +8,10 @@ its measurements grant the model half a spacing (`model_std_m`). The tool answer
 guesses that know nothing of the truth (20 kPa for every template). A section is left out where
 S_r does not decide the runout: where the slide is shorter than 0.3 heights, reaches the wall, or
 would stop less than 0.1 heights earlier with 30 % more strength. The search was improved on
-another set of twins (looking around, wider steps, smoothing), and these were drawn afterwards;
-that noise is taken off the derivative before it counts as knowledge was learned on these (without
-it, and with errors in kPa instead of logarithms, 90 % lie within 2 standard deviations).
+another set of twins (looking around, wider steps, smoothing), and these were drawn afterwards. One
+thing was learned on these themselves: to take noise off the derivative before it counts as
+knowledge (without it, and with errors in kPa instead of logarithms, 90 % lie within 2 standard
+deviations).
 
 That three starts agree to the last digit is by design: the smoothing at the end of a search
 rounds its places, so searches that come near each other use the same runs.

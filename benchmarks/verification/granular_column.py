@@ -12,7 +12,7 @@ made before we thought of this identity: it runs 30 to 50 % too far.
 Everything else is the solver's default. The angle of repose and the base, rough, are those of
 `experiments.yaml`; no value was varied to fit. The front is where the deposit is one spacing
 thick, about L0 / 50, as thick as a layer or two of their grains; its way ends at 99 %.
-What limits it: wide columns run 5 to 20 % beyond the law, thin fast fronts having no more friction
+What limits it: wide columns run 5 to 23 % beyond the law, thin fast fronts having no more friction
 in the model than slow thick soil; and the laws themselves, which change with the width of the
 channel (Balmforth and Kerswell 2005).
 """

@@ -166,6 +166,13 @@ HEAD = "zone,x,y,friction_deg,cohesion_kpa\n"
             '{"features": [{"geometry": {"type": "LineString", "coordinates": [[1, 2], [3, 4]]}}]}',
             "the line 'zone_1' is not closed",
         ),
+        (
+            "s.geojson",
+            '{"features": [{"properties": {"name": "ground"}, "geometry": {"type": "LineString", '
+            '"coordinates": [[0, 0], [9, 0]]}}, {"properties": {"name": "ground"}, "geometry": '
+            '{"type": "LineString", "coordinates": [[9, 0], [30, 3]]}}]}',
+            "two lines are called 'ground'; join them into one",
+        ),
         ("s.geojson", '{"features": [1', "not valid JSON"),
         ("s.dxf", "no drawing", "no readable DXF file"),
         ("s.txt", "", "sections end in .csv"),

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import torch
 
+from gns import distributed, processes
 from gns.checkpoints import ModelFolder
 from gns.dataset import Windows
 from gns.distributed import Group
@@ -110,6 +111,21 @@ def test_an_example_follows_from_its_position_alone(packed):
     assert torch.equal(late.window, other.window) and torch.equal(late.after, other.after)
     assert (late.run, late.frame) == (other.run, other.frame)
     assert not torch.equal(one.at(58).window[-1, :5], late.window[-1, :5])
+
+
+def test_all_of_an_example_is_on_the_device_of_the_training(packed):
+    """The device `meta` stands for a GPU."""
+    settings = SETTINGS.model_copy(update={"balance": 0.3})
+    example = Examples(opened(packed)[0], settings, "meta").at(0)
+    tensors = [value for value in vars(example).values() if isinstance(value, torch.Tensor)]
+    tensors += [value for value in vars(example.scene).values() if isinstance(value, torch.Tensor)]
+    assert len(tensors) > 8
+    assert {tensor.device.type for tensor in tensors} == {"meta"}
+    cell = opened(packed)[0].facts(example.run)
+    simulator = Simulator(simulator_config(settings, opened(packed)[0].metadata,
+                                           cell.numbers["cell"] / cell.spacing))  # fmt: skip
+    weight = Objective(simulator.to("meta"), 1, settings.balance)._weight(example)
+    assert weight.device.type == "meta"
 
 
 def test_noise_is_that_of_the_settings_and_the_target_takes_it_back(packed):
@@ -535,6 +551,44 @@ def test_several_processes_stop_and_go_on(packed, root, trained, tmp_path):
     output = process.communicate(timeout=60)[0]
     assert process.returncode == 1 and "start again to continue" in output
     assert 8 <= last_state(tmp_path)["progress"]["step"] < 400
+
+
+def test_another_process_that_fails_is_heard(tmp_path, monkeypatch, capfd):
+    """The first one waits for it in vain, and has nothing to say."""
+    (tmp_path / "lost.py").write_text(
+        "import os, sys, time\n"
+        "if os.environ['RANK'] == '0':\n    time.sleep(60)\n"
+        "print('threads', os.environ['OMP_NUM_THREADS'], file=sys.stderr)\n"
+        "sys.exit('error: out of memory')\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setattr(processes, "GRACE_S", 0.2)
+    assert processes.in_processes(2, ["lost"]) == 1
+    said = capfd.readouterr().err
+    assert "process 1 of 2 failed:" in said and "error: out of memory" in said
+    assert f"threads {max(len(os.sched_getaffinity(0)) // 2, 1)}" in said
+
+
+def test_a_gpu_for_each_process_or_for_none(monkeypatch):
+    """Some on GPUs and some without would wait for each other for ever."""
+    monkeypatch.setenv("WORLD_SIZE", "3")
+    monkeypatch.setenv("LOCAL_WORLD_SIZE", "3")
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    backends = []
+    monkeypatch.setattr(torch.distributed, "init_process_group", backends.append)
+    monkeypatch.setattr(torch.distributed, "destroy_process_group", lambda: None)
+    for rank in range(3):
+        monkeypatch.setenv("RANK", str(rank))
+        monkeypatch.setenv("LOCAL_RANK", str(rank))
+        with distributed.group() as members:
+            assert members.device.type == "cpu"
+        with (
+            pytest.raises(InputError, match="3 processes on this machine, and 2 GPUs"),
+            distributed.group("cuda"),
+        ):
+            pass
+    assert backends == ["gloo"] * 3
 
 
 # -- learning on from a model ---------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import dataclass, replace
@@ -172,6 +173,37 @@ def test_slides_cut_off_in_motion_are_told(root):
     document = document_of(case, [lognormal()], found, None)
     assert document["runs_cut_off"] == moving
     assert f"{moving} simulations were cut off in motion" in summary(document)
+
+
+def test_an_open_domain_has_no_edge_and_room_on_both_sides(root):
+    case = load_prediction_case(root / "case_histories/lower_san_fernando", Config())
+    assert case.scene.domain.walls == "open"
+    toe = next(entry for entry in case.entries if entry.name == "upstream toe")
+    found = predict(Formula(power_law, [toe.name]), [lognormal()])
+    near = case.scene.foot(toe.side) + (10.0 if toe.side == "right" else -10.0)
+    side = "x_max" if toe.side == "right" else "x_min"
+    shares = {}
+    for walls in ("open", "closed"):
+        domain = case.scene.domain.model_copy(update={"walls": walls, side: near})
+        scene = case.scene.model_copy(update={"domain": domain})
+        document = document_of(
+            replace(case, scene=scene, entries=[toe]), [lognormal()], found, None
+        )
+        shares[walls] = document["quantities"][0]["probability_at_the_edge"]
+    assert shares == {"open": 0.0, "closed": 1.0}
+
+
+def test_the_other_toe_of_an_open_domain_is_predicted_however_it_is_drawn(lsfd, tmp_path):
+    (lsfd / "measurements.yaml").unlink()
+    (lsfd / "inversion.yaml").unlink()
+    text = (lsfd / "scene.yaml").read_text()
+    scene = load_scene(lsfd / "scene.yaml")
+    tight = re.sub(r"x_max: [0-9.]+", f"x_max: {scene.foot('right') + 1.0:g}", text, count=1)
+    assert tight != text
+    for walls, toes in (("open", {"left toe", "right toe"}), ("closed", {"left toe"})):
+        (lsfd / "scene.yaml").write_text(tight.replace("walls: open", f"walls: {walls}"))
+        case = load_prediction_case(lsfd, Config())
+        assert {entry.name for entry in case.entries} == toes
 
 
 @dataclass

@@ -80,6 +80,7 @@ def test_company_threads_and_growing_arrays_change_nothing(monkeypatch):
     )
     quick = slump({"overburden_strength": 1.0}, seed=3, jitter=0.2)
     monkeypatch.setitem(simulation.SLOTS, "cpu", 2)
+    monkeypatch.setattr(simulation, "PER_THREAD", 1)
     settings = SHORT.model_copy(update={"early_stop": True})
     runs = simulate([quick, slump(ON), big, slump(), slump({"shaking": 0.1})], settings, threads=2)
     assert [run.status for run in runs] == ["finished"] * 5

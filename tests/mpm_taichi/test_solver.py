@@ -43,21 +43,53 @@ def test_open_domain_is_bit_for_bit_a_wide_one():
     assert np.array_equal(open_run.plastic_shear_strain, wide_run.plastic_shear_strain)
 
 
-def test_growing_slots_in_flight_changes_nothing():
+def test_a_thrown_zone_finds_no_wall_in_an_open_domain():
+    """The grid goes as far as the first frames of what is thrown, too."""
+    thrown = [
+        {"name": "a", "material": "clay", "polygon": [[20, 0], [40, 0], [40, 8], [20, 8]],
+         "initial_velocity": [40.0, 0.0]}
+    ]  # fmt: skip
+    narrow = {"x_min": 16, "x_max": 44, "y_max": 20, "walls": "open"}
+    wide = {"x_min": -40, "x_max": 212, "y_max": 20, "walls": "closed"}
+    open_run, wide_run = simulate(
+        [slump(domain=narrow, zones=thrown), slump(domain=wide, zones=thrown)], SHORT
+    )
+    assert open_run.positions[1, :, 0].max() > 44
+    assert np.abs(open_run.positions - wide_run.positions).max() < 2e-5
+
+
+def test_the_state_of_a_run_is_that_of_its_last_frame(monkeypatch):
+    """Also where the chunk of frames that is computed at once would go beyond it."""
+    settings = SHORT.model_copy(update={"duration_s": 1.4})
+    (run,) = simulate([slump()], settings)
+    assert (len(run.time) - 1) % simulation.CHUNK != 0
+    monkeypatch.setattr(simulation, "CHUNK", 1)
+    (by_frame,) = simulate([slump()], settings)
+    assert np.array_equal(run.positions, by_frame.positions)
+    assert np.array_equal(run.velocity, by_frame.velocity)
+    assert np.array_equal(run.stress, by_frame.stress)
+    assert run.steps == by_frame.steps and run.audit == by_frame.audit
+
+
+def test_more_materials_than_a_slot_holds_are_refused():
+    clay = {"friction_deg": 0, "cohesion_kpa": 5}
+    materials = {"clay": clay, **{f"clay {number}": clay for number in range(40)}}
+    with pytest.raises(InputError, match="materials: 41, .* at most 32"):
+        simulate([slump(materials=materials)], SHORT)
+
+
+def test_growing_slots_in_flight_changes_nothing(monkeypatch):
     """A large scene that comes late makes the arrays grow under a scene in flight."""
     big = slump(
         zones=[{"name": "a", "material": "clay", "polygon": [[5, 0], [55, 0], [55, 12], [5, 12]]}]
     )
-    simulation_slots = simulation.SLOTS["cpu"]
-    simulation.SLOTS["cpu"] = 2
-    try:
-        alone = simulate([slump()], SHORT)[0]
-        short = slump(materials={"clay": {"friction_deg": 0, "cohesion_kpa": 500}})
-        settings = SHORT.model_copy(update={"early_stop": True})
-        quiet_alone = simulate([slump()], settings)[0]
-        company = simulate([short, slump(), big], settings)[1]
-    finally:
-        simulation.SLOTS["cpu"] = simulation_slots
+    monkeypatch.setitem(simulation.SLOTS, "cpu", 2)
+    monkeypatch.setattr(simulation, "PER_THREAD", 1)
+    alone = simulate([slump()], SHORT)[0]
+    short = slump(materials={"clay": {"friction_deg": 0, "cohesion_kpa": 500}})
+    settings = SHORT.model_copy(update={"early_stop": True})
+    quiet_alone = simulate([slump()], settings)[0]
+    company = simulate([short, slump(), big], settings, threads=2)[1]
     assert np.array_equal(quiet_alone.positions, company.positions)
     assert np.array_equal(alone.positions[:5], company.positions[:5])
 

@@ -64,6 +64,25 @@ def test_everything_is_made_once(bench):
         assert word in text
 
 
+def test_a_dry_run_leaves_the_settings_of_a_running_workflow(bench):
+    bench.snakemake("geometry_coarse")
+    before = bench.path("config.yaml").read_text()
+    bench.settings["simulation"]["courant"] = 0.11
+    assert "simulate_batch" in bench.planned("simulate_coarse")
+    assert bench.path("config.yaml").read_text() == before
+    bench.snakemake("simulate_coarse")
+    assert "courant: 0.11" in bench.path("config.yaml").read_text()
+
+
+def test_a_case_may_have_folders_in_it(bench):
+    drawings = bench.folder / "case_histories" / "lower_san_fernando" / "drawings"
+    drawings.mkdir()
+    (drawings / "a_section.dxf").touch()
+    bench.snakemake("simulate_lsfd")
+    made = bench.path("lower_san_fernando/simulation/observables.csv").read_text()
+    assert made == "case_histories/lower_san_fernando"
+
+
 def test_what_is_made_again(bench):
     bench.snakemake("simulate_coarse", "geometry_coarse")
     targets = ("simulate_coarse", "geometry_coarse")
