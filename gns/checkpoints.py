@@ -8,7 +8,6 @@ appears when it is whole.
 
 from __future__ import annotations
 
-import fcntl
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -18,8 +17,8 @@ from typing import Any
 import torch
 
 from gns.simulator import FORMAT_VERSION, Simulator, read_document
-from pipeline.cli import InputError, WorkFailed
-from pipeline.files import atomic_path, make_folder, write_text
+from pipeline.cli import InputError
+from pipeline.files import atomic_path, make_folder, only_one, write_text
 
 MODEL_FILE = "model.pt"
 METRICS_FILE = "metrics.jsonl"
@@ -49,14 +48,7 @@ class ModelFolder:
         Raises:
             WorkFailed: another process works on it.
         """
-        make_folder(self.state.parent)
-        with (self.state.parent / "lock").open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise WorkFailed(f"{self.folder}: another process is training here") from None
-            except OSError:
-                pass  # a file system without locks
+        with only_one(self.state.parent, f"{self.folder}: another process is training here"):
             yield
 
     def set_aside(self, made_from: Mapping[str, Any]) -> Path | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,6 @@ from gns.dataset import Windows
 from gns.metrics import Score, one_step_error, score
 from gns.rollout import Rollout, rollout
 from gns.scene_facts import SceneFacts, before
-from gns.score_tables import as_row
 from gns.simulator import Simulator
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
@@ -130,7 +129,7 @@ def save_scores(path: str | Path, found: Sequence[Evaluated]) -> None:
     """One line a run, as CSV; the file appears when whole."""
     rows = [
         {
-            **as_row(one.score),
+            **asdict(one.score),
             "one_step_error_spacings": one.one_step_error,
             "constant_velocity_error_spacings": one.constant_velocity_error,
             "seconds": round(one.seconds, 3),

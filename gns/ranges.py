@@ -101,7 +101,7 @@ def _range(values: np.ndarray | float) -> Range:
 
 
 def _steepest(facts: SceneFacts, left: float, right: float) -> float:
-    """Steepest slope of the ground between two places, and one height of soil beside them."""
+    """Steepest slope of the ground between two places, and as far again on either side."""
     line = facts.ground
     if len(line) < 2:
         return 0.0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
 
 from gns.metrics import Score
 
@@ -47,11 +46,6 @@ def worst(scores: Sequence[Score], count: int = 5) -> list[Score]:
         return -1.0 if math.isnan(size) else size
 
     return sorted(scores, key=key, reverse=True)[:count]
-
-
-def as_row(one: Score) -> dict[str, float | int | str | bool]:
-    """A score as a row of a table."""
-    return asdict(one)
 
 
 def _median(values: Iterable[float]) -> float:

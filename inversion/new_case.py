@@ -25,6 +25,7 @@ from geometry.sections import UNITS, read_materials, read_section, section_scene
 from geometry.toe import Side
 from inversion.load import load_case
 from inversion.new_case_files import (
+    PROFILE_FILE,
     CaseWords,
     Runout,
     inversion_text,
@@ -313,7 +314,8 @@ def _write(
         for name, text in texts.items():
             (temporary / name).write_text(text, encoding="utf-8")
         if profile is not None:
-            (temporary / "post_failure_profile.csv").write_text(profile_text(profile, words))
+            text = profile_text(profile, words)
+            (temporary / PROFILE_FILE).write_text(text, encoding="utf-8")
         try:
             load_case(temporary, load_config(None))
         except InputError as error:

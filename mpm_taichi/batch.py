@@ -9,7 +9,6 @@ interruptions.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import shutil
 import signal
@@ -29,7 +28,7 @@ from mpm_taichi.effects import key_of_effects
 from mpm_taichi.trajectory import Run, RunSummary, group_name, list_runs, run_indices, summary
 from mpm_taichi.trajectory import write_run as _write_run
 from pipeline.cli import InputError, WorkFailed
-from pipeline.files import atomic_path, content_hash
+from pipeline.files import atomic_path, content_hash, only_one
 
 if TYPE_CHECKING:
     from geometry.scene import Scene
@@ -119,7 +118,8 @@ def run_batch(
         from mpm_taichi.simulate import simulate
     keys = {index: run_key(scenes[index], settings, device) for index in sorted(scenes)}
     parts = parts_folder(path)
-    with _only_one(parts), _StopRequest() as stop:
+    busy = f"{parts}: another process is working on this batch"
+    with only_one(parts, busy), _StopRequest() as stop:
         store = _Store(path, keys, stop)
         for kept in store.found.values():
             _tell(on_run, kept)
@@ -288,20 +288,6 @@ class _StopRequest:
 
     def _stop(self) -> NoReturn:
         raise Stopped
-
-
-@contextmanager
-def _only_one(parts: Path) -> Iterator[None]:
-    """Refuse a second process on the same batch (a job queued again while the first runs)."""
-    parts.mkdir(parents=True, exist_ok=True)
-    with (parts / "lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise WorkFailed(f"{parts}: another process is working on this batch") from None
-        except OSError:
-            pass  # a file system without locks: the atomic files still keep every part whole
-        yield
 
 
 def _tell(on_run: Callable[[RunSummary], None] | None, run: RunSummary) -> None:

@@ -27,6 +27,12 @@ STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION, NEAR = 1, 2, 4, 8, 16, 32, 64, 
 share of the traction of rough ground; rough ground or water within reach of points at this node.
 The bits of `splines` follow: boundaries at which the splines end."""
 
+WALLS = LEFT | RIGHT
+RESISTING = ROUGH | TRACTION
+"""Ground whose traction is the strength of the soil beside it."""
+BARRING = SLIDE | ROUGH
+"""Ground that soil cannot enter."""
+
 # Columns of the table of a node.
 NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, EMPTINESS = range(7)
 
@@ -266,23 +272,23 @@ def contact(velocity, kind, table, friction, adhesion):
     ("no_slip") holds it. The tangential impulse is at most friction x the normal one + adhesion.
     """
     v = velocity
-    if kind & 1:
+    if kind & STICK:
         v = vec2(0.0, 0.0)
-    elif kind & 98:
+    elif kind & (BARRING | RESISTING):
         normal_x, normal_y = table[0], table[1]
         out = v[0] * normal_x + v[1] * normal_y
         along = v[1] * normal_x - v[0] * normal_y
         limit = adhesion
-        if kind & 34:
+        if kind & BARRING:
             limit -= friction * ti.min(out, 0.0)
             out = ti.max(out, 0.0)
         slowed = ti.max(ti.abs(along) - limit, 0.0)
         along = ti.select(along > 0.0, slowed, -slowed)
         v = vec2(out * normal_x - along * normal_y, out * normal_y + along * normal_x)
-    if kind & 4:
+    if kind & LEFT:
         v[0] = ti.max(v[0], 0.0)
-    if kind & 8:
+    if kind & RIGHT:
         v[0] = ti.min(v[0], 0.0)
-    if kind & 16:
+    if kind & TOP:
         v[1] = ti.min(v[1], 0.0)
     return v

@@ -19,8 +19,6 @@ from mpm_taichi.trajectory import COMPRESSION_LEVEL, Run
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 
-FORMATS = {"vtkhdf": ".vtkhdf", "csv": ".csv"}
-
 _VERSION = (2, 2)
 _VTK_VERTEX = 1
 

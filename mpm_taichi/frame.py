@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
@@ -68,11 +67,6 @@ class DrawnSoil:
                 reach=REACH * self.run.scene.spacing,
             )
         )
-
-    @property
-    def artists(self) -> list[Artist]:
-        """What changes from frame to frame."""
-        return [self.body, self.points]
 
 
 def paint_body(

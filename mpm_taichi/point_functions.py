@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import taichi as ti
 
-from mpm_taichi.boundary import NEAR
+from mpm_taichi.boundary import BARRING, NEAR, STICK, WALLS
 from mpm_taichi.layout import (
     CELL,
     COURANT,
@@ -58,9 +58,9 @@ def settle_node(load, flow, table, kind, dt, gravity):
     weight = gravity * load[4]
     force = vec2(load[2], load[3]) + load[5] * vec2(table[4], table[5])
     force[1] -= weight
-    if kind & 35:
+    if kind & (STICK | BARRING):
         force = vec2(0.0, 0.0)
-    if kind & 12:
+    if kind & WALLS:
         force[0] = 0.0
     unbalanced = ti.abs(force[0]) + ti.abs(force[1])
     new = vec2(0.0, 0.0)

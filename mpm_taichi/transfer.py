@@ -18,7 +18,7 @@ velocity; points, then smoothed mean stress; sum, then mean, of mean stress; clo
 
 import taichi as ti
 
-from mpm_taichi.boundary import contact
+from mpm_taichi.boundary import RESISTING, contact
 from mpm_taichi.layout import A
 from mpm_taichi.mohr_coulomb import elastic_trial, return_to_yield
 from mpm_taichi.splines import (
@@ -315,7 +315,7 @@ def node_update(effects=None):  # noqa: ANN001, ANN201
             slowed = free * (left / ti.max(speed, 1.0e-12))
         friction = table[2]
         adhesion = 0.0
-        if kind & 96:  # rough ground: the soil's own strength in simple shear, sigma sin(phi) + k/2
+        if kind & RESISTING:  # strength of the soil in simple shear, sigma sin(phi) + k/2
             share = 1.0 / load[5]
             friction = load[7] * share
             covered = ti.min(load[5] * table[6], 1.0)

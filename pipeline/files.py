@@ -8,6 +8,7 @@ up by the next write to the same place.
 from __future__ import annotations
 
 import errno
+import fcntl
 import hashlib
 import itertools
 import json
@@ -22,7 +23,7 @@ from typing import Any
 
 import yaml
 
-from pipeline.cli import InputError
+from pipeline.cli import InputError, WorkFailed
 
 _HASH_LENGTH = 16
 _counter = itertools.count()
@@ -66,6 +67,28 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     return folder
+
+
+@contextmanager
+def only_one(folder: str | os.PathLike[str], words: str) -> Iterator[None]:
+    """Refuse a second process on a folder, which is made if missing; held as long as this lasts.
+
+    A job may be queued again while the first still runs. On a file system without locks nobody is
+    refused: atomic files still keep every part whole.
+
+    Raises:
+        WorkFailed: another process holds it; `words` say what it does.
+        InputError: the folder cannot be made.
+    """
+    folder = make_folder(folder)
+    with (folder / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise WorkFailed(words) from None
+        except OSError:
+            pass
+        yield
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

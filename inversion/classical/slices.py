@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 
 from geometry.toe import Side
-from inversion.classical.section import GRAVITY, OUTSIDE, WATER_UNIT_WEIGHT, Section
+from inversion.classical.section import OUTSIDE, WATER_UNIT_WEIGHT, Section
 
 WaterForm = Literal["buoyant", "boundary"]
 
@@ -337,8 +337,3 @@ def _arc(circle: Circle, count: int) -> np.ndarray:
     """Points (count + 1, 2) on an arc [m]."""
     x = np.linspace(circle.left, circle.right, count + 1)
     return np.column_stack([x, circle.level(x)])
-
-
-def total_weight(slices: Slices) -> np.ndarray:
-    """Total weight of the soil, water in the pores included [N/m], without the pool."""
-    return GRAVITY * slices.mass.sum(axis=-1)

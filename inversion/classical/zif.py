@@ -16,9 +16,6 @@ from inversion.classical.limit_equilibrium import Method, required_strength
 from inversion.classical.slices import Circle, Slices
 from pipeline.cli import WorkFailed
 
-#: The shares of the displacement that are in use.
-CUSTOMARY_SHARES = (0.40, 0.45, 0.50)
-
 
 def find_strength(
     slices: Slices, method: Method, circle: Circle | None = None, *, others: float = 1.0
