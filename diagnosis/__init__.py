@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from diagnosis.verdict import Verdict
 
-PHYSICS_VERSION = 1
+PHYSICS_VERSION = 2
 """Raised whenever the same runs and the same measurements give another verdict."""
 
 
