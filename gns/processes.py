@@ -13,7 +13,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from typing import IO
 
 LOOK_EVERY_S = 0.1
@@ -46,15 +47,23 @@ def in_processes(number: int, arguments: Sequence[str]) -> int:
         "MASTER_PORT": port,
         "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", threads),
     }
-    processes, said = [], []
-    for rank in range(number):
+    with ExitStack() as open_files:
+        said = [open_files.enter_context(tempfile.TemporaryFile()) for _ in range(1, number)]
+        return _together(arguments, common, said)
+
+
+def _together(
+    arguments: Sequence[str], common: Mapping[str, object], said: Sequence[IO[bytes]]
+) -> int:
+    """`in_processes`; `said` takes what all processes but the first print as errors."""
+    processes = []
+    for rank, errors in enumerate([None, *said]):
         own = {**common, "RANK": rank, "LOCAL_RANK": rank}
-        said.append(None if rank == 0 else tempfile.TemporaryFile())
         processes.append(
             subprocess.Popen(
                 [sys.executable, "-m", *arguments],
                 env={**os.environ, **{name: str(value) for name, value in own.items()}},
-                stderr=said[rank],
+                stderr=errors,
             )
         )
 
@@ -87,12 +96,10 @@ def _by_itself(code: int) -> bool:
     return code > 0
 
 
-def _tell_of_another(
-    processes: Sequence[subprocess.Popen], said: Sequence[IO[bytes] | None]
-) -> None:
-    """Print the end of what a process that failed by itself has said."""
-    for rank, (process, file) in enumerate(zip(processes, said, strict=True)):
-        if file is not None and _by_itself(process.returncode):
+def _tell_of_another(processes: Sequence[subprocess.Popen], said: Sequence[IO[bytes]]) -> None:
+    """Print the end of what a process but the first has said that failed by itself."""
+    for rank, (process, file) in enumerate(zip(processes[1:], said, strict=True), start=1):
+        if _by_itself(process.returncode):
             file.seek(0)
             lines = file.read().decode(errors="replace").splitlines()[-LINES_TOLD:]
             print(f"process {rank} of {len(processes)} failed:", *lines, sep="\n", file=sys.stderr)

@@ -72,10 +72,14 @@ def test_the_state_of_a_run_is_that_of_its_last_frame(monkeypatch):
 
 
 def test_more_materials_than_a_slot_holds_are_refused():
-    clay = {"friction_deg": 0, "cohesion_kpa": 5}
-    materials = {"clay": clay, **{f"clay {number}": clay for number in range(40)}}
-    with pytest.raises(InputError, match="materials: 41, .* at most 32"):
-        simulate([slump(materials=materials)], SHORT)
+    clay = {"friction_deg": 0, "cohesion_kpa": 5, "saturated_density": 2000}
+    left = {f"clay {number}": 2 * number for number in range(17)}
+    zones = [
+        {"name": name, "material": name, "polygon": [[x, 0], [x + 2, 0], [x + 2, 8], [x, 8]]}
+        for name, x in left.items()
+    ]
+    with pytest.raises(InputError, match="materials: 17, 17 of them .* at most 32"):
+        simulate([slump(zones=zones, materials=dict.fromkeys(left, clay))], SHORT)
 
 
 def test_growing_slots_in_flight_changes_nothing(monkeypatch):
