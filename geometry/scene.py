@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from geometry.checks import check_ground, check_zones
 from pipeline.cli import InputError
 from pipeline.files import read_json, read_yaml, write_text
+from pipeline.strict_numbers import refuse_words_for_numbers
 
 Point = tuple[float, float]
 
@@ -333,9 +334,11 @@ def scene_from_mapping(document: Mapping[str, Any], source: str = "scene") -> Sc
         InputError: one line with source, field, value and what is allowed.
     """
     try:
-        return Scene.model_validate(document)
+        scene = Scene.model_validate(document)
     except ValidationError as error:
         raise InputError(document_error(error, source)) from None
+    refuse_words_for_numbers(document, scene, source)
+    return scene
 
 
 def load_scene(path: str | Path) -> Scene:

@@ -212,19 +212,25 @@ def _read_csv(path: Path) -> Section:
     """One vertex a row: zone, x, y, and optionally material and fields of `Material`."""
     section = Section()
     lines: dict[str, list[Point]] = {}
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = csv.DictReader(line for line in file if not line.lstrip().startswith("#"))
-        columns = [name.strip() for name in rows.fieldnames or []]
-        _check_columns(columns, path)
-        rows.fieldnames = columns
-        for number, row in enumerate(rows, start=2):
-            where = f"{path}: row {number}"
-            name = (row["zone"] or "").strip()
-            if not name:
-                raise InputError(f"{where}: the zone has no name")
-            point = (_number(row["x"], "x", where), _number(row["y"], "y", where))
-            lines.setdefault(name, []).append(point)
-            _note_properties(section, name, row, where)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not text in UTF-8") from None
+    uncommented = (line for line in text.splitlines() if not line.lstrip().startswith("#"))
+    rows = csv.DictReader(uncommented)
+    columns = [name.strip() for name in rows.fieldnames or []]
+    _check_columns(columns, path)
+    rows.fieldnames = columns
+    for number, row in enumerate(rows, start=2):
+        where = f"{path}: row {number}"
+        if row.get(None):
+            raise InputError(f"{where}: has more values than there are columns ({len(columns)})")
+        name = (row["zone"] or "").strip()
+        if not name:
+            raise InputError(f"{where}: the zone has no name")
+        point = (_number(row["x"], "x", where), _number(row["y"], "y", where))
+        lines.setdefault(name, []).append(point)
+        _note_properties(section, name, row, where)
     for name, line in lines.items():
         _add(section, name, line, str(path))
     return section
@@ -235,6 +241,8 @@ def _check_columns(columns: list[str], path: Path) -> None:
     for column in ("zone", "x", "y"):
         if column not in columns:
             raise InputError(f"{path}: no column {column!r}; needed are zone, x, y")
+        if columns.count(column) > 1:
+            raise InputError(f"{path}: two columns are called {column!r}")
     for column in columns:
         if column not in known:
             raise InputError(f"{path}: unknown column {column!r}; allowed are {', '.join(known)}")
@@ -284,7 +292,10 @@ def _read_geojson(path: Path) -> Section:
         geometry = feature.get("geometry") if isinstance(feature, Mapping) else None
         if not isinstance(geometry, Mapping):
             raise InputError(f"{where}: has no geometry")
-        properties = dict(feature.get("properties") or {})
+        properties = feature.get("properties") or {}
+        if not isinstance(properties, Mapping):
+            raise InputError(f"{where}: properties must be a mapping")
+        properties = dict(properties)
         name = str(properties.pop("name", properties.pop("zone", f"zone_{number + 1}")))
         line, closed = _geojson_line(geometry, where)
         _add(section, name, line, where, closed)
@@ -297,11 +308,15 @@ def _geojson_line(geometry: Mapping[str, Any], where: str) -> tuple[list[Point],
     kind, coordinates = geometry.get("type"), geometry.get("coordinates")
     if kind not in ("Polygon", "LineString"):
         raise InputError(f"{where}: is a {kind}; allowed are Polygon and LineString")
-    if kind == "Polygon" and isinstance(coordinates, list) and len(coordinates) != 1:
-        raise InputError(f"{where}: has a hole; cut the zone so that it needs none")
-    places = coordinates[0] if kind == "Polygon" and coordinates else coordinates
-    if not isinstance(places, list) or not all(
-        isinstance(place, list) and len(place) >= 2 for place in places
+    places = coordinates
+    if kind == "Polygon" and isinstance(coordinates, list) and coordinates:
+        if len(coordinates) > 1:
+            raise InputError(f"{where}: has a hole; cut the zone so that it needs none")
+        places = coordinates[0]
+    if (
+        not isinstance(places, list)
+        or not places
+        or not all(isinstance(place, list) and len(place) >= 2 for place in places)
     ):
         raise InputError(f"{where}: coordinates must be a list of [x, y]")
     line = [(_number(place[0], "x", where), _number(place[1], "y", where)) for place in places]
@@ -336,7 +351,8 @@ def _read_dxf(path: Path) -> Section:
             line, closed = [tuple(shape.dxf.start)[:2], tuple(shape.dxf.end)[:2]], False
         else:
             line, closed = _dxf_polyline(shape, where)
-        _add(section, name, [(float(x), float(y)) for x, y in line], where, closed)
+        points = [(_number(x, "x", where), _number(y, "y", where)) for x, y in line]
+        _add(section, name, points, where, closed)
     return section
 
 

@@ -18,6 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pipeline.cli import InputError
 from pipeline.files import content_hash, parse_yaml, read_yaml
 from pipeline.schemas import text_of
+from pipeline.strict_numbers import refuse_words_for_numbers
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -610,9 +611,11 @@ def parse_override(text: str) -> dict[str, Any]:
 def validate_settings(model: type[Model], values: Any, *, origin: str) -> Model:
     """Check `values` against a pydantic model; the first error becomes a one-line `InputError`."""
     try:
-        return model.model_validate(values)
+        made = model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{origin}: {describe_error(error, model)}") from None
+    refuse_words_for_numbers(values, made, origin)
+    return made
 
 
 def describe_error(error: ValidationError, model: type[BaseModel] | None = None) -> str:

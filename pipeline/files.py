@@ -47,7 +47,10 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield temporary
         _flush_to_disk(temporary)
-        os.replace(temporary, final)
+        try:
+            os.replace(temporary, final)
+        except IsADirectoryError:
+            raise InputError(f"{final}: is a folder; a file is to be written there") from None
         _flush_to_disk(final.parent)
     finally:
         temporary.unlink(missing_ok=True)

@@ -173,6 +173,24 @@ HEAD = "zone,x,y,friction_deg,cohesion_kpa\n"
             '{"type": "LineString", "coordinates": [[9, 0], [30, 3]]}}]}',
             "two lines are called 'ground'; join them into one",
         ),
+        (
+            "s.geojson",
+            '{"features": [{"properties": "x", "geometry": {"type": "LineString", '
+            '"coordinates": [[0, 0], [9, 0]]}}]}',
+            "feature 0: properties must be a mapping",
+        ),
+        (
+            "s.geojson",
+            '{"features": [{"geometry": {"type": "Polygon", "coordinates": {"a": 1}}}]}',
+            "coordinates must be a list of [x, y]",
+        ),
+        (
+            "s.geojson",
+            '{"features": [{"geometry": {"type": "Polygon", "coordinates": [[]]}}]}',
+            "coordinates must be a list of [x, y]",
+        ),
+        ("s.csv", HEAD + "a,0,5,0,30,0\n", "row 2: has more values than there are columns (5)"),
+        ("s.csv", "zone,x,y,x\na,0,0,5\n", "two columns are called 'x'"),
         ("s.geojson", '{"features": [1', "not valid JSON"),
         ("s.dxf", "no drawing", "no readable DXF file"),
         ("s.txt", "", "sections end in .csv"),
@@ -187,6 +205,13 @@ def test_refusals(tmp_path, name, text, words):
         imported(path)
     assert words in str(caught.value)
     assert name in str(caught.value)
+
+
+def test_a_file_in_another_encoding_is_refused(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_bytes("# Straße\n".encode("latin-1") + HEAD.encode())
+    with pytest.raises(InputError, match="is not text in UTF-8"):
+        imported(path)
 
 
 def test_two_values_for_one_material(tmp_path):
