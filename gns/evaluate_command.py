@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gns.shard import SPLITS
-from pipeline.cli import InputError, add_common
+from pipeline.cli import InputError, add_common, at_least_one
 from pipeline.config import Config, load_config
 from pipeline.files import file_hash
 from pipeline.progress import Progress
@@ -52,8 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.evaluate import evaluate, read_mpm_seconds, save_scores
     from gns.simulator import Simulator
 
-    if arguments.threads:
-        torch.set_num_threads(arguments.threads)
+    if arguments.threads is not None:
+        torch.set_num_threads(at_least_one("--threads", arguments.threads))
     simulator = Simulator.load(model / MODEL_FILE, arguments.device)
     every = Windows(data, arguments.split)
     windows = Windows(data, arguments.split, stride=simulator.stride_in(every.metadata))

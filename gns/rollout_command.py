@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 
-from pipeline.cli import InputError, WorkFailed, add_common
+from pipeline.cli import InputError, WorkFailed, add_common, at_least_one
 from pipeline.config import load_config
 from pipeline.progress import Progress
 from pipeline.table import aligned
@@ -36,7 +37,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Roll out, write, and print the runouts."""
-    from geometry.scene import load_scene
+    from geometry.scene import load_scene, scene_from_mapping
     from gns.scene_facts import start_of
 
     config = load_config(arguments.config, arguments.overrides)
@@ -44,10 +45,11 @@ def run(arguments: argparse.Namespace) -> int:
     path = Path(arguments.scene)
     scene = load_scene(path / "scene.yaml" if path.is_dir() else path)
     if arguments.spacing is not None:
-        if arguments.spacing <= 0:
-            raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0")
-        scene = scene.changed(spacing=arguments.spacing)
+        document = {**scene.model_dump(), "spacing": arguments.spacing}
+        scene = scene_from_mapping(document, f"{path} at --spacing {arguments.spacing:g}")
     duration = settings.duration_s if arguments.duration is None else arguments.duration
+    if not 0.0 < duration < math.inf:
+        raise InputError(f"--duration {duration:g}: must be greater than 0 s, and finite")
 
     import torch
 
@@ -56,8 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.rollout import Rest, frames_of, rollout
     from gns.simulator import Simulator
 
-    if arguments.threads:
-        torch.set_num_threads(arguments.threads)
+    if arguments.threads is not None:
+        torch.set_num_threads(at_least_one("--threads", arguments.threads))
     simulator = Simulator.load(model_folder(arguments.model) / MODEL_FILE, arguments.device)
     facts, positions = start_of(scene, simulator.settings(settings))
     rest = None

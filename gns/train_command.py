@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gns.processes import in_processes
-from pipeline.cli import InputError, WorkFailed, add_common
+from pipeline.cli import InputError, WorkFailed, add_common, at_least_one
 from pipeline.config import Config, TrainSettings, load_config
 from pipeline.progress import Progress
 
@@ -79,8 +79,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Train; 0 when it is done or `--minutes` are over."""
     config = load_config(arguments.config, arguments.overrides)
     settings, data, out = _what(arguments, config)
-    if arguments.processes < 1:
-        raise InputError(f"--processes {arguments.processes}: at least 1 is allowed")
+    at_least_one("--processes", arguments.processes)
+    if arguments.threads is not None:
+        at_least_one("--threads", arguments.threads)
+    if arguments.minutes is not None and not arguments.minutes > 0.0:
+        raise InputError(f"--minutes {arguments.minutes:g}: must be greater than 0")
     learned, held_out = open_windows(data, settings)
     if arguments.processes > 1 and "WORLD_SIZE" not in os.environ:
         processes = arguments.processes
@@ -94,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.checkpoints import ModelFolder
     from gns.distributed import group
 
-    if arguments.threads:
+    if arguments.threads is not None:
         torch.set_num_threads(arguments.threads)
     elif "WORLD_SIZE" not in os.environ:
         torch.set_num_threads(len(os.sched_getaffinity(0)))

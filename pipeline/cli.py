@@ -92,6 +92,17 @@ def add_common(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
     return parser
 
 
+def at_least_one(option: str, number: int) -> int:
+    """The number that an option gives.
+
+    Raises:
+        InputError: it is less than 1.
+    """
+    if number < 1:
+        raise InputError(f"{option} {number}: at least 1")
+    return number
+
+
 def main_exit(
     func: Callable[[Sequence[str] | None], int | None], argv: Sequence[str] | None = None
 ) -> NoReturn:

@@ -40,6 +40,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         InputError: the folder cannot be made, or nothing may be written there.
     """
     final = Path(path)
+    if not final.name:
+        raise InputError(f"{str(path)!r}: names no file")
     make_folder(final.parent)
     _sweep_leftovers(final)
     owner = f"{socket.gethostname()}-{os.getpid()}-{next(_counter)}"

@@ -166,9 +166,18 @@ def test_wrong_input_is_one_line(packed, model, tmp_path):
         main(["evaluate", "--data", str(packed)])
     with pytest.raises(InputError, match="no such file"):
         main(["evaluate", "--data", str(packed), "--model", str(tmp_path)])
-    with pytest.raises(InputError, match="--spacing -1"):
-        main(["rollout", "case_histories/la_marquesa", "--spacing", "-1", "--model", str(model),
-              "--out", str(tmp_path)])  # fmt: skip
+    for option, value, words in (
+        ("--spacing", "-1", "--spacing -1: spacing: Input should be greater than 0"),
+        ("--spacing", "50", "--spacing 50: zones: "),
+        ("--duration", "nan", "--duration nan: must be greater than 0 s, and finite"),
+        ("--duration", "-1", "--duration -1: must be greater than 0 s, and finite"),
+        ("--threads", "0", "--threads 0: at least 1"),
+    ):
+        with pytest.raises(InputError, match=words):
+            main(["rollout", "case_histories/la_marquesa", f"{option}={value}", "--model",
+                  str(model), "--out", str(tmp_path)])  # fmt: skip
+    with pytest.raises(InputError, match="--threads -1: at least 1"):
+        main(["evaluate", "--data", str(packed), "--model", str(model), "--threads=-1"])
     (tmp_path / "wrong.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="wall_time_s"):
         read_mpm_seconds(tmp_path / "wrong.csv")
