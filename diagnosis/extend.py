@@ -43,6 +43,19 @@ class Extension:
     explanation: Explanation
 
 
+def check_addition(model: Model, before: Sequence[str], add: str) -> None:
+    """Refuse an effect that cannot be added.
+
+    Raises:
+        InputError: the model does not know the effect, or has it already.
+    """
+    known = [candidate.name for candidate in model.candidates]
+    if add not in known:
+        raise InputError(f"--add {add}: no such effect here; there are {', '.join(known)}")
+    if add in before:
+        raise InputError(f"--add {add}: the model has it already")
+
+
 def extend(
     model: Model, comparison: Comparison, options: Options, *, before: Sequence[str], add: str
 ) -> Extension:
@@ -59,12 +72,8 @@ def extend(
         InputError: the model does not know the effect, or has it already.
         WorkFailed: no run with it could be read, or the allowance does not cover it.
     """
+    check_addition(model, before, add)
     names = tuple(sorted({*before, add}))
-    known = [candidate.name for candidate in model.candidates]
-    if add not in known:
-        raise InputError(f"--add {add}: no such effect here; there are {', '.join(known)}")
-    if add in before:
-        raise InputError(f"--add {add}: the model has it already")
     asked = replace(options, effects=names, forbidden=())
     explanation = explain(model, comparison, asked)
     # The odds are those of one effect among all that could have been asked for.

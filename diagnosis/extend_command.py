@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from diagnosis import tables
 from diagnosis.compare import Comparison, compare
-from diagnosis.extend import Extension, extend
+from diagnosis.extend import Extension, check_addition, extend
 from diagnosis.kept_steps import judge, keep, step_of
 from diagnosis.model_file import BASE, FOLDER, ModelEffect, ModelFile, model_files, new_name
 from diagnosis.session import Session, add_arguments, open_session
@@ -92,6 +92,7 @@ def extended(session: Session, add: str, notes: str) -> Extended:
     """Add an effect; write the new model and its step."""
     fitted = _fitted_effects(session.model_file)
     asked = session.without(fitted) if fitted else session
+    check_addition(asked.model, fitted, add)  # before the first simulation
     comparison = compare(asked.model, asked.options)
     found = extend(asked.model, comparison, asked.options, before=fitted, add=add)
     data = comparison.base.data

@@ -50,12 +50,13 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.dataset import Windows
     from gns.draw_rollouts import save_history
     from gns.evaluate import evaluate, read_mpm_seconds, save_scores
-    from gns.simulator import Simulator
+    from gns.simulator import Simulator, read_document
 
     if arguments.threads is not None:
         torch.set_num_threads(at_least_one("--threads", arguments.threads))
     simulator = Simulator.load(model / MODEL_FILE, arguments.device)
     every = Windows(data, arguments.split)
+    learned_from = _learned_from(read_document(model / MODEL_FILE), every.metadata, model)
     windows = Windows(data, arguments.split, stride=simulator.stride_in(every.metadata))
     runs = [int(number) for number in windows.runs[: arguments.runs]]
     if not runs:
@@ -81,7 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
         save_history(lines, model / "training.png", f"{model}: {len(lines)} lines of metrics")
     name = arguments.name or arguments.scale or model.resolve().name
     write_card(
-        model / CARD_FILE, _card(name, arguments, config, simulator, data, model, found, result)
+        model / CARD_FILE,
+        _card(name, arguments, config, simulator, model, learned_from, found, result),
     )
     _print(result, found)
     print(f"wrote {model / CARD_FILE}")
@@ -99,17 +101,15 @@ def _folders(arguments: argparse.Namespace, config: Config) -> tuple[Path, Path]
     return Path(arguments.data or folder / "dataset"), Path(arguments.model or folder / "model")
 
 
-def _card(name, arguments, config, simulator, data, model, found, result):
+def _card(name, arguments, config, simulator, model, learned_from, found, result):
     """The card of a model that has been evaluated."""
     from gns.card import Card, Training, known_failures
     from gns.checkpoints import MODEL_FILE
-    from gns.metadata import read_metadata
     from gns.simulator import read_document
     from pipeline.manifest import manifest
 
     document = read_document(model / MODEL_FILE)
     settings = dict(document.get("made_from", {}))
-    learned_from = _learned_from(document, read_metadata(data), model)
     network = simulator.config.model_dump(mode="json")
     ranges, contacts = network.pop("ranges"), network.pop("contacts")
     return Card(

@@ -247,7 +247,7 @@ def _module(path: Path, name: str) -> Any:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         words = " ".join(str(error).split())
         raise InputError(f"{path}: does not load: {type(error).__name__}: {words}") from None

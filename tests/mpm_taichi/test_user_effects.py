@@ -159,3 +159,10 @@ def test_the_option_of_the_command_line(tmp_path):
     assert "time_s = 10 s (0.1 to 1000)" in listed.stdout
     wrong = command("effects", "rain")
     assert (wrong.returncode, len(wrong.stderr.strip().splitlines())) == (2, 1)
+
+
+def test_a_file_that_ends_the_program_is_told(tmp_path):
+    path = tmp_path / "ends.py"
+    path.write_text("import sys\n\nsys.exit(0)\n")
+    with pytest.raises(InputError, match="ends.py: does not load: SystemExit"):
+        load_effects_file(path)
