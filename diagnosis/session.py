@@ -34,7 +34,7 @@ from geometry.scene import scene_hash
 from inversion.load import case_folder
 from inversion.run_store import RunStore
 from mpm_taichi.effects import add_effects_option, load_given_effects
-from pipeline.cli import InputError, add_common
+from pipeline.cli import InputError, add_common, at_least_one
 from pipeline.config import Config, load_config
 from pipeline.files import content_hash, file_hash, read_json, write_json
 from pipeline.manifest import code_version, machine, package_versions
@@ -241,8 +241,8 @@ def open_session(arguments: argparse.Namespace) -> Session:
         InputError: one line with file, field, value and what is allowed.
     """
     config = load_config(arguments.config, arguments.overrides)
-    if arguments.threads is not None and arguments.threads < 1:
-        raise InputError(f"--threads {arguments.threads}: at least 1")
+    if arguments.threads is not None:
+        at_least_one("--threads", arguments.threads)
     if arguments.spacing is not None and not arguments.spacing > 0:
         raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
     load_given_effects(arguments)

@@ -54,9 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.threads is not None:
         torch.set_num_threads(at_least_one("--threads", arguments.threads))
-    simulator = Simulator.load(model / MODEL_FILE, arguments.device)
+    document = read_document(model / MODEL_FILE)
+    simulator = Simulator.from_document(document, str(model / MODEL_FILE)).to(arguments.device)
     every = Windows(data, arguments.split)
-    learned_from = _learned_from(read_document(model / MODEL_FILE), every.metadata, model)
+    learned_from = _learned_from(document, every.metadata, model)
     windows = Windows(data, arguments.split, stride=simulator.stride_in(every.metadata))
     runs = [int(number) for number in windows.runs[: arguments.runs]]
     if not runs:
@@ -83,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     name = arguments.name or arguments.scale or model.resolve().name
     write_card(
         model / CARD_FILE,
-        _card(name, arguments, config, simulator, model, learned_from, found, result),
+        _card(name, arguments, config, simulator, model, document, learned_from, found, result),
     )
     _print(result, found)
     print(f"wrote {model / CARD_FILE}")
@@ -101,14 +102,12 @@ def _folders(arguments: argparse.Namespace, config: Config) -> tuple[Path, Path]
     return Path(arguments.data or folder / "dataset"), Path(arguments.model or folder / "model")
 
 
-def _card(name, arguments, config, simulator, model, learned_from, found, result):
+def _card(name, arguments, config, simulator, model, document, learned_from, found, result):
     """The card of a model that has been evaluated."""
     from gns.card import Card, Training, known_failures
     from gns.checkpoints import MODEL_FILE
-    from gns.simulator import read_document
     from pipeline.manifest import manifest
 
-    document = read_document(model / MODEL_FILE)
     settings = dict(document.get("made_from", {}))
     network = simulator.config.model_dump(mode="json")
     ranges, contacts = network.pop("ranges"), network.pop("contacts")

@@ -14,7 +14,7 @@ from inversion.load import LoadedCase, case_folder, load_case
 from inversion.run_store import RunStore
 from inversion.summary import summary
 from mpm_taichi.effects import add_effects_option, load_given_effects
-from pipeline.cli import InputError, add_common
+from pipeline.cli import InputError, add_common, at_least_one
 from pipeline.config import Config, load_config
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _config(arguments: argparse.Namespace) -> Config:
 
 
 def _check_numbers(arguments: argparse.Namespace) -> None:
-    if arguments.threads is not None and arguments.threads < 1:
-        raise InputError(f"--threads {arguments.threads}: at least 1")
+    if arguments.threads is not None:
+        at_least_one("--threads", arguments.threads)
     if arguments.spacing is not None and not arguments.spacing > 0:
         raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")

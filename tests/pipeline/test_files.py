@@ -217,3 +217,9 @@ def test_written_files_have_ordinary_rights(tmp_path):
     mask = os.umask(0)
     os.umask(mask)
     assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o666 & ~mask
+
+
+def test_a_folder_in_the_place_of_a_file_is_told(tmp_path):
+    with pytest.raises(InputError, match="is a folder; a file is to be written there"):
+        write_text(tmp_path, "text")
+    assert tmp_path.is_dir() and not list(tmp_path.iterdir())

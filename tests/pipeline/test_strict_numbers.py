@@ -10,7 +10,6 @@ from geometry.measurements import load_measurements
 from geometry.scene import load_scene
 from pipeline.cli import InputError
 from pipeline.config import load_config
-from pipeline.files import write_text
 
 
 @pytest.fixture
@@ -48,9 +47,3 @@ def test_of_settings():
     with pytest.raises(InputError, match="simulation.duration_s: true: a number is wanted here"):
         load_config(None, ["simulation.duration_s=true"])
     assert load_config(None, ["simulation.early_stop=false"]).simulation.early_stop is False
-
-
-def test_a_folder_in_the_place_of_a_file_is_told(tmp_path):
-    with pytest.raises(InputError, match="is a folder; a file is to be written there"):
-        write_text(tmp_path, "text")
-    assert tmp_path.is_dir() and not list(tmp_path.iterdir())
