@@ -48,6 +48,7 @@ class DiagnosisCase:
         question: as in `diagnosis.yaml`.
         setup: section, settings, parameters and measurements of the base model.
         config: settings in force.
+        transfer: the case that judges the answer; None where `diagnosis.yaml` names none.
     """
 
     folder: Path
@@ -56,6 +57,7 @@ class DiagnosisCase:
     question: DiagnosisQuestion
     setup: Setup
     config: Config
+    transfer: DiagnosisCase | None = None
 
     @property
     def name(self) -> str:
@@ -166,6 +168,7 @@ def load_diagnosis(
     *,
     spacing_m: float | None = None,
     model: ModelFile | None = None,
+    with_transfer: bool = True,
 ) -> DiagnosisCase:
     """Read a case folder.
 
@@ -175,6 +178,7 @@ def load_diagnosis(
         spacing_m: of material points; None: that of `diagnosis.yaml`, of `inversion.yaml` or of the
             scene, times `diagnosis.spacing_factor`.
         model: what stands in place of the base model: the scene changed, effects switched on.
+        with_transfer: read the case that `transfer_check` names as well.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.
@@ -205,9 +209,26 @@ def load_diagnosis(
     foot = {side: scene.foot(side) if x is None else x for side, x in feet.items()}
     targets = _targets(measurements, question, folder)
     setup = Setup(scene, simulation, Parameters(inversion.parameters), targets, foot)
-    case = DiagnosisCase(folder, measurements, inversion, question, setup, config)
+    other = _transfer(question, folder, config) if with_transfer else None
+    case = DiagnosisCase(folder, measurements, inversion, question, setup, config, other)
     _check_numbers(case)
     return case
+
+
+def _transfer(question: DiagnosisQuestion, folder: Path, config: Config) -> DiagnosisCase | None:
+    """The case that `transfer_check` names, read whole: it is simulated last, and refused first."""
+    if question.transfer_check is None:
+        return None
+    place = folder / question.transfer_check  # an absolute path stays as it is
+    where = f"{folder / FILE_NAME}: transfer_check"
+    if place.resolve() == folder.resolve():
+        raise InputError(f"{where}: {question.transfer_check}: is this case; name another one")
+    try:
+        other = load_diagnosis(place, config, with_transfer=False)
+        other.model(RunStore(None))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return other
 
 
 def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Path) -> Targets:

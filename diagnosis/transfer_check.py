@@ -1,18 +1,16 @@
 """The transfer check: does the answer hold on a second section or event of the same site?
 
-In: the verdict's models and another case folder. Out: the misfit there by the base model and by
+In: the verdict's models and another case. Out: the misfit there by the base model and by
 that of the answer. Nothing is fitted: parameters of the same name take the values that were found,
 others keep what the other case knows of them.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.case import load_diagnosis
 from diagnosis.covariance import covariance
 from diagnosis.fit import Fit
 from diagnosis.model import State, state
@@ -28,16 +26,10 @@ SEEDS = 4
 
 
 def transfer_check(session: Session, found: Diagnosed) -> TransferCheck | None:
-    """Judge the answer on the case that `transfer_check` names; None where there is none.
-
-    Raises:
-        InputError: the other case does not hold together.
-    """
-    name = session.case.question.transfer_check
-    if name is None:
+    """Judge the answer on the case that `transfer_check` names; None where there is none."""
+    other = session.case.transfer
+    if other is None:
         return None
-    folder = Path(name) if Path(name).is_absolute() else session.case.folder / name
-    other = load_diagnosis(folder, session.config)
     model = other.model(session.store)
     base = found.comparison.base.fit
     final = found.decision.final.model.fit

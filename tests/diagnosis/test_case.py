@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 import yaml
 
@@ -116,6 +118,8 @@ def test_constructed_data_enter_nothing(root):
         ({"hold_out": {"blocks": {"surface": [90.0, 99.0]}}}, "no number between 90 and 99"),
         ({"hold_out": "everything"}, "hold_out"),
         ({"spacing_m": -1.0}, "spacing_m: Input should be greater than 0"),
+        ({"transfer_check": "../nowhere"}, "transfer_check: .*nowhere: no such folder; a case has"),
+        ({"transfer_check": "."}, "transfer_check: .: is this case; name another one"),
     ],
 )  # fmt: skip
 def test_what_is_refused(embankment, document, complaint):
@@ -124,6 +128,20 @@ def test_what_is_refused(embankment, document, complaint):
         model_and_options(embankment)
     assert str(caught.value).startswith(str(embankment / "diagnosis.yaml"))
     assert "\n" not in str(caught.value)
+
+
+def test_the_case_that_judges_the_answer_is_read_at_once(embankment, tmp_path):
+    """It is simulated after the whole loop; whatever is wrong with it is told before."""
+    other = tmp_path / "other"
+    shutil.copytree(embankment, other)
+    write(other, {"transfer_check": "../embankment"})  # each may judge the other
+    for name in ("../other", str(other)):
+        write(embankment, {"transfer_check": name})
+        case = load_diagnosis(embankment, Config())
+        assert case.transfer.name == "other" and case.transfer.transfer is None
+    write(other, {"effects": ["gravity"]})
+    with pytest.raises(InputError, match="transfer_check: .*other.*: effects: no effect 'gravity'"):
+        load_diagnosis(embankment, Config())
 
 
 def test_a_folder_that_is_none(tmp_path):
