@@ -184,7 +184,6 @@ class Session:
     def write_timing(self, command: str) -> None:
         """Put what depends on the clock and the machine into a file of its own, by command."""
         path = self.folder / TIMING
-        before = read_json(path) if path.is_file() else {}
         own = {
             "made": datetime.now(UTC).isoformat(timespec="seconds"),
             "seconds": round(self.seconds, 2),
@@ -194,7 +193,21 @@ class Session:
             "packages": package_versions(),
             "machine": machine(),
         }
-        write_json(path, {**before, command: own})
+        write_json(path, {**self._timing_before(path), command: own})
+
+    def _timing_before(self, path: Path) -> dict[str, Any]:
+        """What earlier commands have told; what is no such file is told of and written anew."""
+        if not path.is_file():
+            return {}
+        try:
+            before = read_json(path)
+            if isinstance(before, dict):
+                return before
+            trouble = f"{path}: must be a mapping of commands, not {type(before).__name__}"
+        except InputError as error:
+            trouble = str(error)
+        self.say(f"{trouble}; it is written anew")
+        return {}
 
     def write_sections(self, base: State, final: State) -> None:
         """Write the points before and after the slide, for the pictures."""

@@ -1,0 +1,45 @@
+"""What a command leaves beside its answer: the clock and the machine."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import pytest
+
+from diagnosis.model_file import BASE
+from diagnosis.session import TIMING, Session
+
+
+@pytest.fixture
+def session(tmp_path):
+    told = []
+    made = Session(None, None, tmp_path, None, BASE, None, told.append, write_page=True)
+    made.model = SimpleNamespace(runs=3, computed=2)
+    made.told = told
+    return made
+
+
+def test_each_command_has_its_own_times(session):
+    session.write_timing("compare")
+    session.write_timing("run")
+    found = json.loads((session.folder / TIMING).read_text())
+    assert list(found) == ["compare", "run"] and found["run"]["runs_asked"] == 3
+    assert session.told == []
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"[1, 2]", "must be a mapping of commands, not list"),
+        (b'{"run": ', "line 1: not valid JSON"),
+        (b"\xff\xfe", "not a UTF-8 text file"),
+    ],
+)
+def test_times_that_cannot_be_read_are_told_of_and_written_anew(session, content, complaint):
+    path = session.folder / TIMING
+    path.write_bytes(content)
+    session.write_timing("run")
+    (line,) = session.told
+    assert line.startswith(f"{path}: ") and complaint in line and "written anew" in line
+    assert list(json.loads(path.read_text())) == ["run"]
