@@ -31,7 +31,6 @@ from geometry.scene import Document, Scene, document_error
 from geometry.toe import Side
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
-from pipeline.strict_numbers import refuse_words_for_numbers
 
 __all__ = [
     "FILE_NAME",
@@ -150,7 +149,6 @@ def load_measurements(folder: str | Path, scene: Scene | None = None) -> Measure
         measurements = Measurements.model_validate(document)
     except ValidationError as error:
         raise InputError(_error_line(error, str(path))) from None
-    refuse_words_for_numbers(document, measurements, str(path))
     for group, entries in measurements.sets.items():
         for entry in entries:
             if isinstance(entry, SurfaceProfile):

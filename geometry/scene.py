@@ -17,12 +17,12 @@ from typing import Any, Literal
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from geometry.checks import check_ground, check_zones
 from pipeline.cli import InputError
 from pipeline.files import read_json, read_yaml, write_text
-from pipeline.strict_numbers import refuse_words_for_numbers
+from pipeline.strict_numbers import StrictNumbers
 
 Point = tuple[float, float]
 
@@ -30,7 +30,7 @@ Point = tuple[float, float]
 _PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
 
 
-class Document(BaseModel):
+class Document(StrictNumbers):
     """Base of every part of a scene: unknown keys and numbers that are not finite are refused."""
 
     model_config = ConfigDict(
@@ -334,11 +334,9 @@ def scene_from_mapping(document: Mapping[str, Any], source: str = "scene") -> Sc
         InputError: one line with source, field, value and what is allowed.
     """
     try:
-        scene = Scene.model_validate(document)
+        return Scene.model_validate(document)
     except ValidationError as error:
         raise InputError(document_error(error, source)) from None
-    refuse_words_for_numbers(document, scene, source)
-    return scene
 
 
 def load_scene(path: str | Path) -> Scene:

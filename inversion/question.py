@@ -16,7 +16,6 @@ from pydantic import Field, ValidationError, model_validator
 from geometry.scene import Document, Point, Scene, document_error
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
-from pipeline.strict_numbers import refuse_words_for_numbers
 
 FILE_NAME = "inversion.yaml"
 
@@ -262,7 +261,6 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
     except ValidationError as error:
         text = document_error(error, str(path))
         raise InputError(text.replace("docs/geometry.md", "docs/inversion.md")) from None
-    refuse_words_for_numbers(document, question, str(path))
     _check_zones(question, scene, str(path))
     return question
 

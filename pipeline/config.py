@@ -18,7 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pipeline.cli import InputError
 from pipeline.files import content_hash, parse_yaml, read_yaml
 from pipeline.schemas import text_of
-from pipeline.strict_numbers import refuse_words_for_numbers
+from pipeline.strict_numbers import StrictNumbers
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -35,7 +35,7 @@ NumberRange = Annotated[tuple[float, float], AfterValidator(_in_order)]
 CountRange = Annotated[tuple[int, int], AfterValidator(_in_order)]
 
 
-class Settings(BaseModel):
+class Settings(StrictNumbers):
     """A group of settings: unknown keys, NaN and later changes are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -611,11 +611,9 @@ def parse_override(text: str) -> dict[str, Any]:
 def validate_settings(model: type[Model], values: Any, *, origin: str) -> Model:
     """Check `values` against a pydantic model; the first error becomes a one-line `InputError`."""
     try:
-        made = model.model_validate(values)
+        return model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{origin}: {describe_error(error, model)}") from None
-    refuse_words_for_numbers(values, made, origin)
-    return made
 
 
 def describe_error(error: ValidationError, model: type[BaseModel] | None = None) -> str:
