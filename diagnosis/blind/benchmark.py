@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field, ValidationError
 
@@ -64,6 +65,20 @@ class Benchmark:
     sections: dict[str, Section]
     library: list[str]
     outside: list[str]
+
+    def section(self, truth: Mapping[str, Any]) -> Section:
+        """The section of a truth.
+
+        Raises:
+            InputError: the benchmark has no such section.
+        """
+        found = self.sections.get(truth["section"])
+        if found is None:
+            raise InputError(
+                f"{truth['name']}: section: {truth['section']!r} is not in this benchmark; it has "
+                f"{', '.join(self.sections)}"
+            )
+        return found
 
     def cases(self, reach: Reach) -> list[Planned]:
         """The row of cases."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagnosis.blind.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
 from pipeline.cli import InputError, add_common
 from pipeline.config import Config, load_config
+from pipeline.files import make_folder
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
@@ -194,31 +196,25 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
     from diagnosis.blind.asked import ASKED
     from diagnosis.blind.benchmark import Places, load_benchmark
     from diagnosis.blind.opened import judged, load_rows, open_truths, save_rows, shared
-    from diagnosis.blind.page import (
-        SCORE,
-        SPARSE,
-        generated,
-        generated_sparse,
-        table,
-        write_page,
-    )
+    from diagnosis.blind.page import SCORE, SPARSE, generated, generated_sparse, table, write_page
     from diagnosis.blind.score import score
     from pipeline.files import write_json
 
     out = _out(arguments, config)
     places = Places(out)
     record = Path(arguments.record) if arguments.record else out / RECORD
-    if places.sealed.is_file():
-        rows = open_truths(places, [*VARIANTS, SUGGESTED, RANDOM])
-        save_rows(rows, record)
-    else:
-        rows = load_rows(record)
+    variants = (*VARIANTS, SUGGESTED, RANDOM)
+    fresh = places.sealed.is_file()
+    rows = open_truths(places, variants) if fresh else load_rows(record)
     if not rows:
         raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
     benchmark = load_benchmark(arguments.benchmark)
-    variants = (*VARIANTS, SUGGESTED, RANDOM)
     by_variant = {name: judged(rows, benchmark, name) for name in variants}
     scores = {name: score(cases) for name, cases in by_variant.items() if cases}
+    if arguments.page is not None:
+        _check_page(Path(arguments.page), scores)
+    if fresh:
+        save_rows(rows, record)
     write_json(out / "score.json", {name: one.document for name, one in scores.items()})
     method = scores[METHOD]
     lines = [(one.words, method.shares[one.name].words, one.bound) for one in ASKED]
@@ -235,3 +231,21 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         text = generated(method, ablations, by_variant[METHOD], f"images/{page.stem}")
         write_page(page, SCORE, text)
     return 0
+
+
+def _check_page(page: Path, scores: Collection[str]) -> None:
+    """The page can be written, before anything else is.
+
+    Raises:
+        InputError: there is no such page, it has no markers, or a variant that it tells of was
+            never run.
+    """
+    from diagnosis.blind.page import SCORE, SPARSE, around
+
+    if (SUGGESTED in scores) != (RANDOM in scores):
+        missing = RANDOM if SUGGESTED in scores else SUGGESTED
+        raise InputError(
+            f"--page {page}: no case has been judged {missing}; `blind more` does that"
+        )
+    around(page, SPARSE if SUGGESTED in scores else SCORE)
+    make_folder(page.parent)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from diagnosis.verdict import Stage, Verdict, Verdicts
 from inversion.result import Part
@@ -13,6 +13,8 @@ from pipeline.files import read_json
 
 #: Significant digits that are kept.
 DIGITS = 5
+#: The variant of a verdict that every case has: no ablation.
+METHOD = "method"
 
 
 class StageDigest(Part):
@@ -31,8 +33,14 @@ class CurveDigest(Part):
     """The curve of an unknown effect."""
 
     variable: str = Field(description="what the strength hangs on")
-    knots: list[float] = Field(description="places")
+    knots: list[float] = Field(min_length=1, description="places")
     multiplier: list[float] = Field(description="of the strength there")
+
+    @model_validator(mode="after")
+    def _one_at_each_place(self) -> CurveDigest:
+        if len(self.multiplier) != len(self.knots):
+            raise ValueError(f"multiplier: {len(self.multiplier)} for {len(self.knots)} knots")
+        return self
 
 
 class Digest(Part):

@@ -17,6 +17,7 @@ from diagnosis.blind.benchmark import Benchmark, Places
 from diagnosis.blind.laboratory import Laboratory
 from diagnosis.blind.plan import Planned, Reach
 from diagnosis.blind.reach import measure_reach
+from diagnosis.blind.records import read_reach, read_sealed, read_truth
 from diagnosis.blind.seal import seal
 from diagnosis.blind.sections import Section
 from diagnosis.blind.surveys import PROFILE_FILE
@@ -24,7 +25,7 @@ from diagnosis.blind.truth import Made, Maker
 from geometry.scene import save_scene
 from inversion.parameters import with_properties
 from pipeline.cli import InputError
-from pipeline.files import read_json, write_json, write_text
+from pipeline.files import write_json, write_text
 
 OnCase = Callable[[int, int, str], None]
 """Called with (cases done, cases in all, what was made)."""
@@ -98,12 +99,12 @@ def reach_of(
         write_json(
             places.reach, [{"of": key, "lambda": round(seen, 3)} for key, seen in reach.items()]
         )
-    return {tuple(entry["of"]): entry["lambda"] for entry in read_json(places.reach)}
+    return {tuple(entry["of"]): entry["lambda"] for entry in read_reach(places.reach)}
 
 
 def seal_all(row: Sequence[Planned], places: Places) -> None:
     """Write the hashes of all truths, and what could not be made."""
-    truths = [read_json(places.truth(planned.name)) for planned in row]
+    truths = [read_truth(places.truth(planned.name)) for planned in row]
     write_json(places.sealed, [
         {"name": truth["name"], "section": truth["section"], "survey": truth["survey"],
          "sha256": seal(truth)}
@@ -115,17 +116,17 @@ def seal_all(row: Sequence[Planned], places: Places) -> None:
     ])  # fmt: skip
 
 
-def sealed_cases(places: Places) -> list[dict[str, str]]:
+def sealed_cases(places: Places) -> list[dict[str, Any]]:
     """The sealed cases, in their order.
 
     Raises:
-        InputError: the benchmark has not been sealed.
+        InputError: the benchmark has not been sealed, or the file is not what was written.
     """
     if not places.sealed.is_file():
         raise InputError(
             f"{places.sealed}: missing; `blind make` writes it when all cases are made"
         )
-    return read_json(places.sealed)
+    return read_sealed(places.sealed)
 
 
 def _is_there(places: Places, planned: Planned) -> bool:

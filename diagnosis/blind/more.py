@@ -19,6 +19,7 @@ from diagnosis.blind.benchmark import Benchmark, Places
 from diagnosis.blind.digest import Digest, digest_of
 from diagnosis.blind.laboratory import Laboratory
 from diagnosis.blind.make import OnCase, sealed_cases
+from diagnosis.blind.records import read_truth
 from diagnosis.blind.run import METHOD, RANDOM, SUGGESTED, Part, diagnosed
 from diagnosis.blind.sections import normal
 from diagnosis.blind.surveys import PROFILE_FILE
@@ -31,7 +32,7 @@ from geometry.profiles import load_profile
 from geometry.random_numbers import Stream, number_of
 from inversion.run_store import RunStore
 from pipeline.config import Config
-from pipeline.files import read_json, read_yaml, write_json, write_text
+from pipeline.files import read_yaml, write_json, write_text
 
 #: Measurements that are added.
 COUNT = 2
@@ -64,8 +65,8 @@ def _one(
     name: str, benchmark: Benchmark, places: Places, config: Config, laboratory: Laboratory
 ) -> str:
     # The truth is opened to read more of its slide; the diagnosis still sees measurements alone.
-    truth = read_json(places.truth(name))
-    section = benchmark.sections[truth["section"]]
+    truth = read_truth(places.truth(name))
+    section = benchmark.section(truth)
     store = RunStore(None, threads=laboratory.threads)
     digest, chosen, possible = suggested(places.case(name), store, config)
     write_json(places.verdict(name, METHOD), digest.model_dump(mode="json"))

@@ -14,6 +14,7 @@ from diagnosis.blind.benchmark import Benchmark, Places
 from diagnosis.blind.curves import recovered, runs_alike
 from diagnosis.blind.digest import Digest, load_digest
 from diagnosis.blind.make import sealed_cases
+from diagnosis.blind.records import checked_rows, read_truth
 from diagnosis.blind.run import METHOD, VARIANTS
 from diagnosis.blind.score import Judged
 from diagnosis.blind.seal import is_sealed
@@ -29,14 +30,14 @@ def open_truths(places: Places, variants: Sequence[str]) -> list[Row]:
     """The cases that the method has judged, with their truths.
 
     Raises:
-        InputError: a truth is not the one that was sealed.
+        InputError: a truth is not the one that was sealed, or a file is not of its form.
     """
     rows = []
     for sealed in sealed_cases(places):
         name = sealed["name"]
         if not places.verdict(name, METHOD).is_file():
             continue
-        truth = read_json(places.truth(name))
+        truth = read_truth(places.truth(name))
         if not is_sealed(truth, sealed["sha256"]):
             raise InputError(f"{places.truth(name)}: is not the truth that was sealed")
         verdicts = {
@@ -45,7 +46,7 @@ def open_truths(places: Places, variants: Sequence[str]) -> list[Row]:
             if places.verdict(name, variant).is_file()
         }
         rows.append({"truth": truth, "sha256": sealed["sha256"], "verdicts": verdicts})
-    return rows
+    return checked_rows(rows, str(places.out))
 
 
 def save_rows(rows: Sequence[Row], path: str | Path) -> None:
@@ -60,9 +61,9 @@ def load_rows(path: str | Path) -> list[Row]:
     """Read a record; the seals of its truths are checked again.
 
     Raises:
-        InputError: no such file, or a truth that does not match its hash.
+        InputError: no such file, not of its form, or a truth that does not match its hash.
     """
-    rows = read_json(path)
+    rows = checked_rows(read_json(path), str(path))
     for row in rows:
         if not is_sealed(row["truth"], row["sha256"]):
             raise InputError(f"{path}: {row['truth'].get('name')}: is not what was sealed")
@@ -104,7 +105,7 @@ def _law(
     law = benchmark.plan.laws.get(name)
     if law is None:
         return None, False
-    section = benchmark.sections[truth["section"]]
+    section = benchmark.section(truth)
     scene = section.scene.changed(effects=dict(truth["effects"]))
     curve = recovered(digest.curve, scene, name, law)
     return curve, runs_alike(digest.effects, scene, name, law)

@@ -15,6 +15,7 @@ from diagnosis.blind.run import METHOD, RANDOM, SUGGESTED
 from diagnosis.blind.score import Judged, Score
 from pipeline.cli import InputError
 from pipeline.files import write_text
+from pipeline.text_files import read_text
 
 SCORE, SPARSE = "score", "sparse"
 """Names of the generated parts; the markers of one are `<!-- score: begin -->` and `end`."""
@@ -32,14 +33,24 @@ def write_page(page: Path, part: str, text: str) -> None:
     """Put the generated text between the markers of a page.
 
     Raises:
-        InputError: the page has no markers.
+        InputError: there is no such page, or it has no markers.
     """
-    whole = page.read_text(encoding="utf-8")
+    before, after = around(page, part)
+    write_text(page, f"{before}\n{text}{after}")
+
+
+def around(page: Path, part: str) -> tuple[str, str]:
+    """What a page has before and after a generated part, markers included.
+
+    Raises:
+        InputError: there is no such page, or it has no markers.
+    """
+    whole = read_text(page)
     markers = [f"<!-- {part}: {end} -->" for end in ("begin", "end")]
     begin, end = (whole.find(marker) for marker in markers)
     if not 0 <= begin < end:
         raise InputError(f"{page}: the lines {markers[0]} and {markers[1]} are missing")
-    write_text(page, f"{whole[: begin + len(markers[0])]}\n{text}{whole[end:]}")
+    return whole[: begin + len(markers[0])], whole[end:]
 
 
 def generated(

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnosis.blind.benchmark import Places
-from diagnosis.blind.digest import Digest, digest_of
+from diagnosis.blind.digest import METHOD, Digest, digest_of
 from diagnosis.blind.make import OnCase, sealed_cases
 from diagnosis.case import load_diagnosis
 from inversion.run_store import RunStore
@@ -22,7 +22,6 @@ from pipeline.cli import WorkFailed
 from pipeline.config import Config
 from pipeline.files import write_json
 
-METHOD = "method"
 #: Variants of a sparse survey with more measurements, see `diagnosis.blind.more`.
 SUGGESTED, RANDOM = "suggested", "random"
 #: Variant -> options that differ from the method's.

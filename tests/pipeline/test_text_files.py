@@ -1,0 +1,24 @@
+"""Text files that are handed in."""
+
+import pytest
+
+from pipeline.cli import InputError
+from pipeline.text_files import read_text
+
+
+def test_text_is_read_whole(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes("\ufeffhöhe\n".encode())
+    assert read_text(path, encoding="utf-8-sig") == "höhe\n"
+
+
+def test_what_is_no_text_is_told_in_one_line(tmp_path):
+    (tmp_path / "latin.csv").write_bytes("höhe\n".encode("latin-1"))
+    for name, words in (
+        ("latin.csv", "is no text in UTF-8"),
+        ("nowhere.csv", "no such file"),
+        (".", "cannot be read: Is a directory"),
+    ):
+        with pytest.raises(InputError) as caught:
+            read_text(tmp_path / name)
+        assert str(caught.value) == f"{tmp_path / name}: {words}"
