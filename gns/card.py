@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from gns.evaluate import Evaluated
 from gns.score_tables import by_template, quantile, worst
 from pipeline.config import validate_settings
 from pipeline.files import read_yaml, write_text
 from pipeline.schemas import document_schema
+from pipeline.strict_numbers import StrictNumbers
 
 CARD_FILE = "card.yaml"
 FAR = 10.0
@@ -27,7 +28,7 @@ FAR = 10.0
 Table = dict[str, dict[str, float | None]]
 
 
-class Part(BaseModel):
+class Part(StrictNumbers):
     """Base of every part: unknown keys and numbers that are not finite are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

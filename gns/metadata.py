@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ConfigDict, ValidationError
 
 from gns.scene_facts import CONTACTS, NUMBERS, PROPERTIES
 from gns.shard import LAYOUT_VERSION
@@ -17,6 +17,7 @@ from gns.statistics import SLOWEST, Moments
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import describe_error
 from pipeline.files import content_hash, read_json, write_json
+from pipeline.strict_numbers import StrictNumbers
 
 METADATA_FILE = "metadata.json"
 
@@ -34,7 +35,7 @@ UNITS = {
 }
 
 
-class Document(BaseModel):
+class Document(StrictNumbers):
     """Base of the parts of the file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 from torch import Tensor, nn
 
 from gns.features import (
@@ -39,6 +39,7 @@ from gns.units import ScaledScene, scaled
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, describe_error
 from pipeline.files import atomic_path
+from pipeline.strict_numbers import StrictNumbers
 
 FORMAT_VERSION = 1
 SINKING = 0.975
@@ -48,7 +49,7 @@ SAME_INTERVAL = 1e-3
 """Relative difference of two frame intervals that are taken for the same."""
 
 
-class SimulatorConfig(BaseModel):
+class SimulatorConfig(StrictNumbers):
     """What makes a simulator what it is, beside its weights; kept with them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -10,12 +10,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from inversion.question import Question
 from pipeline.config import validate_settings
 from pipeline.files import read_json, write_json
 from pipeline.schemas import document_schema
+from pipeline.strict_numbers import StrictNumbers
 
 FILE_NAME = "result.json"
 SCHEMA_FILE = Path("config/result.schema.json")
@@ -23,7 +24,7 @@ SCHEMA_FILE = Path("config/result.schema.json")
 Role = Literal["fitted", "held out", "compared", "constructed"]
 
 
-class Part(BaseModel):
+class Part(StrictNumbers):
     """Base of every part: unknown keys and numbers that are not finite are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
