@@ -64,7 +64,8 @@ class Windows:
         stride: take every so many frames of the data as one; windows begin at any of them.
 
     Raises:
-        InputError: no such data, another layout, or a window that is not longer than its history.
+        InputError: no such data, another layout, flipped bytes, or a window that is not longer than
+            its history.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class Windows:
         for entry in self.metadata.splits[split]:
             shard = Shard(self.folder / entry.file)
             _check_same(shard, entry.key, entry.runs)
+            shard.check()
             letters += [run.template for run in entry.runs]
             runs += [(run.run, len(self._shards), run.frames, run.points) for run in entry.runs]
             self._shards.append(shard)

@@ -160,11 +160,12 @@ def _is_there(path: Path, key: str) -> bool:
         return False
     try:
         shard = Shard(path)
+        if shard.key != key:
+            return False
+        shard.check()
     except InputError:
         return False  # of another layout, or damaged by others: written anew
-    same = shard.key == key
-    shard.close()
-    return same
+    return True
 
 
 def _others(folder: Path, plan: Plan) -> list[Path]:

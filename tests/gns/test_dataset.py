@@ -240,6 +240,18 @@ def test_a_truncated_shard(copy, keep):
     assert "\n" not in str(caught.value)
 
 
+def test_flipped_bytes_are_not_learned_from(copy):
+    """Frames that are still numbers, in a file that is still whole."""
+    path = copy / "valid_000.npz"
+    data = bytearray(path.read_bytes())
+    place = data.index(b"positions.npy") + 600
+    data[place] ^= 0x10
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="valid_000.npz: is damaged.*positions.npy.*pack again"):
+        Windows(copy, "valid")
+    Windows(copy, "train")
+
+
 def test_a_shard_that_is_gone(copy):
     (copy / "valid_000.npz").unlink()
     with pytest.raises(InputError, match="valid_000.npz: no such file"):

@@ -176,9 +176,12 @@ def test_other_trajectories_are_packed_anew(batches, tmp_path):
 def test_a_damaged_shard_is_written_again(batches, tmp_path):
     pack_into(tmp_path, batches)
     whole = files_of(tmp_path)
-    (tmp_path / "test_000.npz").write_bytes(whole["test_000.npz"][:-200])
-    assert pack_into(tmp_path, batches).written == 1
-    assert files_of(tmp_path) == whole
+    flipped = bytearray(whole["test_000.npz"])
+    flipped[len(flipped) // 2] ^= 0x10
+    for spoilt in (whole["test_000.npz"][:-200], bytes(flipped)):
+        (tmp_path / "test_000.npz").write_bytes(spoilt)
+        assert pack_into(tmp_path, batches).written == 1
+        assert files_of(tmp_path) == whole
 
 
 def test_the_physics_version_is_part_of_the_key(batches, tmp_path, monkeypatch):
