@@ -20,14 +20,14 @@ from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_ques
 from geometry.measured import Measured
 from geometry.measured_series import SurfaceProfile
 from geometry.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.measurements import Measurements, load_measurements
+from geometry.measurements import Measurements, check_places, load_measurements
 from geometry.scene import Scene, load_scene, scene_from_mapping
 from inversion.load import SCENE_FILE
 from inversion.mpm_engine import Setup
 from inversion.parameters import Parameters
 from inversion.predictions import Targets, make_targets
 from inversion.question import FILE_NAME as INVERSION_FILE
-from inversion.question import Question, ZoneBoundary, load_question
+from inversion.question import Question, ZoneBoundary, check_zones, load_question
 from inversion.run_store import RunStore
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
@@ -168,6 +168,7 @@ def load_diagnosis(
     *,
     spacing_m: float | None = None,
     model: ModelFile | None = None,
+    model_source: str = "",
     with_transfer: bool = True,
 ) -> DiagnosisCase:
     """Read a case folder.
@@ -178,6 +179,7 @@ def load_diagnosis(
         spacing_m: of material points; None: that of `diagnosis.yaml`, of `inversion.yaml` or of the
             scene, times `diagnosis.spacing_factor`.
         model: what stands in place of the base model: the scene changed, effects switched on.
+        model_source: its file, for messages.
         with_transfer: read the case that `transfer_check` names as well.
 
     Raises:
@@ -195,12 +197,19 @@ def load_diagnosis(
     question = load_diagnosis_question(folder)
     own = question.spacing_m or inversion.spacing_m or scene.spacing
     spacing = own * config.diagnosis.spacing_factor if spacing_m is None else spacing_m
-    if spacing != scene.spacing:
+    surveyed = scene.spacing
+    if spacing != surveyed:
         document = {**scene.model_dump(), "spacing": spacing}
         scene = scene_from_mapping(document, f"{folder / SCENE_FILE} at {spacing:g} m spacing")
+    source = str(folder / SCENE_FILE)
     if model is not None:
-        scene = model.scene(scene)
-    effects_on(scene, str(folder / SCENE_FILE))
+        source = model_source or "model"
+        scene = model.scene(scene, source)
+        # What was measured and what is sought must be in the changed section as well.
+        at_least = scene.model_copy(update={"spacing": max(surveyed, scene.spacing)})
+        check_places(measurements, at_least, f"{source}: {folder / MEASUREMENTS_FILE}")
+        check_zones(inversion, scene, f"{source}: {folder / INVERSION_FILE}")
+    effects_on(scene, source)
     simulation = config.simulation
     duration = question.duration_s or inversion.duration_s
     if duration is not None:

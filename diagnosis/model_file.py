@@ -29,10 +29,6 @@ class ModelEffect(Document):
 
     amplitude: float = Field(description="its size, in the effect's unit; where a model begins")
     std: float | None = Field(None, ge=0, description="standard deviation found by a fit")
-    low: float | None = Field(None, description="lower bound of a fit; null: the effect's own")
-    high: float | None = Field(None, description="upper bound of a fit; null: the effect's own")
-    prior_mean: float | None = Field(None, description="most likely amplitude; null: none")
-    prior_std: float | None = Field(None, gt=0, description="its standard deviation; null: none")
     parameters: dict[str, float] = Field(
         default_factory=dict, description="further numbers of the effect, as in a scene"
     )
@@ -80,11 +76,18 @@ class ModelFile(Document):
             InputError: the changes do not fit the scene.
         """
         document = merged(scene.model_dump(mode="json"), self.scene_changes, source)
-        document["effects"] = {
-            **document.get("effects", {}),
-            **{name: effect.entry for name, effect in self.effects.items()},
-        }
-        return scene_from_mapping(document, source)
+        own = {name: effect.entry for name, effect in self.effects.items()}
+        if isinstance(document["effects"], Mapping):  # the scene says what else it must be
+            document["effects"] = {**document["effects"], **own}
+        changed = scene_from_mapping(document, source)
+        there = {zone.name for zone in changed.zones}
+        for zone in scene.zones:
+            if zone.name not in there:
+                raise InputError(
+                    f"{source}: scene_changes: zones: {zone.name!r} is gone; a model keeps the "
+                    "names of the zones"
+                )
+        return changed
 
 
 def merged(document: dict[str, Any], changes: Mapping[str, Any], source: str) -> dict[str, Any]:
@@ -160,6 +163,27 @@ def find_model(folder: str | Path, text: str) -> tuple[str, Path]:
         return text, known[text]
     there = f"there are {', '.join(known)}" if known else "there are none yet: begin with compare"
     raise InputError(f"--model {text}: no such file, and no model of {folder}; {there}")
+
+
+def check_parent(model: ModelFile, path: Path, folder: str | Path) -> None:
+    """Refuse a parent that a person has given and that is not there; those we wrote may be gone.
+
+    Args:
+        model: what stands in the file.
+        path: the file.
+        folder: of the diagnosis.
+
+    Raises:
+        InputError: there is none.
+    """
+    if model.by != "engineer" or model.parent in (None, BASE):
+        return
+    beside = {other.stem for other in path.parent.glob("*.yaml")}
+    known = {BASE, *beside, *model_files(folder)} - {path.stem}
+    if model.parent not in known:
+        raise InputError(
+            f"{path}: parent: no model {model.parent!r}; there are {', '.join(sorted(known))}"
+        )
 
 
 def new_name(folder: str | Path, what: str) -> str:

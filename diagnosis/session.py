@@ -24,7 +24,7 @@ import mpm_taichi
 from diagnosis.batch_lines import BatchLines
 from diagnosis.case import DiagnosisCase, load_diagnosis
 from diagnosis.model import State
-from diagnosis.model_file import BASE, ModelFile, find_model, load_model_file
+from diagnosis.model_file import BASE, ModelFile, check_parent, find_model, load_model_file
 from diagnosis.mpm_model import MPMModel
 from diagnosis.options import Options
 from diagnosis.report_sections import save_sections
@@ -261,11 +261,14 @@ def open_session(arguments: argparse.Namespace) -> Session:
     load_given_effects(arguments)
     place = case_folder(arguments.case)
     folder = Path(arguments.out or Path(config.results_folder) / place.resolve().name / "diagnosis")
-    name, path = BASE, None
+    name, model, origin = BASE, None, ""
     if arguments.model is not None:
         name, path = find_model(folder, arguments.model)
-    model = None if path is None else load_model_file(path)
-    case = load_diagnosis(place, config, spacing_m=arguments.spacing, model=model)
+        model, origin = load_model_file(path), str(path)
+        check_parent(model, path, folder)
+    case = load_diagnosis(
+        place, config, spacing_m=arguments.spacing, model=model, model_source=origin
+    )
 
     def say(line: str) -> None:
         if not arguments.quiet:

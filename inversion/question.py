@@ -261,7 +261,7 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
     except ValidationError as error:
         text = document_error(error, str(path))
         raise InputError(text.replace("docs/geometry.md", "docs/inversion.md")) from None
-    _check_zones(question, scene, str(path))
+    check_zones(question, scene, str(path))
     return question
 
 
@@ -269,8 +269,12 @@ def _place(zone: str) -> str:
     return zone if zone == POOL else f"zone {zone!r}"
 
 
-def _check_zones(question: Question, scene: Scene, source: str) -> None:
-    """Every zone that is named must be one of the scene; a level that is sought must be there."""
+def check_zones(question: Question, scene: Scene, source: str) -> None:
+    """Every zone that is named must be one of the scene; a level that is sought must be there.
+
+    Raises:
+        InputError: naming the first that is not.
+    """
     for parameter in question.parameters:
         if parameter.property == "water_level" and scene.water_level is None:
             raise InputError(

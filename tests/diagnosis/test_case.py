@@ -8,10 +8,14 @@ import pytest
 import yaml
 
 from diagnosis.case import load_diagnosis
+from diagnosis.model_file import ModelFile
 from diagnosis.options import HoldOut
 from inversion.run_store import RunStore
 from pipeline.cli import InputError
 from pipeline.config import Config, load_config
+
+#: Outline of the fill without its top two metres.
+LOWER = [[10, 5], [44, 5], [44, 0], [64, 0], [36, 10], [22, 10]]
 
 
 def write(folder, document: dict | str) -> None:
@@ -142,6 +146,20 @@ def test_the_case_that_judges_the_answer_is_read_at_once(embankment, tmp_path):
     write(other, {"effects": ["gravity"]})
     with pytest.raises(InputError, match="transfer_check: .*other.*: effects: no effect 'gravity'"):
         load_diagnosis(embankment, Config())
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"zones": {"sand": {"name": "silt"}}}, "01_x.yaml: scene_changes: zones: 'sand' is gone"),
+        ({"effects": {"magic": 1.0}}, "01_x.yaml: effect 'magic' is unknown"),
+        ({"zones": {"fill": {"polygon": LOWER}}}, "01_x.yaml: .*'marker 3': the marker .* no zone"),
+    ],
+)
+def test_a_model_that_does_not_fit_the_case(embankment, changes, complaint):
+    model = ModelFile(scene_changes=changes)
+    with pytest.raises(InputError, match=complaint):
+        load_diagnosis(embankment, Config(), model=model, model_source="01_x.yaml")
 
 
 def test_a_folder_that_is_none(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from diagnosis.model_file import (
     ModelEffect,
     ModelFile,
+    check_parent,
     find_model,
     load_model_file,
     model_files,
@@ -47,7 +48,7 @@ def test_a_model_is_written_as_it_is_read(tmp_path):
         parent="00_base",
         by="extend",
         notes="a test: with a colon",
-        effects={"weak_base": ModelEffect(amplitude=0.25, std=0.1, prior_mean=0.2, prior_std=0.1)},
+        effects={"weak_base": ModelEffect(amplitude=0.25, std=0.1, parameters={"width_m": 3.0})},
         scene_changes={"water_level": None},
     )
     path = tmp_path / "models" / "01_weak_base.yaml"
@@ -80,6 +81,9 @@ def test_models_are_numbered_in_their_order(tmp_path):
         ("effect: {weak_base: 1}\n", "effect: unknown key; the keys are listed in docs/diagnosis"),
         ("by: chance\n", "by: Input should be 'engineer'"),
         ("effects: {weak_base: {std: 1}}\n", "effects.weak_base.amplitude: Field required"),
+        ("effects: 3\n", "effects: Input should be a valid dictionary"),
+        ("effects: {weak_base: {amplitude: 1, high: 2}}\n", "weak_base.high: unknown key"),
+        ("scene_changes: 3\n", "scene_changes: Input should be a valid dictionary"),
     ],
 )
 def test_what_is_refused(tmp_path, text, complaint):
@@ -96,8 +100,30 @@ def test_what_is_refused(tmp_path, text, complaint):
         ({"zones": {"core": {"material": "x"}}}, "zones: 'core': keys of one of the zones sand, f"),
         ({"materials": {"compacted_fill": {"colour": 1}}}, "compacted_fill.colour: unknown key"),
         ({"spacing": -1}, "spacing: Input should be greater than 0"),
+        ({"effects": 3}, r"effects: is a mapping, effect: amplitude .*\(got 3\)"),
+        ({"zones": {"sand": {"name": "silt"}}}, "zones: 'sand' is gone; a model keeps the names"),
+        ({"zones": 3}, "zones: Input should be a valid list"),
+        ({"zones": {"sand": 3}}, "zones: 'sand': keys of one of the zones sand, fill"),
+        ({"materials": {"loose_sand": None}}, "materials.loose_sand: Input should be a valid dict"),
     ],
 )
 def test_changes_that_do_not_fit_the_scene(scene, changes, complaint):
-    with pytest.raises(InputError, match=complaint):
-        ModelFile(scene_changes=changes).scene(scene, "02_x.yaml")
+    model = ModelFile(scene_changes=changes, effects={"weak_base": {"amplitude": 0.3}})
+    with pytest.raises(InputError, match=complaint) as caught:
+        model.scene(scene, "02_x.yaml")
+    assert str(caught.value).startswith("02_x.yaml: ") and "\n" not in str(caught.value)
+
+
+def test_a_parent_that_a_person_names_is_there(tmp_path):
+    models = tmp_path / "models"
+    for name in ("01_weak_base", "02_core"):
+        save_model_file(ModelFile(), models / f"{name}.yaml")
+    elsewhere = tmp_path / "mine.yaml"
+    save_model_file(ModelFile(), elsewhere)
+    for parent in (None, "00_base", "01_weak_base"):
+        check_parent(ModelFile(parent=parent), elsewhere, tmp_path)
+    # What extend and run have written may have lost its parent; it holds all of its effects.
+    check_parent(ModelFile(parent="gone", by="extend"), models / "02_core.yaml", tmp_path)
+    for path, parent in ((elsewhere, "01_weak"), (models / "02_core.yaml", "02_core")):
+        with pytest.raises(InputError, match=f"{path}: parent: no model '{parent}'; there are 00_"):
+            check_parent(ModelFile(parent=parent), path, tmp_path)
