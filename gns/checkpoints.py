@@ -9,6 +9,7 @@ appears when it is whole.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,10 +20,13 @@ import torch
 from gns.simulator import FORMAT_VERSION, Simulator, read_document
 from pipeline.cli import InputError
 from pipeline.files import atomic_path, make_folder, only_one, write_text
+from pipeline.text_files import read_text
 
 MODEL_FILE = "model.pt"
 METRICS_FILE = "metrics.jsonl"
 STATE_FILE = Path("state") / "last.pt"
+DRAWN = ("score", "position_error", "runout_error")
+"""Numbers of a validation that a picture shows."""
 
 
 class ModelFolder:
@@ -134,17 +138,38 @@ class ModelFolder:
             file.write(json.dumps(line, allow_nan=False) + "\n")
 
     def read_metrics(self) -> list[dict[str, Any]]:
-        """All lines; a last one that a kill has cut short is left out."""
+        """All lines; a last one that a kill has cut short is left out.
+
+        Raises:
+            InputError: no text, or a line that is none of a training.
+        """
+        if not self.metrics.exists():
+            return []
         lines = []
-        if self.metrics.exists():
-            for text in self.metrics.read_text(encoding="utf-8").splitlines():
-                try:
-                    lines.append(json.loads(text))
-                except json.JSONDecodeError:
-                    break
+        for number, text in enumerate(read_text(self.metrics).splitlines(), start=1):
+            try:
+                line = json.loads(text)
+            except json.JSONDecodeError:
+                break
+            if not _is_of_a_training(line):
+                raise InputError(
+                    f"{self.metrics}: line {number}: {text[:40]!r} is no line of a training: it "
+                    "has a step, and a loss or a validation"
+                )
+            lines.append(line)
         return lines
 
     def cut_metrics(self, step: int) -> None:
         """Forget what was written after a step: the steps from there on are taken again."""
         kept = [line for line in self.read_metrics() if line["step"] <= step]
         write_text(self.metrics, "".join(json.dumps(line, allow_nan=False) + "\n" for line in kept))
+
+
+def _is_of_a_training(line: Any) -> bool:
+    """Numbers stand where they are drawn: of a stretch of steps, or of a validation."""
+    if not isinstance(line, dict) or not isinstance(line.get("step"), int):
+        return False
+    found = line.get("validation", dict.fromkeys(DRAWN, 0.0))
+    numbers = [line.get("loss", 0.0)]
+    numbers += [found.get(name) for name in DRAWN] if isinstance(found, dict) else [None]
+    return all(isinstance(number, int | float) and math.isfinite(number) for number in numbers)

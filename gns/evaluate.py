@@ -22,6 +22,7 @@ from gns.scene_facts import SceneFacts, before
 from gns.simulator import Simulator
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
+from pipeline.text_files import read_text
 
 ONE_STEP_STRIDE = 7
 """Single steps are judged from every so many frames."""
@@ -149,14 +150,19 @@ def read_mpm_seconds(path: str | Path) -> dict[int, float]:
     Raises:
         InputError: no such file, or not such a table.
     """
-    if not Path(path).is_file():
-        raise InputError(f"{path}: no such file")
-    with Path(path).open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
     try:
-        return {int(row["index"]): float(row["wall_time_s"]) for row in rows}
-    except (KeyError, ValueError):
+        rows = list(csv.DictReader(read_text(path).splitlines()))
+        found = {int(row["index"]): float(row["wall_time_s"]) for row in rows}
+    except (KeyError, ValueError, TypeError, csv.Error) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(
-            f"{path}: has no columns index and wall_time_s; it is to be a table of "
+            f"{path}: has no numbers in columns index and wall_time_s; it is to be a table of "
             "python -m mpm_taichi status --csv"
         ) from None
+    for index, seconds in found.items():
+        if not 0.0 <= seconds < math.inf:
+            raise InputError(
+                f"{path}: run {index}: wall_time_s {seconds:g}: at least 0, and finite"
+            )
+    return found

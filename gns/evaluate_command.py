@@ -63,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not runs:
         raise InputError(f"{data}: no run in the split {arguments.split}")
     mpm_seconds = None if arguments.mpm is None else read_mpm_seconds(arguments.mpm)
+    lines = ModelFolder(model).read_metrics()
     with Progress(len(runs), "evaluating", quiet=arguments.quiet) as bar:
         found = evaluate(
             simulator,
@@ -79,7 +80,6 @@ def run(arguments: argparse.Namespace) -> int:
     save_scores(model / "evaluation.csv", found)
     _draw_worst(simulator, windows, found, model / "worst.png")
     if (model / METRICS_FILE).is_file():
-        lines = ModelFolder(model).read_metrics()
         save_history(lines, model / "training.png", f"{model}: {len(lines)} lines of metrics")
     name = arguments.name or arguments.scale or model.resolve().name
     write_card(

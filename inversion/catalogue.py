@@ -16,6 +16,7 @@ from typing import Any
 
 from pipeline.cli import InputError
 from pipeline.files import read_json
+from pipeline.text_files import read_text
 
 FOLDER = Path(__file__).resolve().parent.parent / "case_histories"
 CATALOGUE_FILE, STRENGTHS_FILE = "catalogue.csv", "catalogue_strengths.csv"
@@ -224,15 +225,21 @@ def _check(strength: Strength, known: set[str], where: str) -> None:
 
 def _rows(path: Path, columns: Iterable[str]) -> list[tuple[str, dict[str, str]]]:
     """Rows of a CSV file with comments, each with its place for messages."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    text = path.read_text(encoding="utf-8").splitlines()
+    text = read_text(path).splitlines()
     numbered = [(n, line) for n, line in enumerate(text, 1) if line and not line.startswith("#")]
     reader = csv.DictReader(line for _, line in numbered)
     for column in columns:
         if column not in (reader.fieldnames or []):
             raise InputError(f"{path}: column {column} is missing")
-    rows = list(reader)
+    try:
+        rows = list(reader)
+    except csv.Error as error:
+        raise InputError(f"{path}: is no table: {error}") from None
+    if len(rows) != len(numbered) - 1:
+        raise InputError(f"{path}: a quoted text goes over several lines; a row is one line")
+    for (n, _), row in zip(numbered[1:], rows, strict=True):
+        if None in row:
+            raise InputError(f"{path}: line {n}: has more cells than there are columns")
     return [
         (f"{path}: line {n}", {key: (value or "").strip() for key, value in row.items()})
         for (n, _), row in zip(numbered[1:], rows, strict=True)

@@ -29,7 +29,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     )
     parser.add_argument(
         "--results",
-        default="results",
         metavar="DIR",
         help=f"folder in which */inversion/{FILE_NAME} are looked for; default: results",
     )
@@ -38,24 +37,35 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table; draw the picture if asked."""
-    print(catalogue_table(load_catalogue(), load_strengths()))
     found = arguments.result
     if found is None:
-        found = sorted(Path(arguments.results).glob(f"*/inversion/{FILE_NAME}"))
+        found = sorted(_results(arguments.results).glob(f"*/inversion/{FILE_NAME}"))
     answers = load_answers(found)
+    if arguments.out is not None and Path(arguments.out).is_dir():
+        raise InputError(f"--out {arguments.out}: is a folder; give the name of a picture")
+    print(catalogue_table(load_catalogue(), load_strengths()))
     for answer in answers:
         print(
             f"our answer: {answer.title}, {answer.label}: {answer.s_r_kpa:.3g} +- "
             f"{answer.std_kpa:.2g} kPa, ratio {answer.ratio:.3f} +- {answer.ratio_std:.3f}"
         )
     if arguments.out is not None:
-        if Path(arguments.out).is_dir():
-            raise InputError(f"--out {arguments.out}: is a folder; give the name of a picture")
         from inversion.draw_catalogue import draw_catalogue  # matplotlib takes its time
 
         draw_catalogue(arguments.out, answers)
         print(f"wrote {arguments.out}")
     return 0
+
+
+def _results(given: str | None) -> Path:
+    """The folder of --results; without it `results`, which need not be there yet.
+
+    Raises:
+        InputError: a folder that was named is not there.
+    """
+    if given is not None and not Path(given).is_dir():
+        raise InputError(f"--results {given}: no such folder")
+    return Path("results" if given is None else given)
 
 
 def catalogue_table(entries: Sequence[Entry], strengths: Sequence[Strength]) -> str:

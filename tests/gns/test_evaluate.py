@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import shutil
 
 import jsonschema
 import numpy as np
@@ -181,3 +182,38 @@ def test_wrong_input_is_one_line(packed, model, tmp_path):
     (tmp_path / "wrong.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="wall_time_s"):
         read_mpm_seconds(tmp_path / "wrong.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"\x89PNG\r\n\x1a\n\xff\x00", "is no text in UTF-8"),
+        (b"index,wall_time_s\n1,2.5\n2\n", "no numbers in columns index and wall_time_s"),
+        (b"index,wall_time_s\n1,nan\n", "run 1: wall_time_s nan: 0 or more"),
+    ],
+)
+def test_times_of_simulations_that_are_none(packed, model, tmp_path, content, words):
+    path = tmp_path / "runs.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=f"runs.csv: .*{words}|runs.csv: {words}"):
+        main(["evaluate", "--data", str(packed), "--model", str(model), "--mpm", str(path)])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"\x89PNG\r\n\x1a\n\xff\x00", "metrics.jsonl: is no text in UTF-8"),
+        (b"[1]\n", r"metrics.jsonl: line 1: '\[1\]' is no line of a training"),
+        (b'{"step": 1, "loss": null}\n', "line 1: .* is no line of a training"),
+        (b'{"step": 1, "validation": {}}\n', "line 1: .* is no line of a training"),
+    ],
+)
+def test_metrics_that_are_none_are_told_before_the_rollouts(
+    packed, model, tmp_path, content, words
+):
+    folder = shutil.copytree(model, tmp_path / "model")
+    (folder / "metrics.jsonl").write_bytes(content)
+    before = sorted(path.name for path in folder.iterdir())
+    with pytest.raises(InputError, match=words):
+        main(["evaluate", "--data", str(packed), "--model", str(folder), "--quiet"])
+    assert sorted(path.name for path in folder.iterdir()) == before

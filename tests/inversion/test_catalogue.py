@@ -126,6 +126,31 @@ def test_strengths_that_do_not_hold_together(tmp_path, old, new, complaint):
         load_strengths(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"\x89PNG\r\n\x1a\n\xff\x00", "is no text in UTF-8"),
+        ("case;höhe".encode("latin-1"), "is no text in UTF-8"),
+        (b"", "column name is missing"),
+    ],
+)
+@pytest.mark.parametrize("name", ["catalogue.csv", "catalogue_strengths.csv"])
+def test_tables_that_are_none(tmp_path, name, content, complaint):
+    for one in ("catalogue.csv", "catalogue_strengths.csv"):
+        shutil.copy(FOLDER / one, tmp_path)
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: {complaint}"):
+        load_strengths(tmp_path)
+
+
+def test_a_row_that_is_too_long_or_goes_on(tmp_path):
+    text = (FOLDER / "catalogue.csv").read_text()
+    for more, complaint in ((",1,2", "has more cells than"), (',"', "goes over several lines")):
+        (tmp_path / "catalogue.csv").write_text(text.rstrip() + f"{more}\n{'x' * bool(more)}\n")
+        with pytest.raises(InputError, match=complaint):
+            load_catalogue(tmp_path)
+
+
 # --- our answers ---
 
 
@@ -189,3 +214,7 @@ def test_the_command_prints_and_draws(tmp_path, capsys):
         draw_catalogue(tmp_path / "c.txt")
     with pytest.raises(InputError, match="is a folder; give the name of a picture"):
         main(["catalogue", "--out", str(tmp_path)])
+    capsys.readouterr()
+    with pytest.raises(InputError, match="--results .*nowhere: no such folder"):
+        main(["catalogue", "--results", str(tmp_path / "nowhere")])
+    assert capsys.readouterr().out == ""
