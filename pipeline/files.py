@@ -26,6 +26,11 @@ import yaml
 from pipeline.cli import InputError, WorkFailed
 
 _HASH_LENGTH = 16
+_MOST_NESTED = 100
+"""Lists and mappings within one another; documents of ours have a tenth of it."""
+_TOO_DEEP = f"lists and mappings are nested more than {_MOST_NESTED} deep"
+_MOST_DIGITS = 300
+"""Of an integer; a float ends at 308."""
 _counter = itertools.count()
 
 
@@ -111,16 +116,21 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     """Read a JSON file; a missing file, bad syntax, a repeated key or NaN is an `InputError`."""
     text = _read_text(path)
     try:
-        return json.loads(
-            text,
-            object_pairs_hook=_refuse_repeated_keys,
-            parse_constant=_refuse_constant,
-            parse_float=_finite_float,
+        return _not_too_deep(
+            json.loads(
+                text,
+                object_pairs_hook=_refuse_repeated_keys,
+                parse_constant=_refuse_constant,
+                parse_float=_finite_float,
+                parse_int=_finite_int,
+            )
         )
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}: not valid JSON: {error.msg}") from None
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: {_TOO_DEEP}") from None
 
 
 def read_yaml(path: str | os.PathLike[str]) -> Any:
@@ -131,7 +141,7 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
 def parse_yaml(text: str, *, name: str) -> Any:
     """Read YAML from a string; `name` stands for it in messages."""
     try:
-        return yaml.load(text, Loader=_CheckedLoader)
+        return _not_too_deep(yaml.load(text, Loader=_CheckedLoader))
     except yaml.MarkedYAMLError as error:
         line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise InputError(f"{name}: {line}not valid YAML: {error.problem or error}") from None
@@ -139,8 +149,12 @@ def parse_yaml(text: str, *, name: str) -> Any:
         raise InputError(f"{name}: not valid YAML: {error}") from None
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-    except ValueError as error:  # an explicit tag such as `!!float x`
+    except RecursionError:
+        raise InputError(f"{name}: {_TOO_DEEP}") from None
+    except (ValueError, OverflowError) as error:
         raise InputError(f"{name}: not valid YAML: {error}") from None
+    except (LookupError, TypeError, AttributeError):  # PyYAML on `!!bool maybe` and the like
+        raise InputError(f"{name}: not valid YAML: a value does not fit its tag (!!)") from None
 
 
 def file_hash(path: str | os.PathLike[str]) -> str:
@@ -227,6 +241,30 @@ def _finite_float(text: str) -> float:
     return value
 
 
+def _finite_int(text: str) -> int:
+    # Python refuses to read integers of thousands of digits, and float() those of hundreds.
+    digits = len(text.lstrip("+-").lstrip("0"))
+    if digits > _MOST_DIGITS:
+        raise InputError(f"an integer of {digits} digits: at most {_MOST_DIGITS} can be used")
+    return int(text)
+
+
+def _not_too_deep(value: Any) -> Any:
+    """The value; nesting that later steps could not follow, or within itself, is refused."""
+    layer = [[value]]
+    for _ in range(_MOST_NESTED + 1):
+        inner = (
+            item
+            for outer in layer
+            for item in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(item, dict | list)
+        )
+        layer = list({id(item): item for item in inner}.values())  # what has two aliases: once
+        if not layer:
+            return value
+    raise InputError(_TOO_DEEP)
+
+
 class _CheckedLoader(yaml.SafeLoader):
     """Plain values of YAML 1.2, unlike PyYAML's 1.1: 1e-5 is a number and `no` is a word."""
 
@@ -258,7 +296,10 @@ class _CheckedLoader(yaml.SafeLoader):
         return value
 
     def construct_decimal(self, node: yaml.ScalarNode) -> int:
-        return int(node.value)
+        try:
+            return _finite_int(node.value)
+        except InputError as error:
+            raise InputError(f"line {node.start_mark.line + 1}: {error}") from None
 
 
 _CheckedLoader.add_constructor("tag:yaml.org,2002:float", _CheckedLoader.construct_finite_float)

@@ -139,6 +139,10 @@ def test_json_is_not_written_with_what_is_no_number(tmp_path, value):
         ('{"a": 1e999}', "1e999"),
         ('{"a": 1, "a": 2}', "'a' is given twice"),
         ('{\n"a": }', "line 2"),
+        ("[" * 200_000, "nested more than 100 deep"),
+        ("[" * 102 + "]" * 102, "nested more than 100 deep"),
+        ("9" * 5000, "an integer of 5000 digits: at most 300"),
+        ("-" + "9" * 400, "an integer of 400 digits: at most 300"),
     ],
 )
 def test_bad_json_is_one_line_that_names_the_file(tmp_path, text, message):
@@ -163,6 +167,15 @@ def test_bad_json_is_one_line_that_names_the_file(tmp_path, text, message):
         ("a: !!python/object:os.system x", "not valid YAML"),
         ("a: !!float x", "not valid YAML"),
         ("a: \x00", "not valid YAML"),
+        ("a: !!float ''", "a value does not fit its tag"),
+        ("a: !!bool maybe", "a value does not fit its tag"),
+        ("a: !!timestamp soon", "a value does not fit its tag"),
+        ("a: !!set [1]", "a value does not fit its tag"),
+        ('a: "\\UFFFFFFFF"', "not valid YAML"),
+        ("[" * 5000, "nested more than 100 deep"),
+        ("{a: " * 102 + "}" * 102, "nested more than 100 deep"),
+        ("a: &within [*within, *within]", "nested more than 100 deep"),
+        ("a: 1\nb: " + "9" * 5000, "line 2: an integer of 5000 digits: at most 300"),
     ],
 )
 def test_bad_yaml_names_the_file_and_the_line(tmp_path, text, message):
@@ -186,6 +199,16 @@ def test_yaml_means_what_it_looks_like():
         "h": -0.5,
         "i": [1, 2.0],
     }
+
+
+def test_what_is_nested_and_large_within_reason_is_read(tmp_path):
+    text = "[" * 100 + "9" * 300 + "]" * 100
+    (tmp_path / "a.json").write_text(text)
+    assert read_json(tmp_path / "a.json") == parse_yaml(text, name="test")
+    # A hundred million items if each alias were followed anew.
+    laughs = ["- &a0 [1]"]
+    laughs += [f"- &a{n} [{', '.join(10 * [f'*a{n - 1}'])}]" for n in range(1, 9)]
+    assert len(parse_yaml("\n".join(laughs), name="test")) == 9
 
 
 def test_yaml_merge_keys_work():
