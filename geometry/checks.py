@@ -59,7 +59,7 @@ def check_zones(
                 f"zones: zone {name!r} is a sliver, nowhere as wide as the spacing {spacing:g} m; "
                 "give it width, join it to a neighbour or take a smaller spacing"
             )
-    tolerance = AREA_TOLERANCE * spacing**2
+    tolerance = AREA_TOLERANCE * spacing * spacing  # not a square, which may overflow
     _check_above(shapes, ground, tolerance)
     _check_apart(shapes, tolerance)
 
@@ -97,7 +97,7 @@ def area(vertices: Sequence[Point]) -> float:
 
 def _check_places(box: tuple[float, float, float], ground: Sequence[Point], spacing: float) -> None:
     x_min, x_max, y_max = box
-    places = (x_max - x_min) * (y_max - min(y for _, y in ground)) / spacing**2
+    places = (x_max - x_min) / spacing * ((y_max - min(y for _, y in ground)) / spacing)
     if not places <= MOST_PLACES:
         raise ValueError(
             f"spacing: {spacing:g} m gives the domain {places:.2g} places for points; allowed are "

@@ -78,6 +78,8 @@ def changed(document: dict, path: str, value) -> dict:
         ("materials.sand.saturated_density", 1000.0, "is below density 1800"),
         ("materials.spare", {"friction_deg": 1, "cohesion_kpa": 1}, "'spare' is used by no zone"),
         ("spacing", 1e-4, "places for points; allowed are 5e+07"),
+        ("spacing", 1e-200, "spacing: 1e-200 m gives the domain inf places for points"),
+        ("spacing", 1e200, "nowhere as wide as the spacing 1e+200 m"),
         ("points_per_cell", 5, "5 is not a square number"),
         ("jitter", 1.0, "less than 1"),
         ("phreatic_line", [[5, 3], [4, 3]], "x must ascend"),
