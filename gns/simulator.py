@@ -282,12 +282,26 @@ class Simulator(nn.Module):
         try:
             config = SimulatorConfig.model_validate(json.loads(document["config"]))
             simulator = cls(config)
+            _check_weights(document["weights"], source)
             simulator.load_state_dict(document["weights"])
         except ValidationError as error:
             raise InputError(f"{source}: {describe_error(error, SimulatorConfig)}") from None
-        except (KeyError, RuntimeError, ValueError) as error:
+        except InputError:
+            raise
+        except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise InputError(f"{source}: is not a model of this program: {error}") from None
         return simulator
+
+
+def _check_weights(weights: Any, source: str) -> None:
+    """Refuse what are no weights, and weights that are no numbers: a rollout would end at once."""
+    if not isinstance(weights, Mapping):
+        raise InputError(f"{source}: weights: is {type(weights).__name__}, not names with tensors")
+    for name, values in weights.items():
+        if not isinstance(values, Tensor):
+            raise InputError(f"{source}: weights: {name} is {type(values).__name__}, not a tensor")
+        if not bool(torch.isfinite(values).all()):
+            raise InputError(f"{source}: weights: {name} holds a value that is not finite")
 
 
 def read_document(path: str | Path, device: torch.device | str = "cpu") -> dict[str, Any]:

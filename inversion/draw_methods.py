@@ -158,6 +158,8 @@ def _published(data: ReportData, names: list[str]) -> Iterator[Strength]:
     for key, entry in data.result.published.items():
         if "zones" in entry and not zones & set(map(str, entry["zones"])):
             continue
+        if entry.get("value") is None:
+            continue
         yield _other(key, entry)
 
 

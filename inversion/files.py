@@ -13,6 +13,7 @@ from geometry.fill import fill
 from inversion.back_analysis import BackAnalysis
 from inversion.engines import side_by_side
 from inversion.result import Result, save_result
+from inversion.result_whole import check_classical
 from inversion.run_store import write_arrays
 from pipeline.cli import InputError
 from pipeline.files import read_json, write_text
@@ -122,4 +123,8 @@ def classical_beside(folder: Path) -> list[dict]:
         raise InputError(
             f"{path}: has no list `analyses`; write it by python -m inversion classical"
         )
+    try:
+        check_classical(analyses)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; write it by python -m inversion classical") from None
     return analyses

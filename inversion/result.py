@@ -10,9 +10,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
 from inversion.question import Question
+from inversion.result_whole import check_whole
 from pipeline.config import validate_settings
 from pipeline.files import read_json, write_json
 from pipeline.schemas import document_schema
@@ -306,6 +307,11 @@ class Result(Part):
     timings: dict[str, float] = Field(description="wall time by stage, s")
     runs: int = Field(description="simulations asked for, cached ones included")
     runs_to_answer: int = Field(description="of these, until the search for the answer ended")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Result:
+        check_whole(self)
+        return self
 
 
 def load_result(path: str | Path) -> Result:

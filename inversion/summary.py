@@ -153,7 +153,7 @@ def _others_table(result: Result) -> str:
                 ]
             )
     for name, entry in result.published.items():
-        if "value" in entry:
+        if entry.get("value") is not None:
             low, high = entry.get("low"), entry.get("high")
             span = "" if low is None else f"{low:g}-{high:g}"
             words = [name.replace("_", " "), f"{entry['value']:.1f}", span]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -54,7 +54,7 @@ POSITION_CHUNK = (32, 512, 1)
 
 _GROUP = re.compile(r"run_(\d{5,})")
 # What h5py raises on a file that is cut short or damaged, depending on where the damage is.
-_DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError)
+_DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError)
 
 
 @dataclass
@@ -288,7 +288,34 @@ def read_run(path: str | Path, index: int, fields: Sequence[str] | None = None) 
         run.wall_contact = json.loads(attributes["wall_contact"])
         run.wall_time_s = float(attributes["wall_time_s"])
         run.steps = int(attributes["steps"])
+        frames, points = int(attributes["frames"]), int(attributes["points"])
+        _check_read(run, wanted, frames, points, f"{path}: {group_name(index)}")
     return run
+
+
+def _check_read(run: Run, wanted: Collection[str], frames: int, points: int, where: str) -> None:
+    """Refuse arrays that are not of the size that the run states, or that name no zone."""
+    expected = {"positions": (frames, points, 2), "time": (frames,)}
+    expected |= {name: (points, *trailing) for name, (trailing, _) in POINT_FIELDS.items()}
+    found = {name: getattr(run, name) for name in expected if name in wanted}
+    found |= {f"energy/{name}": values for name, values in run.energy.items()}
+    for name, values in found.items():
+        shape = expected.get(name, (frames,))
+        if values.shape != shape or values.dtype.kind not in "fiub":
+            raise InputError(
+                f"{where}: {name}: {values.dtype} {values.shape}, but the run says numbers "
+                f"{shape}; the file is cut short or damaged"
+            )
+    for name, known in (("material", run.scene.materials), ("zone", run.scene.zones)):
+        values = found.get(name, np.zeros(0))
+        if values.size and not (values.min() >= 0 and values.max() < len(known)):
+            raise InputError(
+                f"{where}: {name}: {values.min()} to {values.max()}; its scene has 0 to "
+                f"{len(known) - 1}"
+            )
+    for name in ("audit", "wall_contact"):
+        if not isinstance(getattr(run, name), dict):
+            raise InputError(f"{where}: {name}: is no mapping; the file is damaged")
 
 
 def list_runs(path: str | Path) -> list[RunSummary]:

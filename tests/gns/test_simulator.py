@@ -166,6 +166,15 @@ def test_wrong_files_are_refused_in_a_line(tmp_path):
     torch.save(document, tmp_path / "cut.pt")
     with pytest.raises(InputError, match="not a model of this program"):
         Simulator.load(tmp_path / "cut.pt")
+    for weights, words in (
+        (None, "weights: is NoneType, not names with tensors"),
+        ({**document["weights"], "x": None}, "weights: x is NoneType, not a tensor"),
+        ({"x": torch.tensor([1.0, float("nan")])}, "weights: x holds a value that is not finite"),
+        ({"x": torch.ones(2)}, "not a model of this program"),
+    ):
+        torch.save({**document, "weights": weights}, tmp_path / "cut.pt")
+        with pytest.raises(InputError, match=words):
+            Simulator.load(tmp_path / "cut.pt")
     document["config"] = '{"width": 0}'
     torch.save(document, tmp_path / "cut.pt")
     with pytest.raises(InputError, match="width"):

@@ -188,5 +188,31 @@ def test_a_flipped_byte_in_the_data_is_noticed(path, tmp_path):
         read_run(tmp_path / "flipped.h5", 7)
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "complaint"),
+    [
+        ("positions", lambda a: a[:-1], r"positions: float32 \(.*the run says numbers"),
+        ("positions", lambda a: a[:, :, 0], "positions: float32"),
+        ("positions", lambda a: a.astype("S9"), r"positions: \|S9"),
+        ("time", lambda a: a[:-1], "time: float64"),
+        ("stress", lambda a: a[:, :3], "stress: float32"),
+        ("zone", lambda a: a[:-1], "zone: int32"),
+        ("zone", lambda a: a + 7, "zone: 7 to 8; its scene has 0 to 1"),
+        ("energy/kinetic", lambda a: a[:-1], "energy/kinetic: float64"),
+        ("energy", lambda a: np.zeros(3), "cannot be read, damaged"),
+    ],
+)
+def test_arrays_of_another_size_are_told(path, name, change, complaint):
+    with h5py.File(path, "r+") as file:
+        group = file["run_00007"]
+        values = change(group[name][...] if name != "energy" else None)
+        del group[name]
+        group[name] = values
+    with pytest.raises(InputError, match=complaint) as caught:
+        read_run(path, 7)
+    assert str(caught.value).startswith(f"{path}: ") and "\n" not in str(caught.value)
+    assert read_run(path, 4).frames
+
+
 def test_every_field_is_listed():
     assert set(FIELDS) == {"positions", "time", "energy", *POINT_FIELDS}
