@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pipeline.cli import InputError, WorkFailed, add_common, at_least_one
 from pipeline.config import load_config
+from pipeline.out_folder import ready_folder
 from pipeline.progress import Progress
 from pipeline.table import aligned
 
@@ -66,13 +67,14 @@ def run(arguments: argparse.Namespace) -> int:
     if settings.early_stop:
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)
     frames = frames_of(duration, facts)
+    out = ready_folder(arguments.out, ["rollout.npz", "rollout.png"])
     with Progress(frames - 1, f"rolling out {scene.name}", quiet=arguments.quiet) as bar:
         result = rollout(
             simulator, facts, positions, frames, rest=rest, on_frame=lambda _: bar.advance()
         )
     for warning in result.outside:
         print(f"warning: {warning}", file=sys.stderr)
-    save(result, Path(arguments.out), scene.name)
+    save(result, out, scene.name)
     _print(result)
     if result.failed:
         raise WorkFailed(f"{scene.name}: {result.reason}; the frames before are kept")

@@ -20,6 +20,7 @@ from mpm_taichi.trajectory import RunSummary, group_name, list_runs, read_run
 from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_exit
 from pipeline.config import Config, SimulationSettings, load_config
 from pipeline.files import atomic_path
+from pipeline.out_folder import ready_folder
 from pipeline.progress import Progress
 from pipeline.table import aligned
 
@@ -231,6 +232,8 @@ def _case(arguments: argparse.Namespace) -> None:
     film = None if arguments.film == "none" else out / f"runout.{arguments.film}"
     if film is not None:
         check_video(film)
+    files = ["runout.png", "observables.csv"]
+    ready_folder(out, files if film is None else [*files, film.name])
     seconds = max(round(settings.duration_s), 1)
     with Progress(
         seconds, f"simulating {case.title}, s of motion", quiet=arguments.quiet

@@ -162,6 +162,14 @@ def test_a_rollout_that_fails_keeps_its_frames(model, tmp_path, capsys, monkeypa
         assert len(data["positions"]) == 1
 
 
+def test_a_rollout_that_cannot_be_written_is_not_begun(model, tmp_path, monkeypatch):
+    monkeypatch.setattr("gns.rollout.rollout", None)
+    save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
+    with pytest.raises(InputError, match="scene.yaml.out: cannot be written"):
+        main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(model),
+              "--out", str(tmp_path / "scene.yaml" / "out"), "--quiet"])  # fmt: skip
+
+
 def test_wrong_input_is_one_line(packed, model, tmp_path):
     with pytest.raises(InputError, match="--scale, or both"):
         main(["evaluate", "--data", str(packed)])

@@ -104,6 +104,15 @@ def test_the_command_writes_all(folder, tmp_path, capsys):
     assert rows[1]["measured"] == rows[1]["difference"] == ""
 
 
+def test_results_that_cannot_be_written_are_not_simulated(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(history, "simulate_case", None)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "out" / "observables.csv").mkdir(parents=True)
+    for out, complaint in (("file", "cannot be written"), ("out", "observables.csv: is a folder")):
+        with pytest.raises(InputError, match=complaint):
+            main(["case", str(folder), "--out", str(tmp_path / out), "--spacing", "4", *SHORT])
+
+
 def test_options_change_the_scene(folder, tmp_path, capsys):
     dry = ["--no-water", "--strength", f"{LIQUEFIED}=40", "--strength", "clay_core=25"]
     options = ["--spacing", "4", "--film", "gif", *dry, *SHORT]
