@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
-import math
-import re
 import sys
 from collections.abc import Mapping
 from functools import cache
@@ -18,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpm_taichi.effects.base import Active, Effect
+from mpm_taichi.effects.faults import faults
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
@@ -201,7 +200,7 @@ def load_effects_file(path: str | Path) -> list[Effect]:
 
     Raises:
         InputError: no such file, an error in it, no effect in it, a name that is taken or no name,
-            numbers that do not fit together; one line.
+            fields of the wrong kind, numbers that do not fit together; one line.
     """
     path = Path(path)
     try:
@@ -215,12 +214,14 @@ def load_effects_file(path: str | Path) -> list[Effect]:
     own = [one for one in dict.fromkeys(found) if id(one) not in mine]
     if not own:
         raise InputError(f"{path}: defines no Effect; see docs/your-own-effect.md")
-    taken = {one.name for one in library()}
+    taken, names = [one.name for one in library()], [one.name for one in own]
     for one in own:
         reason = faults(one)
         if one.name in taken:
             reason = "the library has an effect of this name"
-        elif one.internal:
+        elif names.count(one.name) > 1:
+            reason = "the file has two effects of this name"
+        elif one.internal is True:
             reason = "internal is for the library alone"
         if reason:
             raise InputError(f"{path}: effect {one.name!r}: {reason}")
@@ -252,37 +253,3 @@ def _module(path: Path, name: str) -> Any:
         words = " ".join(str(error).split())
         raise InputError(f"{path}: does not load: {type(error).__name__}: {words}") from None
     return module
-
-
-def faults(one: Effect) -> str:
-    """What is wrong with the description of an effect, or ""."""
-    amplitude = one.amplitude
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", one.name):
-        return "a name is lower-case letters, digits and _"
-    texts = (one.words, one.equation, one.source, one.looks_like, amplitude.meaning)
-    if not all(text.strip() for text in texts):
-        return "words, equation, source, looks_like and the amplitude's meaning must say something"
-    ladder = amplitude.ladder
-    if len(ladder) != 3 or not 0.0 < ladder[0] < ladder[1] < ladder[2] <= amplitude.high:
-        return f"ladder {ladder}: three positive amplitudes that ascend, none above high"
-    if (amplitude.low < 0.0) != amplitude.two_signed or amplitude.low > 0.0:
-        return f"low {amplitude.low:g}: 0, or below it exactly where two_signed"
-    if amplitude.two_signed and -ladder[2] < amplitude.low:
-        return f"ladder {ladder}: its negative must not fall below low"
-    for parameter in one.parameters:
-        values = (parameter.low, parameter.default, parameter.high)
-        if not (all(map(math.isfinite, values)) and values == tuple(sorted(values))):
-            return f"parameter {parameter.name}: default must lie between low and high"
-    if one.realisation and one.realisation not in {p.name for p in one.parameters}:
-        return f"realisation {one.realisation!r} is none of its parameters"
-    if len(set(one.columns)) != len(one.columns):
-        return f"two of its numbers have one name: {', '.join(one.columns)}"
-    if bool(one.constant_names) != (one.constants is not None):
-        return "constant_names and constants belong together"
-    if not one.on_device and one.scene is None:
-        return "it has no hook that acts"
-    for name in one.DEVICE_HOOKS:
-        hook, wanted = getattr(one, name), one.HOOK_ARGUMENTS[name]
-        if hook is not None and hook.__code__.co_argcount != len(wanted):
-            return f"hook {name}: its arguments are {', '.join(wanted)}"
-    return ""

@@ -23,7 +23,8 @@ from mpm_taichi.effects import (
     effects_on,
     effects_table,
 )
-from mpm_taichi.effects.registry import LIBRARY, faults, kernel_effects, library
+from mpm_taichi.effects.faults import faults
+from mpm_taichi.effects.registry import LIBRARY, kernel_effects, library
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError

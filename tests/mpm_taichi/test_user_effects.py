@@ -84,6 +84,26 @@ BROKEN = {
     "draw": (("    strength=strength,\n", '    strength=strength,\n    realisation="seed",\n'),
              "realisation 'seed' is none of its parameters"),
     "words": (('looks_like="', 'looks_like="" and "'), "must say something"),
+    "text": (('words="', 'words=7 or "'), "words: 7 is no text"),
+    "name of a kind": (('name="strength_regain"', "name=3"), "effect 3: name: 3 is no text"),
+    "no amplitude": (("amplitude=Amplitude(", "amplitude=dict("), "amplitude: {'unit': '', "),
+    "bound": (("high=5.0", 'high="5"'), "amplitude: high: '5' is no finite number"),
+    "no number": (("low=0.0", 'low=float("nan")'), "amplitude: low: nan is no finite number"),
+    "endless": (("high=5.0", 'high=float("inf")'), "amplitude: high: inf is no finite number"),
+    "huge": (("high=5.0", "high=10**400"), "is no finite number"),
+    "steps": (("(0.25, 0.5, 1.0)", "0.25"), "ladder 0.25: three positive amplitudes"),
+    "step": (("(0.25, 0.5, 1.0)", "(0.25, None, 1.0)"), "amplitude: ladder: None is no finite"),
+    "signs": (("high=5.0,", 'high=5.0, two_signed="no",'), "two_signed: 'no' is neither True"),
+    "unit": (("high=5.0,", "high=5.0, si=0.0,"), "amplitude: si: 0 makes every number of it 0"),
+    "parameter": (('"time_s", "s"', '"time s", "s"'), "'time s' cannot be written as eff"),
+    "keyword": (('"time_s", "s"', '"from", "s"'), "'from' cannot be written as effect"),
+    "limits": (("10.0, 0.1, 1000.0", '10.0, 0.1, float("inf")'), "time_s: high: inf is no finite"),
+    "no comma": (('of it is regained"),\n', 'of it is regained")\n'), "parameters: a tuple is wanted"),
+    "hook": (("    strength=strength,", '    strength="strength",'), "'strength' is no plain fun"),
+    "host": (("    until=until,", "    until=5.0,"), "hook until: 5.0 is no function"),
+    "applies": (("applies=needs_liquefied_soil", "applies=None"), "applies: None is no function"),
+    "constants": (("    until=until,", '    constant_names=("k"), constants=until,'),
+                  "constant_names: a tuple of names is wanted"),
 }  # fmt: skip
 
 
@@ -98,6 +118,15 @@ def test_a_file_that_is_wrong_is_refused_in_one_line(users, tmp_path, kind):
     assert message in str(error.value)
     assert str(error.value).startswith(f"{path}: ")
     assert "\n" not in str(error.value)
+    assert not users
+
+
+def test_two_effects_of_one_name_are_refused(users, tmp_path):
+    path = tmp_path / "mine.py"
+    again = "from dataclasses import replace\n\nAGAIN = replace(STRENGTH_REGAIN, source='mine')\n"
+    path.write_text(EXAMPLE.read_text() + again)
+    with pytest.raises(InputError, match="'strength_regain': the file has two effects of this"):
+        load_effects_file(path)
     assert not users
 
 
