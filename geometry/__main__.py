@@ -18,6 +18,7 @@ from geometry.sketch import signed_area
 from geometry.templates import draw_scene
 from pipeline.cli import InputError, add_common, base_parser, main_exit
 from pipeline.config import Config, load_config
+from pipeline.files import make_folder
 from pipeline.progress import Progress
 
 GALLERY_SIZE = 40
@@ -67,7 +68,7 @@ def _add_sample(commands: argparse._SubParsersAction) -> None:
 def _sample(arguments: argparse.Namespace) -> None:
     config = load_config(arguments.config, arguments.overrides)
     indices = _indices(config, arguments.scale, arguments.indices)
-    folder = Path(arguments.out)
+    folder = make_folder(arguments.out)
     written, draws = 0, Counter()
     with Progress(len(indices), f"drawing {arguments.scale}", quiet=arguments.quiet) as progress:
         for index in indices:

@@ -122,11 +122,30 @@ def main_exit(
         code = _complain(error, EXIT_FAILED)
     except KeyboardInterrupt:
         code = _complain("interrupted", EXIT_INTERRUPTED)
-    except BrokenPipeError:
-        # The reader (head, less) has gone. Python would complain once more when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader (head, less) has gone
+        _drop_output()
         code = EXIT_FAILED
+    except OSError as error:
+        # What no reader or writer has told itself: rights, a name too long, a full disk.
+        if error.errno is None:
+            raise
+        code = _complain(_told(error), EXIT_BAD_INPUT)
+        try:
+            sys.stdout.flush()
+        except OSError:
+            _drop_output()
     sys.exit(code)
+
+
+def _told(error: OSError) -> str:
+    """The file and what the system says of it."""
+    file = "" if error.filename is None else f"{error.filename}: "
+    return f"{file}{error.strerror}"
+
+
+def _drop_output() -> None:
+    """Let what is still to be printed vanish; Python would complain of it once more at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _end_on_terminate() -> None:

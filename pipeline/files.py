@@ -17,7 +17,7 @@ import os
 import re
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     Raises:
         InputError: the folder cannot be made, or nothing may be written there.
+        OSError: naming `path`: it cannot be written, or not to its end.
     """
     final = Path(path)
     if not final.name:
@@ -59,8 +60,14 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         except IsADirectoryError:
             raise InputError(f"{final}: is a folder; a file is to be written there") from None
         _flush_to_disk(final.parent)
+    except OSError as error:
+        # A full disk names no file, a name that is too long the temporary one.
+        if error.errno is None or error.filename not in (None, str(temporary), temporary):
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(final)) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def make_folder(path: str | os.PathLike[str]) -> Path:

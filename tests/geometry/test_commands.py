@@ -33,6 +33,13 @@ def test_sample_writes_resumes_and_repairs(tmp_path, capsys, config):
     assert load_scene(out / "00002.json") == draw_scene(config, "small", 2)
 
 
+def test_sample_tries_its_folder_before_the_first_scene(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="file: cannot be written: File exists"):
+        main(["sample", "--scale", "coarse", "--indices", "0", "--out", str(tmp_path / "file")])
+    assert capsys.readouterr().err == ""
+
+
 def test_sample_follows_the_settings(tmp_path, capsys):
     out = str(tmp_path / "scenes")
     command = ["sample", "--scale", "large", "--indices", "0-1", "--out", out, "--quiet"]

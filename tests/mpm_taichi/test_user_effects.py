@@ -98,7 +98,7 @@ BROKEN = {
     "parameter": (('"time_s", "s"', '"time s", "s"'), "'time s' cannot be written as eff"),
     "keyword": (('"time_s", "s"', '"from", "s"'), "'from' cannot be written as effect"),
     "limits": (("10.0, 0.1, 1000.0", '10.0, 0.1, float("inf")'), "time_s: high: inf is no finite"),
-    "no comma": (('of it is regained"),\n', 'of it is regained")\n'), "parameters: a tuple is wanted"),
+    "no comma": (("is regained\"),\n", "is regained\")\n"), "parameters: a tuple is wanted"),
     "hook": (("    strength=strength,", '    strength="strength",'), "'strength' is no plain fun"),
     "host": (("    until=until,", "    until=5.0,"), "hook until: 5.0 is no function"),
     "applies": (("applies=needs_liquefied_soil", "applies=None"), "applies: None is no function"),

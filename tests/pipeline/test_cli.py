@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_exit
+from pipeline.files import write_text
 
 
 def leave(func) -> int:
@@ -43,6 +44,40 @@ def test_errors_are_one_line(capsys, error, code):
 def test_a_mistake_of_ours_is_not_hidden():
     with pytest.raises(ZeroDivisionError):
         main_exit(fail_with(ZeroDivisionError()), [])
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (PermissionError(13, "Permission denied", "a.csv"), "error: a.csv: Permission denied"),
+        (OSError(28, "No space left\non device"), "error: No space left on device"),
+    ],
+)
+def test_what_the_system_refuses_is_bad_input(capsys, error, line):
+    assert leave(fail_with(error)) == 2
+    assert capsys.readouterr().err.splitlines() == [line]
+
+
+def test_an_error_that_the_system_has_not_numbered_is_ours():
+    with pytest.raises(OSError, match="a library says"):
+        main_exit(fail_with(OSError("a library says")), [])
+
+
+@pytest.mark.parametrize("length", [250, 300])
+def test_a_name_that_is_too_long_is_told_as_it_was_given(capsys, tmp_path, length):
+    path = tmp_path / ("a" * length)  # of 250 letters, it is the temporary name that is too long
+    assert leave(lambda argv: write_text(path, "text")) == 2
+    assert capsys.readouterr().err.splitlines() == [f"error: {path}: File name too long"]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
+def test_output_to_a_full_disk_is_one_line(root):
+    done = subprocess.run(
+        f"{sys.executable} -m pipeline check > /dev/full", shell=True, cwd=root,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "error: No space left on device\n"
 
 
 def test_common_options():

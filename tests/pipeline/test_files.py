@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -57,6 +58,19 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
         raise RuntimeError
     assert read_json(target) == {"a": 1}
     assert names(tmp_path) == ["a.json"]
+
+
+def test_a_full_disk_names_the_file_and_leaves_the_old_one(tmp_path, monkeypatch):
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    target = tmp_path / "a.txt"
+    write_text(target, "old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        write_text(target, "new")
+    assert caught.value.filename == str(target)
+    assert names(tmp_path) == ["a.txt"] and target.read_text() == "old"
 
 
 def test_a_write_that_never_happened_is_an_error(tmp_path):
