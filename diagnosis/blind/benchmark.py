@@ -132,16 +132,24 @@ def load_benchmark(text: str | Path) -> Benchmark:
         if name not in wanted.laws:
             raise InputError(f"{path}: laws: {name}: missing; a variable, or null")
     sections = {
-        name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor)
+        name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor, str(path))
         for name in wanted.sections
     }
     inside = [name for name in wanted.effects or library if name not in outside]
     return Benchmark(wanted, sections, inside, outside)
 
 
-def coarser(section: Section, factor: float) -> Section:
-    """The section at another spacing."""
-    scene = section.scene.changed(spacing=factor * section.scene.spacing)
+def coarser(section: Section, factor: float, source: str) -> Section:
+    """The section at another spacing.
+
+    Raises:
+        InputError: it cannot be had at that spacing; `source` is the file that asks for it.
+    """
+    try:
+        scene = section.scene.changed(spacing=factor * section.scene.spacing)
+    except ValidationError as error:
+        where = f"{source}: spacing_factor {factor:g}: {section.folder}"
+        raise InputError(document_error(error, where)) from None
     return Section(section.folder, scene, section.question, section.survey)
 
 

@@ -4,7 +4,10 @@ from collections import Counter
 
 import pytest
 
+from diagnosis.blind.benchmark import coarser
 from diagnosis.blind.plan import ROUND, plan, reaches
+from diagnosis.blind.sections import load_section
+from pipeline.cli import InputError
 
 EFFECTS = ["softening", "rate", "pool"]
 SECTIONS, SURVEYS = ["dam", "tailings"], ["profile", "markers"]
@@ -14,6 +17,16 @@ REACH = {
     **{("rate", section, survey): 11.0 for section in SECTIONS for survey in SURVEYS},
     **{("pool", "dam", survey): 500.0 for survey in SURVEYS},
 }  # fmt: skip
+
+
+@pytest.mark.parametrize("factor", [50.0, 1e308, 1e-200])
+def test_a_spacing_that_a_section_cannot_have_is_one_line(root, factor):
+    section = load_section(root / "hidden_effects/sections/tailings_dam")
+    with pytest.raises(InputError) as caught:
+        coarser(section, factor, "benchmark.yaml")
+    message = str(caught.value)
+    assert message.startswith(f"benchmark.yaml: spacing_factor {factor:g}: {section.folder}: ")
+    assert "spacing" in message and "\n" not in message
 
 
 def row(number, seed=3):
