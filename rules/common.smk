@@ -15,7 +15,7 @@ import yaml
 
 from pipeline.cli import InputError
 from pipeline.config import Config, validate_settings
-from pipeline.files import content_hash, write_text
+from pipeline.files import content_hash, read_json, read_yaml, write_text
 from snakemake.exceptions import WorkflowError
 
 # `python` in a shell command is the Python that runs Snakemake.
@@ -24,6 +24,9 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 
 def checked_settings():
     try:
+        for path in map(Path, workflow.configfiles):
+            # Of a group that is given twice Snakemake takes the last and says nothing.
+            read_json(path) if path.suffix == ".json" else read_yaml(path)
         return validate_settings(Config, config, origin="configuration")
     except InputError as error:
         raise WorkflowError(str(error)) from None

@@ -253,6 +253,14 @@ def test_a_wrong_setting_is_named(bench, group, value, message):
     assert message in text and "Traceback" not in text
 
 
+def test_a_group_that_is_given_twice_is_refused(bench):
+    path = bench.folder / "config" / "config.yaml"
+    path.write_text(path.read_text() + "simulation: {courant: 0.2}\n")
+    text = bench.snakemake("simulate_large", options=["--dry-run"], expect=1)
+    assert "config.yaml: line " in text and "the key 'simulation' is given twice" in text
+    assert "Traceback" not in text
+
+
 def test_a_scale_may_not_be_called_like_a_case(bench):
     bench.settings["scales"]["lsfd"] = Config().scale("large").model_dump()
     text = bench.snakemake("simulate_lsfd", options=["--dry-run"], expect=1)
