@@ -18,6 +18,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from shapely.geometry import Point as PlacedPoint
 from shapely.geometry import Polygon
 
+from geometry.limits import check_level
 from geometry.measured import Confidence, Deposit, Measured, Observed
 from geometry.measured_numbers import (
     CrestSettlement,
@@ -168,6 +169,7 @@ def check_places(measurements: Measurements, scene: Scene, source: str) -> None:
         foot = measurements.foot(side)
         if foot is not None:
             _in_domain(foot, scene, f"{source}: initial.toe_{side}_x_m")
+    _check_initial(measurements.initial, scene, f"{source}: initial")
     for group, entries in measurements.sets.items():
         for entry in entries:
             _check_entry(entry, measurements, scene, f"{source}: sets.{group}: {entry.name!r}")
@@ -179,17 +181,27 @@ def _check_entry(entry: Anything, measurements: Measurements, scene: Scene, wher
         foot = scene.foot(entry.side) if surveyed is None else surveyed
         outward = -1.0 if entry.side == "left" else 1.0
         _in_domain(foot + outward * entry.value_m, scene, f"{where}: the toe")
-    elif isinstance(entry, CrestSettlement) and entry.x_m is not None:
-        left, right = scene.foot("left"), scene.foot("right")
-        if not left <= entry.x_m <= right:
+    elif isinstance(entry, CrestSettlement):
+        if entry.x_m is not None:
+            _in_section(entry.x_m, scene, f"{where}: x_m")
+        height = scene.extent[1] - scene.ground.lowest
+        if not -height <= entry.value_m <= height:
             raise InputError(
-                f"{where}: x_m {entry.x_m:g} lies outside the section, x {left:g} to {right:g} m"
+                f"{where}: value_m {entry.value_m:g} is more than the section is high above its "
+                f"ground, {height:g} m"
             )
     elif isinstance(entry, Freeboard):
         if not scene.ground.lowest <= entry.water_level_m <= scene.domain.y_max:
             raise InputError(
                 f"{where}: water_level_m {entry.water_level_m:g} lies outside the domain, "
                 f"y {scene.ground.lowest:g} to {scene.domain.y_max:g} m"
+            )
+        ground = entry.water_level_m + entry.value_m
+        if not scene.ground.lowest <= ground <= scene.domain.y_max:
+            raise InputError(
+                f"{where}: value_m {entry.value_m:g} over water at {entry.water_level_m:g} m is "
+                f"ground at y {ground:g}; the domain has {scene.ground.lowest:g} to "
+                f"{scene.domain.y_max:g} m"
             )
     elif isinstance(entry, MarkerDisplacement):
         place = PlacedPoint(entry.x_m, entry.y_m)
@@ -201,6 +213,43 @@ def _check_entry(entry: Anything, measurements: Measurements, scene: Scene, wher
         _check_profile(entry.whole, scene, f"{where}: {entry.file}")
     elif isinstance(entry, Velocity):
         _in_domain(entry.x_m, scene, f"{where}: x_m")
+
+
+def _check_initial(initial: InitialSection, scene: Scene, where: str) -> None:
+    """The crest lies on the section, the feet on their own sides of it, the water near it."""
+    crest = initial.crest_x_m
+    if crest is not None:
+        _in_section(crest, scene, f"{where}.crest_x_m")
+    for side, foot, sign in (
+        ("left", initial.toe_left_x_m, 1.0),
+        ("right", initial.toe_right_x_m, -1.0),
+    ):
+        if foot is not None and crest is not None and sign * (crest - foot) < 0.0:
+            raise InputError(
+                f"{where}.toe_{side}_x_m: {foot:g} lies beyond the crest at x {crest:g} m; the "
+                f"{side} foot is {side} of it"
+            )
+    left, right = initial.toe_left_x_m, initial.toe_right_x_m
+    if left is not None and right is not None and not left < right:
+        raise InputError(f"{where}.toe_left_x_m: {left:g} must be left of toe_right_x_m {right:g}")
+    if initial.crest_y_m is not None:
+        low, high = scene.ground.lowest, scene.domain.y_max
+        if not low <= initial.crest_y_m <= high:
+            raise InputError(
+                f"{where}.crest_y_m: {initial.crest_y_m:g} lies outside the domain, y {low:g} to "
+                f"{high:g} m"
+            )
+    if initial.pool_y_m is not None:
+        try:
+            check_level("pool_y_m", initial.pool_y_m, *scene.extent)
+        except ValueError as error:
+            raise InputError(f"{where}.{error}") from None
+
+
+def _in_section(x: float, scene: Scene, where: str) -> None:
+    left, right = scene.foot("left"), scene.foot("right")
+    if not left <= x <= right:
+        raise InputError(f"{where} {x:g} lies outside the section, x {left:g} to {right:g} m")
 
 
 def _check_profile(profile: Profile, scene: Scene, where: str) -> None:

@@ -20,6 +20,7 @@ import yaml
 from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from geometry.checks import check_ground, check_zones
+from geometry.limits import check_density, check_level, extent
 from pipeline.cli import InputError
 from pipeline.files import read_json, read_yaml, write_text
 from pipeline.strict_numbers import StrictNumbers
@@ -84,6 +85,9 @@ class Material(Strength):
 
     @model_validator(mode="after")
     def _saturated_not_lighter(self) -> Material:
+        check_density("density", self.density)
+        if self.saturated_density is not None:
+            check_density("saturated_density", self.saturated_density)
         if self.saturated_density is not None and self.saturated_density < self.density:
             raise ValueError(
                 f"saturated_density {self.saturated_density:g} is below density "
@@ -258,6 +262,10 @@ class Scene(Document):
         unused = sorted(set(self.materials) - {zone.material for zone in self.zones})
         if unused:
             raise ValueError(f"materials: {unused[0]!r} is used by no zone; remove it")
+        if self.water_level is not None:
+            check_level("water_level", self.water_level, *self.extent)
+        for x, y in self.phreatic_line or ():
+            check_level(f"phreatic_line at x {x:g}: y", y, *self.extent)
         polygons = {zone.name: zone.polygon for zone in self.zones}
         check_ground(self.ground.points, self.domain.y_max)
         check_zones(
@@ -277,6 +285,11 @@ class Scene(Document):
     def cell_size(self) -> float:
         """Edge of a grid cell [m]."""
         return math.isqrt(self.points_per_cell) * self.spacing
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Lowest and highest elevation of the section's outline [m]."""
+        return extent(zone.polygon for zone in self.zones)
 
     def foot(self, side: Literal["left", "right"]) -> float:
         """Place x [m] of the foot of the section: where its outline ends on one side."""

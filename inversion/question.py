@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
+from geometry.limits import check_density, check_level
 from geometry.scene import Document, Point, Scene, document_error
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
@@ -265,6 +266,18 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
     return question
 
 
+def _check_bounds(parameter: ParameterSpec, scene: Scene, where: str) -> None:
+    """The scene must hold together at both bounds, wherever the search goes."""
+    for name, value in (("low", parameter.low), ("high", parameter.high)):
+        try:
+            if parameter.property == "water_level":
+                check_level(name, value, *scene.extent)
+            elif parameter.property == "density":
+                check_density(name, value)
+        except ValueError as error:
+            raise InputError(f"{where}: {error}") from None
+
+
 def _place(zone: str) -> str:
     return zone if zone == POOL else f"zone {zone!r}"
 
@@ -281,6 +294,7 @@ def check_zones(question: Question, scene: Scene, source: str) -> None:
                 f"{source}: parameters: {parameter.name}: property: water_level: the scene has no "
                 "water_level"
             )
+        _check_bounds(parameter, scene, f"{source}: parameters: {parameter.name}")
     known = [zone.name for zone in scene.zones]
     named = [("parameters", p.name, p.zones) for p in question.parameters]
     named += [

@@ -257,6 +257,13 @@ def test_entries_that_say_nothing_are_refused(entry, complaint):
         ({**CREST, "x_m": 31.0}, "'crest': x_m 31 lies outside the section, x 0 to 30 m"),
         ({**FREEBOARD, "water_level_m": 1.0}, "water_level_m 1 lies outside the domain, y 2 to"),
         ({**SPEED, "x_m": -2000.0}, "x_m: -2000 lies outside the domain, x -1000 to 1000 m"),
+        (
+            {**CREST, "value_m": 200.0},
+            "'crest': value_m 200 is more than the section is high",
+        ),
+        ({**CREST_POINTS, "value_m": 8.5}, "value_m 8.5 is more than the section is high"),
+        ({**FREEBOARD, "value_m": 999.0}, "value_m 999 over water at .* is ground at y 10"),
+        ({**FREEBOARD, "value_m": -9.0}, "value_m -9 over water at .* is ground at y -"),
     ],
 )
 def test_places_outside_the_section_are_refused(section, entry, complaint):
@@ -264,6 +271,31 @@ def test_places_outside_the_section_are_refused(section, entry, complaint):
         check_places(measurements_of(entry), section, "m.yaml")
     assert str(caught.value).startswith("m.yaml: ") and "\n" not in str(caught.value)
     check_places(measurements_of(*EVERY), section, "m.yaml")
+
+
+@pytest.mark.parametrize(
+    ("initial", "complaint"),
+    [
+        ({"crest_x_m": 31.0}, "initial.crest_x_m 31 lies outside the section, x 0 to 30 m"),
+        (
+            {"toe_left_x_m": 16.0, "crest_x_m": 15.0},
+            "toe_left_x_m: 16 lies beyond the crest",
+        ),
+        ({"toe_right_x_m": 14.0, "crest_x_m": 15.0}, "toe_right_x_m: 14 lies beyond the crest"),
+        (
+            {"toe_left_x_m": 30.0, "toe_right_x_m": 0.0},
+            "toe_left_x_m: 30 must be left of toe",
+        ),
+        ({"crest_y_m": 1001.0}, "crest_y_m: 1001 lies outside the domain, y 2 to 1000 m"),
+        ({"pool_y_m": 500.0}, "initial.pool_y_m 500 m: the section lies between 2 and 10 m"),
+    ],
+)
+def test_an_initial_section_that_is_another_is_refused(section, initial, complaint):
+    with pytest.raises(InputError, match=complaint) as caught:
+        check_places(measurements_of(TOE, initial=initial), section, "m.yaml")
+    assert str(caught.value).startswith("m.yaml: ") and "\n" not in str(caught.value)
+    whole = {"toe_left_x_m": 0.0, "toe_right_x_m": 30.0, "crest_x_m": 15.0, "crest_y_m": 10.0}
+    check_places(measurements_of(TOE, initial={**whole, "pool_y_m": 7.0}), section, "m.yaml")
 
 
 def test_profiles_and_toes_outside_the_domain_are_refused(section):

@@ -83,6 +83,15 @@ def changed(document: dict, path: str, value) -> dict:
         ("points_per_cell", 5, "5 is not a square number"),
         ("jitter", 1.0, "less than 1"),
         ("phreatic_line", [[5, 3], [4, 3]], "x must ascend"),
+        ("water_level", 500.0, "water_level 500 m: the section lies between 2 and 12 m; allowed"),
+        ("water_level", -50.0, "allowed are levels from -8 to 62 m"),
+        (
+            "materials.sand.density",
+            1.8,
+            "density 1.8 kg/m3: allowed are 100 to 10000; 1.8 t/m3",
+        ),
+        ("materials.sand.density", 18000.0, "density 18000 kg/m3: allowed are 100 to 10000"),
+        ("materials.sand.saturated_density", 2e4, "saturated_density 20000 kg/m3: allowed are 100"),
     ],
 )
 def test_refusals_name_the_field_and_the_remedy(document, path, value, words):

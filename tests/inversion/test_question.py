@@ -24,6 +24,11 @@ def test_the_shipped_questions_hold_together(root, name):
     ("old", "new", "message"),
     [
         ("low: 5,", "low: 95,", "low 95 must be less than high 90"),
+        (
+            "property: cohesion_kpa",
+            "property: density",
+            "residual_strength_1: low 5 kg/m3: allowed are 100 to 10000",
+        ),
         ("start: 30, low: 5", "start: 3, low: 5", "start 3 lies outside low 5 to high 90"),
         ("low: 5,", "low: 0,", "low 0 must be greater than 0"),
         ('zones: ["1"]', 'zones: ["11"]', "no zone '11' in the scene; known are 1, 2"),

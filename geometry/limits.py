@@ -1,0 +1,68 @@
+"""What a section can have at all: limits so wide that they catch slips alone, such as a wrong unit.
+
+A density of 1.8 is one in t/m3, a pool 500 m above a dam of 40 m an elevation above the sea.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+Point = tuple[float, float]
+
+#: Densities of soil [kg/m3]: from light ash to what is heavier than any ore.
+DENSITY = (100.0, 10_000.0)
+
+#: A pool may stand so many heights of the section above its top, or so many metres if that is more.
+POOL_ABOVE, POOL_ABOVE_M = 5.0, 50.0
+
+#: The same below its lowest point.
+POOL_BELOW, POOL_BELOW_M = 1.0, 10.0
+
+
+def check_density(name: str, value: float) -> None:
+    """Refuse what is no density of a soil in kg/m3.
+
+    Raises:
+        ValueError: what is allowed.
+    """
+    low, high = DENSITY
+    if not low <= value <= high:
+        hint = f"; {value:g} t/m3 are {1000 * value:g} kg/m3" if 0.1 <= value < 10 else ""
+        raise ValueError(f"{name} {value:g} kg/m3: allowed are {low:g} to {high:g}{hint}")
+
+
+def extent(polygons: Iterable[Sequence[Point]]) -> tuple[float, float]:
+    """Lowest and highest elevation of outlines [m]."""
+    y = [place for polygon in polygons for _, place in polygon]
+    return min(y), max(y)
+
+
+def pool_range(bottom: float, top: float) -> tuple[float, float]:
+    """Elevations between which a pool or groundwater can stand.
+
+    Args:
+        bottom: lowest point of the section [m].
+        top: its highest point [m].
+
+    Returns:
+        lowest and highest level [m].
+    """
+    height = top - bottom
+    return (
+        bottom - max(POOL_BELOW * height, POOL_BELOW_M),
+        top + max(POOL_ABOVE * height, POOL_ABOVE_M),
+    )
+
+
+def check_level(name: str, level: float, bottom: float, top: float) -> None:
+    """Refuse a level of water that has nothing to do with the section.
+
+    Raises:
+        ValueError: what is allowed.
+    """
+    low, high = pool_range(bottom, top)
+    if not low <= level <= high:
+        raise ValueError(
+            f"{name} {level:g} m: the section lies between {bottom:g} and {top:g} m; allowed are "
+            f"levels from {low:g} to {high:g} m"
+        )
