@@ -61,7 +61,7 @@ def export_csv(run: Run, path: str | Path, *, times: Sequence[float] | None = No
             (nearest frame), positions and displacements alone.
 
     Raises:
-        InputError: a run without frames.
+        InputError: a run without frames, or a moment outside it.
     """
     _refuse_empty(run)
     if times is None:

@@ -255,8 +255,15 @@ def _extent(overlay: Overlay | None) -> np.ndarray:
 
 
 def nearest_frame(run: Run, time: float) -> int:
-    """Number of the frame nearest to `time` [s]."""
+    """Number of the frame nearest to `time` [s]; after a run has ended, the last.
+
+    Raises:
+        InputError: before the slide, or after the time that was to be simulated.
+    """
     refuse_empty(run)
+    end = max(float(run.time[-1]), run.settings.duration_s)
+    if not 0.0 <= time <= end:
+        raise InputError(f"{run.scene.name}: no frame at {time:g} s; allowed are 0 to {end:g} s")
     return int(np.argmin(np.abs(run.time - time)))
 
 

@@ -118,6 +118,13 @@ def test_show(file, tmp_path):
     assert {path.name for path in tmp_path.glob("*.*")} >= {"x.png", "y.png", "x.gif"}
     with pytest.raises(InputError, match="holds 2 runs; name one of 12 to 13, for instance"):
         main(["show", str(file), "--out", str(tmp_path / "z.png")])
+    for time in ("nan", "99", "inf"):
+        with pytest.raises(InputError, match=rf"no frame at {time} s; allowed are 0 to [\d.]+ s"):
+            main(["show", f"{file}:12", "--out", str(tmp_path / "w.png"), "--times", f"0,{time}"])
+        with pytest.raises(InputError, match=f"no frame at {time} s"):
+            main(["export", str(file), "--format", "csv", "--out", str(tmp_path / "all"),
+                  "--times", time])  # fmt: skip
+    assert not (tmp_path / "w.png").exists() and not (tmp_path / "all").exists()
     with pytest.raises(InputError, match="--times: is for pictures"):
         main(["show", f"{file}:12", "--out", str(tmp_path / "x.gif"), "--times", "1"])
 

@@ -74,9 +74,12 @@ def test_the_body_fills_gaps_and_keeps_the_outline():
 
 def test_panels_show_the_moments_asked_for(tmp_path, run):
     draw.save_picture(run, tmp_path / "one.png")
-    draw.save_picture(run, tmp_path / "three.png", times=[0.0, 1.0, 99.0])
+    draw.save_picture(run, tmp_path / "three.png", times=[0.0, 1.0, run.time[-1]])
     assert rgb(tmp_path / "three.png").shape[0] > 2 * rgb(tmp_path / "one.png").shape[0]
-    assert draw.nearest_frame(run, 99.0) == run.frames - 1
+    assert draw.nearest_frame(run, run.settings.duration_s) == run.frames - 1
+    for time in (-1.0, 99.0, np.nan):
+        with pytest.raises(InputError, match=f"no frame at {time:g} s"):
+            draw.nearest_frame(run, time)
 
 
 def test_vector_formats(tmp_path, run):
