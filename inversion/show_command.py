@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from inversion.result import FILE_NAME, load_result
+from inversion.result import FILE_NAME, Result, load_result
 from inversion.summary import summary
 from pipeline.cli import InputError, add_common
 from pipeline.config import load_config
@@ -43,7 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the tables; write the page."""
     results = load_config(arguments.config, arguments.overrides).results_folder
     folder, case = folders(arguments.case, results)
-    print(summary(load_result(folder)))
+    result = load_result(folder)
+    if arguments.case_folder is not None:
+        check_case(arguments.case_folder, result)
+    print(summary(result))
     if arguments.report != "none":
         from inversion.report import write_report  # matplotlib takes its time
 
@@ -51,6 +54,22 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.quiet:
             print(f"wrote {page}")
     return 0
+
+
+def check_case(given: str, result: Result) -> None:
+    """The folder of --case is that of the case which a result answers, told by its name.
+
+    Raises:
+        InputError: there is no such folder, or it is of another case.
+    """
+    folder = Path(given)
+    if not folder.is_dir():
+        raise InputError(f"--case {given}: no such folder")
+    if folder.resolve().name != result.case:
+        raise InputError(
+            f"--case {given}: the result answers {result.case!r}; its measurements are in a folder "
+            "of that name"
+        )
 
 
 def folders(text: str, results: str | Path = "results") -> tuple[Path, Path | None]:

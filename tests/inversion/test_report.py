@@ -238,6 +238,22 @@ def test_show_refuses_what_was_not_asked(tmp_path):
         folders(str(tmp_path / "nothing"), tmp_path)
 
 
+def test_show_refuses_the_folder_of_another_case(tmp_path, capsys):
+    folder = tmp_path / "inversion"
+    save_result(least(), folder)
+    for name, words in (
+        ("other_dam", "the result answers 'no_such_case'"),
+        ("x", "no such folder"),
+    ):
+        if name != "x":
+            (tmp_path / name).mkdir()
+        with pytest.raises(InputError, match=rf"--case .*{name}: {words}"):
+            main(["show", str(folder), "--case", str(tmp_path / name)])
+    assert capsys.readouterr().out == "" and not (folder / PAGE).exists()
+    (tmp_path / "no_such_case").mkdir()
+    assert main(["show", str(folder), "--case", str(tmp_path / "no_such_case")]) == 0
+
+
 def test_damaged_sections_are_named(tmp_path):
     save_result(least(), tmp_path)
     (tmp_path / "sections.npz").write_bytes(b"no archive")
