@@ -24,6 +24,9 @@ vec4 = ti.types.vector(4, ti.f32)
 NO_CAP = 1.0e30
 """Tension cap [Pa] that is never reached."""
 
+LEAST_STRESS = 1.0e-6
+"""Radius of Mohr's circle [Pa] below which it counts as a point."""
+
 
 def material_constants(
     *,
@@ -61,39 +64,83 @@ def material_constants(
 
 
 @ti.func
+def larger(a, b):
+    """The larger of two numbers, in one instruction where `ti.max` takes three to mind NaN."""
+    return ti.select(a > b, a, b)
+
+
+@ti.func
+def smaller(a, b):
+    """The smaller of two numbers; see `larger`."""
+    return ti.select(a < b, a, b)
+
+
+@ti.func
 def elastic_trial(stress, gradient, volumetric, dt, elastic):
     """Trial stress after one step: exact rotation by the spin, then linear elasticity.
 
-    `stress` and the result are (xx, yy, zz, xy) [Pa]; `gradient` is the velocity gradient
+    `stress` is (xx, yy, zz, xy) [Pa]; `gradient` is the velocity gradient
     (dvx/dx, dvy/dx, dvx/dy, dvy/dy) [1/s]; `volumetric` the volumetric strain increment [-], which
     F-bar averages over a cell and which may thus differ from dt tr(gradient).
     F = I + dt L turns by the angle theta of its polar decomposition, tan(theta) =
     (F_yx - F_xy) / (F_xx + F_yy), which leaves the invariants as they are. Strain is dt sym(L) and
     half of dt^2 det(L) on both axes: nil for a rigid turn, and with the area that F has.
+
+    Returns:
+        (centre, half, out, xy) [Pa]: centre of Mohr's circle in the plane, half of xx - yy, zz, xy.
     """
-    shear2 = 2.0 * elastic[0]
-    growth = 0.5 * dt * dt * (gradient[0] * gradient[3] - gradient[1] * gradient[2])
-    third = (dt * (gradient[0] + gradient[3]) + 2.0 * growth) * (1.0 / 3.0)
-    along = 1.0 + 0.5 * dt * (gradient[0] + gradient[3])
+    stretch = dt * (gradient[0] + gradient[3])
+    growth = dt * dt * (gradient[0] * gradient[3] - gradient[1] * gradient[2])
+    along = 1.0 + 0.5 * stretch
     across = 0.5 * dt * (gradient[1] - gradient[2])
-    scale = 1.0 / (along * along + across * across)
-    cos2 = (along * along - across * across) * scale
-    sin2 = 2.0 * along * across * scale
-    centre = 0.5 * (stress[0] + stress[1]) + elastic[1] * volumetric - shear2 * third
+    along2 = along * along
+    across2 = across * across
+    scale = 1.0 / (along2 + across2)
+    cos2 = (along2 - across2) * scale
+    sin2 = (2.0 * along * across) * scale
+    swell = elastic[1] * volumetric
+    third = elastic[0] * (1.0 / 3.0) * (stretch + growth)
     half = 0.5 * (stress[0] - stress[1])
-    half_turned = half * cos2 - stress[3] * sin2
-    shear_turned = stress[3] * cos2 + half * sin2
     return vec4(
-        centre + half_turned + shear2 * (dt * gradient[0] + growth),
-        centre - half_turned + shear2 * (dt * gradient[3] + growth),
-        stress[2] + elastic[1] * volumetric - shear2 * third,
-        shear_turned + elastic[0] * dt * (gradient[1] + gradient[2]),
+        0.5 * (stress[0] + stress[1]) + (swell + third),
+        (half * cos2 - stress[3] * sin2) + elastic[0] * dt * (gradient[0] - gradient[3]),
+        stress[2] + (swell - 2.0 * third),
+        (stress[3] * cos2 + half * sin2) + elastic[0] * dt * (gradient[1] + gradient[2]),
     )
 
 
 @ti.func
+def main_return(trial, elastic, strength):
+    """Return of a trial stress that stays elastic or returns to the main plane.
+
+    These are by far the most frequent, and which of the two changes from step to step: so there is
+    no branch. `trial` is what `elastic_trial` returns.
+
+    Returns:
+        stress: (xx, yy, zz, xy) [Pa].
+        shear: plastic shear strain increment, hi minus lo principal [-].
+        work: plastic dissipation [J/m3].
+        elsewhere: above 0 where the stress returns elsewhere (`return_to_yield`).
+    """
+    centre, half, out = trial[0], trial[1], trial[2]
+    radius = ti.sqrt(half * half + trial[3] * trial[3])
+    hi = larger(centre + radius, out)
+    lo = smaller(centre - radius, out)
+    excess = (hi - lo) + ((hi + lo) * strength[0] - strength[1])
+    beyond = larger(excess, 0.0)
+    reduced = radius - 0.5 * beyond
+    scale = reduced / larger(radius, LEAST_STRESS)
+    turned = half * scale
+    shear = beyond * elastic[2]
+    off = larger(ti.abs(out - centre) - reduced, centre + reduced - strength[2])
+    elsewhere = ti.select(excess > 0.0, off, hi - strength[2])
+    stress = vec4(centre + turned, centre - turned, out, trial[3] * scale)
+    return stress, shear, reduced * shear, elsewhere
+
+
+@ti.func
 def return_to_yield(trial, elastic, strength, edges):
-    """Trial stress (xx, yy, zz, xy) [Pa] returned to the yield surface.
+    """Trial stress of `elastic_trial` returned to the yield surface.
 
     Returns:
         stress: (xx, yy, zz, xy) [Pa].
@@ -101,51 +148,41 @@ def return_to_yield(trial, elastic, strength, edges):
         opening: plastic volumetric strain increment of the tension cap [-].
         work: plastic dissipation [J/m3].
     """
-    centre = 0.5 * (trial[0] + trial[1])
-    half = 0.5 * (trial[0] - trial[1])
-    radius = ti.sqrt(half * half + trial[3] * trial[3])
-    out = trial[2]
-    hi = ti.max(centre + radius, out)
-    lo = ti.min(centre - radius, out)
-    sine = strength[0]
-    cap = strength[2]
-    excess = (hi - lo) + (hi + lo) * sine - strength[1]
-
-    stress = trial
-    shear = 0.0
+    stress, shear, work, elsewhere = main_return(trial, elastic, strength)
     opening = 0.0
-    work = 0.0
-    if ti.max(excess, hi - cap) > 0.0:
-        reduced = radius - 0.5 * excess
-        if excess > 0.0 and ti.max(ti.abs(out - centre) - reduced, centre + reduced - cap) <= 0.0:
-            # Main plane, out-of-plane stress in the middle: by far the most frequent.
-            scale = reduced / radius
-            stress = vec4(centre + half * scale, centre - half * scale, out, trial[3] * scale)
-            shear = excess * elastic[2]
-            work = reduced * shear
-        else:
-            mid = 2.0 * centre + out - hi - lo
-            new = principal_return(hi, mid, lo, excess, elastic, strength, edges)
-            lost = ti.Vector([hi, mid, lo]) - new
-            pressure = (new[0] + new[1] + new[2]) * (1.0 / 3.0)
-            # Shear keeps the mean stress: what rounding leaves of it must not pass for an opening.
-            pressure_lost = 0.0
-            if new[0] >= cap:
-                pressure_lost = (lost[0] + lost[1] + lost[2]) * (1.0 / 3.0)
-            shear = (lost[0] - lost[2]) * elastic[2]
-            opening = pressure_lost * elastic[3]
-            work = (new.dot(lost) - 3.0 * pressure * pressure_lost) * elastic[2] + (
-                pressure * opening
-            )
-            # Put the three back where they came from: two in the plane, one out of it.
-            high, low, out_new = new[0], new[2], new[1]
-            if out > centre + radius:
-                high, out_new = new[1], new[0]
-            elif out < centre - radius:
-                low, out_new = new[1], new[2]
-            middle = 0.5 * (high + low)
-            scale = 0.5 * (high - low) / ti.max(radius, 1.0e-6)
-            stress = vec4(middle + half * scale, middle - half * scale, out_new, trial[3] * scale)
+    if elsewhere > 0.0:
+        stress, shear, opening, work = other_return(trial, elastic, strength, edges)
+    return stress, shear, opening, work
+
+
+@ti.func
+def other_return(trial, elastic, strength, edges):
+    """Return to an edge, to the tension cap or to a corner of both, as `return_to_yield`."""
+    centre, half, out = trial[0], trial[1], trial[2]
+    radius = ti.sqrt(half * half + trial[3] * trial[3])
+    hi = larger(centre + radius, out)
+    lo = smaller(centre - radius, out)
+    mid = 2.0 * centre + out - hi - lo
+    excess = (hi - lo) + ((hi + lo) * strength[0] - strength[1])
+    new = principal_return(hi, mid, lo, excess, elastic, strength, edges)
+    lost = ti.Vector([hi, mid, lo]) - new
+    pressure = (new[0] + new[1] + new[2]) * (1.0 / 3.0)
+    # Shear keeps the mean stress: what rounding leaves of it must not pass for an opening.
+    pressure_lost = 0.0
+    if new[0] >= strength[2]:
+        pressure_lost = (lost[0] + lost[1] + lost[2]) * (1.0 / 3.0)
+    shear = (lost[0] - lost[2]) * elastic[2]
+    opening = pressure_lost * elastic[3]
+    work = (new.dot(lost) - 3.0 * pressure * pressure_lost) * elastic[2] + pressure * opening
+    # Put the three back where they came from: two in the plane, one out of it.
+    high, low, out_new = new[0], new[2], new[1]
+    if out > centre + radius:
+        high, out_new = new[1], new[0]
+    elif out < centre - radius:
+        low, out_new = new[1], new[2]
+    middle = 0.5 * (high + low)
+    scale = 0.5 * (high - low) / ti.max(radius, LEAST_STRESS)
+    stress = vec4(middle + half * scale, middle - half * scale, out_new, trial[3] * scale)
     return stress, shear, opening, work
 
 

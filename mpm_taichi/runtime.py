@@ -27,6 +27,12 @@ if TYPE_CHECKING:
 MAX_ROWS = 32
 """Most material rows of a scene (materials, and saturated forms of them)."""
 
+OPTIONS = {"fast_math": False, "cfg_optimization": False, "log_level": ti.ERROR}
+"""How Taichi compiles. Sums stay in the order in which they are written: then bits do not hang on
+what else is in a kernel nor on the kind of processor, and points side by side keep the same form,
+which is what makes vector instructions of them. The analysis of stores and loads takes three
+quarters of the compilation, and LLVM does it again."""
+
 _started: tuple[str, int] | None = None
 
 
@@ -48,7 +54,7 @@ def start(device: str, threads: int | None) -> int:
     arch = ti.cpu if device == "cpu" else ti.cuda
     try:
         with redirect_stdout(sys.stderr):  # where Taichi says on what it starts
-            ti.init(arch=arch, cpu_max_num_threads=count, default_fp=ti.f32, log_level=ti.ERROR)
+            ti.init(arch=arch, cpu_max_num_threads=count, default_fp=ti.f32, **OPTIONS)
     except Exception as error:
         raise WorkFailed(f"device {device}: Taichi did not start: {error}") from error
     if ti.lang.impl.current_cfg().arch != arch:
@@ -80,6 +86,7 @@ class Slots:
     def __init__(
         self, number: int, points: int, nodes: int, frames: int, *, device: str, kernels: Any
     ) -> None:
+        points = -(-points // layout.TILE) * layout.TILE  # whole tiles
         self.number, self.points, self.nodes, self.frames = number, points, nodes, frames
         self.device, self.kernels = device, kernels
         self.integers = aligned((number, layout.INTEGERS), np.int32)

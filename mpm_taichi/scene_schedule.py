@@ -49,6 +49,7 @@ from mpm_taichi.layout import (
     SMOOTHING,
     SPEED,
     STEPS,
+    TILE,
     TOP_SPEED,
     UNBALANCED,
     VEC4,
@@ -61,16 +62,19 @@ from mpm_taichi.layout import (
     vec8,
 )
 from mpm_taichi.point_functions import settle_node, steps_of_frame
+from mpm_taichi.tiles import column, rows
 from mpm_taichi.transfer import cell_means, node_update
 
 # Taichi hands a CPU thread at least 512 turns of a loop; a scene takes one turn in 512.
 _TURNS = 512
 
 
-def scene_schedule(point: SimpleNamespace, effects: SimpleNamespace | None = None) -> Callable:
+def scene_schedule(
+    point: SimpleNamespace, tiled: SimpleNamespace, effects: SimpleNamespace | None = None
+) -> Callable:
     """The kernel `run_scenes`: settling where a scene is new, then a chunk of frames."""
-    strain_point, scatter_point = point.strain_point, point.scatter_point
-    gather_and_move = point.gather_and_move
+    strain_tile, scatter_tile = tiled.strain_tile, tiled.scatter_tile
+    gather_tile = tiled.gather_tile
     settle_gather, settle_scatter = point.settle_gather, point.settle_scatter
     point_energy, place = point.point_energy, point.place
     smooth_cell = point.smooth_cell
@@ -172,7 +176,9 @@ def scene_schedule(point: SimpleNamespace, effects: SimpleNamespace | None = Non
                 first, last = integers[slot, FIRST_POINT], integers[slot, LAST_POINT]
                 first_node, last_node = integers[slot, FIRST_NODE], integers[slot, LAST_NODE]
                 columns = integers[slot, COLUMNS]
+                tiles = (last - first + TILE - 1) // TILE
                 cell, volume = numbers[slot, CELL], numbers[slot, VOLUME]
+                per_cell = 1.0 / cell
                 gravity, damping = numbers[slot, GRAVITY], numbers[slot, DAMPING]
                 smoothing = numbers[slot, SMOOTHING]
                 if integers[slot, PHASE] == SETTLING:
@@ -188,6 +194,11 @@ def scene_schedule(point: SimpleNamespace, effects: SimpleNamespace | None = Non
                         note_overburden(slot, first, last, numbers, stress, facts)
                     integers[slot, PHASE] = MOVING
                 alarm = 0
+                # Arrays of a tile, which the three passes use for one thing after the other.
+                a, b, c, d, e, f = rows(4), rows(4), rows(4), rows(4), rows(4), rows(4)
+                weights_x, weights_y = rows(3), rows(3)
+                real, other = column(0.0), column(0.0)
+                shifts, beside, alarms = column(0), column(0), column(0)
                 for frame in range(integers[slot, FRAME_COUNT]):
                     count = steps_of_frame(numbers, slot)
                     dt = numbers[slot, FRAME_TIME] / count
@@ -212,16 +223,18 @@ def scene_schedule(point: SimpleNamespace, effects: SimpleNamespace | None = Non
                                         motion, home, gradient, stress, history, facts, present,
                                         effect_numbers,
                                     )  # fmt: skip
-                        for p in range(first, last):
-                            strain_point(
-                                p, dt, share, volume, home, gradient, stress, history, row, elastic,
-                                strength, edges, swelling, slot, on, time, columns, first_node,
-                                integers, numbers, motion, facts, present, effect_numbers,
+                        for tile in range(tiles):
+                            strain_tile(
+                                first + tile * TILE, last, dt, share, volume, home, gradient,
+                                stress, history, row, elastic, strength, edges, swelling, slot, on,
+                                time, columns, first_node, integers, numbers, motion, facts,
+                                present, effect_numbers, a, b, c, d, e, f, real, other,
                             )  # fmt: skip
-                        for p in range(first, last):
-                            scatter_point(
-                                p, cell, volume, columns, motion, home, gradient, stress, history,
-                                row, strength, edges, load, kind, present, False,
+                        for tile in range(tiles):
+                            scatter_tile(
+                                first + tile * TILE, last, cell, per_cell, volume, columns, motion,
+                                home, gradient, stress, history, row, strength, edges, load, kind,
+                                present, a, b, c, weights_x, weights_y, real,
                             )  # fmt: skip
                         if ti.static(acted):
                             if on & ti.static(effects.resistance_mask):
@@ -255,10 +268,11 @@ def scene_schedule(point: SimpleNamespace, effects: SimpleNamespace | None = Non
                                 swelling[n] = vec4(0.0)
                                 contact_loss += ti.cast(lost, ti.f64)
                                 water_work += ti.cast(work, ti.f64)
-                        for p in range(first, last):
-                            alarm |= gather_and_move(
-                                p, dt, cell, blend, columns, motion, home, gradient, stress,
-                                history, flow, swelling, kind, False,
+                        for tile in range(tiles):
+                            alarm |= gather_tile(
+                                first + tile * TILE, last, dt, cell, per_cell, blend, columns,
+                                motion, home, gradient, stress, history, flow, swelling, kind, a,
+                                b, c, d, e, f, weights_x, weights_y, shifts, beside, alarms,
                             )  # fmt: skip
                         average_cells(first_node, last_node, swelling)
                         for n in range(first_node, last_node):

@@ -15,6 +15,7 @@ from mpm_taichi.layout import *  # noqa: F403
 from mpm_taichi.point_functions import point_functions
 from mpm_taichi.point_schedule import point_schedule
 from mpm_taichi.scene_schedule import scene_schedule
+from mpm_taichi.tiles import tile_functions
 
 
 @cache
@@ -38,8 +39,9 @@ def build_kernels(
     functions = point_functions(
         affine=affine, averaged=averaged, corrected=corrected, effects=acting
     )
+    tiles = tile_functions(affine=affine, averaged=averaged, corrected=corrected, effects=acting)
     return SimpleNamespace(
-        run_scenes=scene_schedule(functions, acting),
+        run_scenes=scene_schedule(functions, tiles, acting),
         point=point_schedule(functions, acting),
         table=acting.table if acting else None,
     )

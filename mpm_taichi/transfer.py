@@ -19,8 +19,8 @@ velocity; points, then smoothed mean stress; sum, then mean, of mean stress; clo
 import taichi as ti
 
 from mpm_taichi.boundary import RESISTING, contact
-from mpm_taichi.layout import A
-from mpm_taichi.mohr_coulomb import elastic_trial, return_to_yield
+from mpm_taichi.layout import A, known
+from mpm_taichi.mohr_coulomb import elastic_trial, larger, return_to_yield, smaller
 from mpm_taichi.splines import (
     BASE_EDGE,
     EDGES,
@@ -82,13 +82,12 @@ def strain_increment(gradient, opened, means, dt, averaged: ti.template()):
     """
     divergence = area_rate(gradient, dt)
     if ti.static(averaged):
-        if opened <= 0.0 and means[3] > 0.0:
-            divergence = means[0]
+        divergence = ti.select((opened <= 0.0) & (means[3] > 0.0), means[0], divergence)
     return dt * divergence
 
 
 @ti.func
-def pressure_relief(stress, history, means, share, averaged: ti.template()):
+def pressure_relief(stress, opened, means, share, averaged: ti.template()):
     """Change of mean stress [Pa] that brings a point nearer to its cell's smoothed mean.
 
     Without it, pressures that differ within a cell would drive its points apart for ever, since
@@ -96,22 +95,30 @@ def pressure_relief(stress, history, means, share, averaged: ti.template()):
     """
     relief = 0.0
     if ti.static(averaged):
-        if history[1] <= 0.0 and means[3] > 0.0:
-            relief = share * (means[1] - (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0))
+        lack = means[1] - (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0)
+        relief = ti.select((opened <= 0.0) & (means[3] > 0.0), share * lack, 0.0)
     return relief
 
 
 @ti.func
-def update_stress(
-    stress, gradient, history, volumetric, relief, dt, volume, elastic, strength, edges,
-    corrected: ti.template(),
-):  # fmt: skip
-    """Stress and history of a point after a step; see `stress_step`."""
-    new, past, _ = stress_step(
-        stress, gradient, history, volumetric, relief, dt, volume, elastic, strength, edges,
-        corrected,
-    )  # fmt: skip
-    return new, past
+def trial_stress(
+    stress, gradient, opened, volumetric, relief, dt, elastic, corrected: ti.template()
+):
+    """Trial stress of `elastic_trial`, strain increment [-] and what is still open [-].
+
+    With the volume correction, soil that opened (tension cap) must close again before it resists:
+    otherwise each opening and closing at the free surface would leave volume behind.
+    """
+    strain = volumetric
+    left = opened
+    if ti.static(corrected):
+        closing = larger(smaller(opened, -strain), 0.0)
+        left -= closing
+        strain += closing
+    trial = elastic_trial(stress, gradient, strain, dt, elastic)
+    trial[0] += relief
+    trial[2] += relief
+    return trial, strain, left
 
 
 @ti.func
@@ -119,21 +126,10 @@ def stress_step(
     stress, gradient, history, volumetric, relief, dt, volume, elastic, strength, edges,
     corrected: ti.template(),
 ):  # fmt: skip
-    """Stress and history of a point after a step, and its plastic shear strain in the step.
-
-    With the volume correction, soil that opened (tension cap) must close again before it resists:
-    otherwise each opening and closing at the free surface would leave volume behind.
-    """
-    strain = volumetric
-    opened = history[1]
-    if ti.static(corrected):
-        if opened > 0.0 and strain < 0.0:
-            closing = ti.min(opened, -strain)
-            opened -= closing
-            strain += closing
-    trial = elastic_trial(stress, gradient, strain, dt, elastic)
-    for k in ti.static(range(3)):
-        trial[k] += relief
+    """Stress and history of a point after a step, and its plastic shear strain in the step."""
+    trial, strain, opened = trial_stress(
+        stress, gradient, history[1], volumetric, relief, dt, elastic, corrected
+    )
     new, shear, opening, work = return_to_yield(trial, elastic, strength, edges)
     if ti.static(corrected):
         opened += opening
@@ -178,9 +174,12 @@ def scatter(
             affine, atomic,
         )  # fmt: skip
     else:
+        base, across, upward = gift(
+            motion, gradient, stress, strain, mass, volume, cell, 1.0 / cell, affine
+        )
         scatter_inside(
-            load, home, columns, motion, gradient, stress, strain, mass, volume, cell, affine,
-            atomic,
+            load, home, columns, base, across, upward, mass, spline_weights(motion[0]),
+            spline_weights(motion[1]), atomic,
         )  # fmt: skip
 
 
@@ -218,34 +217,36 @@ def scatter_beside(
 
 
 @ti.func
-def scatter_inside(
-    load: ti.template(), home, columns, motion, gradient, stress, strain, mass, volume, cell,
-    affine: ti.template(), atomic: ti.template(),
-):  # fmt: skip
-    """`scatter` of any other point, by far the most frequent.
+def gift(motion, gradient, stress, strain, mass, volume, cell, per_cell, affine: ti.template()):
+    """What a point inside gives to its nodes, but for their weights: linear in their distance.
 
-    The value at a node is linear in its distance from the point: base + i across + j upward.
+    To the node i columns and j rows from its home it gives base + i across + j upward, each
+    (momentum x, y; internal force x, y). `per_cell` is 1 / cell.
     """
-    pull = -(4.0 / cell) * volume * (1.0 + strain)
+    pull = (-4.0 * per_cell) * volume * (1.0 + strain)
     spread = mass * cell if ti.static(affine) else 0.0
-    across = vec8(
-        spread * gradient[0], spread * gradient[1], pull * stress[0], pull * stress[3],
-        0.0, 0.0, 0.0, 0.0,
-    )  # fmt: skip
-    upward = vec8(
-        spread * gradient[2], spread * gradient[3], pull * stress[3], pull * stress[1],
-        0.0, 0.0, 0.0, 0.0,
-    )  # fmt: skip
-    here = vec8(mass * motion[2], mass * motion[3], 0.0, 0.0, mass, 0.0, 0.0, 0.0)
-    base = here - motion[0] * across - motion[1] * upward
-    weight_x = spline_weights(motion[0])
-    weight_y = spline_weights(motion[1])
+    across = vec4(spread * gradient[0], spread * gradient[1], pull * stress[0], pull * stress[3])
+    upward = vec4(spread * gradient[2], spread * gradient[3], pull * stress[3], pull * stress[1])
+    here = vec4(mass * motion[2], mass * motion[3], 0.0, 0.0)
+    return here - motion[0] * across - motion[1] * upward, across, upward
+
+
+@ti.func
+def scatter_inside(
+    load: ti.template(), home, columns, base, across, upward, mass, weight_x, weight_y,
+    atomic: ti.template(),
+):  # fmt: skip
+    """`scatter` of a point that is not beside an edge, from its `gift`."""
+    first = known(home - columns - 1)
     for i in ti.static(range(3)):
-        line = base + (i - 1) * across
+        line = weight_x[i] * (base + (i - 1) * across)
+        rise = weight_x[i] * upward
+        share = weight_x[i] * mass
+        node = known(first + i * columns)
         for j in ti.static(range(3)):
-            weight = weight_x[i] * weight_y[j]
-            node = home + (i - 1) * columns + (j - 1)
-            add(load, node, weight * (line + (j - 1) * upward), 0, 5, atomic)
+            value = weight_y[j] * (line + (j - 1) * rise)
+            whole = vec8(value[0], value[1], value[2], value[3], weight_y[j] * share, 0.0, 0.0, 0.0)
+            add(load, node + j, whole, 0, 5, atomic)
 
 
 @ti.func
@@ -354,7 +355,10 @@ def gather(flow: ti.template(), home, columns, kind, motion, cell):
     if kind & EDGES:
         mean, gradient = gather_beside(flow, home, columns, kind, motion, cell)
     else:
-        mean, gradient = gather_inside(flow, home, columns, motion, cell)
+        mean, across, upward = gather_inside(
+            flow, home, columns, spline_weights(motion[0]), spline_weights(motion[1])
+        )
+        gradient = gradient_inside(motion, mean, across, upward, 1.0 / cell)
     return mean, gradient
 
 
@@ -378,45 +382,56 @@ def gather_beside(flow: ti.template(), home, columns, kind, motion, cell):
 
 
 @ti.func
-def gather_inside(flow: ti.template(), home, columns, motion, cell):
-    """`gather` of any other point."""
-    weight_x = spline_weights(motion[0])
-    weight_y = spline_weights(motion[1])
+def gather_inside(flow: ti.template(), home, columns, weight_x, weight_y):
+    """Sums over the nodes of a point that is not beside an edge.
+
+    Returns:
+        mean: of velocity and its change [m/s]; across, upward: of the same times the number of
+        columns and of rows between node and home.
+    """
+    first = known(home - columns - 1)
     mean = vec4(0.0, 0.0, 0.0, 0.0)
     across = vec4(0.0, 0.0, 0.0, 0.0)
     upward = vec4(0.0, 0.0, 0.0, 0.0)
     for i in ti.static(range(3)):
-        node = home + (i - 1) * columns
-        low = weight_y[0] * flow[node - 1]
-        high = weight_y[2] * flow[node + 1]
-        line = (low + weight_y[1] * flow[node] + high) * weight_x[i]
+        node = known(first + i * columns)
+        low = weight_y[0] * flow[node]
+        high = weight_y[2] * flow[node + 2]
+        line = (low + weight_y[1] * flow[node + 1] + high) * weight_x[i]
         mean += line
         across += (i - 1) * line
         upward += weight_x[i] * (high - low)
-    across -= motion[0] * mean
-    upward -= motion[1] * mean
-    return mean, vec4(across[0], across[1], upward[0], upward[1]) * (4.0 / cell)
+    return mean, across, upward
 
 
 @ti.func
-def move(motion, home, columns, mean, blend, dt, cell):
-    """New motion and home of a point; `blend` is the share of PIC in this step.
+def gradient_inside(offset, mean, across, upward, per_cell):
+    """Velocity gradient from the sums of `gather_inside`; `offset` [cells] begins a motion."""
+    return (4.0 * per_cell) * vec4(
+        across[0] - offset[0] * mean[0],
+        across[1] - offset[0] * mean[1],
+        upward[0] - offset[1] * mean[0],
+        upward[1] - offset[1] * mean[1],
+    )
+
+
+@ti.func
+def move(motion, columns, mean, blend, dt, per_cell):
+    """New motion of a point; `blend` is the share of PIC in this step, `per_cell` 1 / cell.
 
     A point that would move more than two cells in one step, or whose position is no number, stays
-    where it is and raises the alarm; the test is on integers, which no fast-math rule removes.
+    where it is and raises the alarm.
 
     Returns:
-        motion: (4,); home: node number; alarm: 1 or 0.
+        motion: (4,); shift: how many nodes its home lies further on; alarm: 1 or 0.
     """
-    x = motion[0] + (dt / cell) * mean[0]
-    y = motion[1] + (dt / cell) * mean[1]
-    right = ti.cast(ti.floor(x + 0.5), ti.i32)
-    up = ti.cast(ti.floor(y + 0.5), ti.i32)
-    alarm = 0
-    if ((right + 1) | (up + 1)) & ~3:  # allowed are -1, 0, 1, 2; no number becomes the lowest int
-        alarm = 1
-        x, y = motion[0], motion[1]
-        right, up = 0, 0
+    x = motion[0] + (dt * per_cell) * mean[0]
+    y = motion[1] + (dt * per_cell) * mean[1]
+    across, along = ti.floor(x + 0.5), ti.floor(y + 0.5)
+    near = (across >= -1.0) & (across <= 2.0) & (along >= -1.0) & (along <= 2.0)
+    right = ti.select(near, ti.cast(across, ti.i32), 0)
+    up = ti.select(near, ti.cast(along, ti.i32), 0)
+    x, y = ti.select(near, x, motion[0]), ti.select(near, y, motion[1])
     flip = 1.0 - blend
     new = vec4(
         x - ti.cast(right, ti.f32),
@@ -424,4 +439,12 @@ def move(motion, home, columns, mean, blend, dt, cell):
         flip * (motion[2] + mean[2]) + blend * mean[0],
         flip * (motion[3] + mean[3]) + blend * mean[1],
     )
-    return new, home + right * columns + up, alarm
+    return new, right * columns + up, ti.select(near, 0, 1)
+
+
+@ti.func
+def cell_sums(gradient, stress, opened, dt):
+    """What a point adds to the sums of its cell: (divergence, 0, pressure, 1), if it is closed."""
+    closed = ti.select(opened <= 0.0, 1.0, 0.0)
+    pressure = (stress[0] + stress[1] + stress[2]) * (1.0 / 3.0)
+    return closed * vec4(area_rate(gradient, dt), 0.0, pressure, 1.0)

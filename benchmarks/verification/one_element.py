@@ -24,7 +24,9 @@ def return_all(
 ):  # fmt: skip
     """`return_to_yield` of each trial; `plastic` holds (shear, opening, work, 0)."""
     for p in trial:
-        new, shear, opening, work = return_to_yield(trial[p], elastic[p], strength[p], edges[p])
+        t = trial[p]
+        circle = vec4(0.5 * (t[0] + t[1]), 0.5 * (t[0] - t[1]), t[2], t[3])
+        new, shear, opening, work = return_to_yield(circle, elastic[p], strength[p], edges[p])
         stress[p] = new
         plastic[p] = vec4(shear, opening, work, 0.0)
 

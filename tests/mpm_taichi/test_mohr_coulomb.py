@@ -158,7 +158,9 @@ def test_admissible_stress_is_left_as_it_is(soil, trial):
     surface, _ = solver_return(trial, soil)
     inside = (0.5 * (surface + np.array([-50e3, -50e3, -50e3, 0.0]))).astype(np.float32)
     stress, plastic = solver_return(inside, soil)
-    assert (stress == inside).all() and (plastic == 0).all()
+    # To a rounding: the stress is put together again from centre and radius of its circle.
+    assert np.abs(stress - inside).max() <= 2.0 * np.spacing(np.abs(inside).max())
+    assert (plastic == 0).all()
 
 
 @MANY

@@ -28,7 +28,7 @@ from mpm_taichi.transfer import (
     scatter,
     scatter_volume,
     strain_increment,
-    update_stress,
+    stress_step,
 )
 
 VEC4 = ti.types.ndarray(dtype=vec4, ndim=1)
@@ -89,9 +89,9 @@ def move_all(
     dt: ti.f32, cell: ti.f32,
 ):  # fmt: skip
     for p in home:
-        new, node, raised = move(motion[p], home[p], columns, mean[p], blend, dt, cell)
+        new, shift, raised = move(motion[p], columns, mean[p], blend, dt, 1.0 / cell)
         motion[p] = new
-        home[p] = node
+        home[p] += shift
         alarm[p] = raised
 
 
@@ -113,8 +113,8 @@ def stress_of(
 ):  # fmt: skip
     for p in stress:
         volumetric = strain_increment(gradient[p], history[p][1], means[p], dt, averaged)
-        relief = pressure_relief(stress[p], history[p], means[p], share, averaged)
-        new, past = update_stress(
+        relief = pressure_relief(stress[p], history[p][1], means[p], share, averaged)
+        new, past, _ = stress_step(
             stress[p], gradient[p], history[p], volumetric, relief, dt, 1.0, elastic[p],
             strength[p], edges[p], corrected,
         )  # fmt: skip
