@@ -2,7 +2,8 @@
 
 A run of three drawn scenes is compared with what is recorded in `golden.json`: to the bit on every
 processor of the architecture that recorded it, whatever vector instructions it has (sums are formed
-in the order in which they are written, without fused products), to a millimetre elsewhere. After a wanted change of the physics raise `mpm_taichi.PHYSICS_VERSION`, run
+in the order in which they are written, without fused products), to a millimetre elsewhere. After a
+wanted change of the physics raise `mpm_taichi.PHYSICS_VERSION`, run
 
     PYTHONPATH=. python tests/mpm_taichi/test_golden.py
 """
@@ -25,7 +26,7 @@ SECONDS = 1.5
 
 
 def processor() -> str:
-    """Architecture and the vector instructions that decide how sums are formed."""
+    """Architecture, and the instructions by which the C library's functions differ."""
     flags: set[str] = set()
     info = Path("/proc/cpuinfo")
     if info.exists():
