@@ -9,8 +9,8 @@ from collections.abc import Iterable, Sequence
 
 Point = tuple[float, float]
 
-#: Densities of soil [kg/m3]: from light ash to what is heavier than any ore.
-DENSITY = (100.0, 10_000.0)
+#: Densities [kg/m3]: from light ash to a block so heavy that it keeps its speed (a piston).
+DENSITY = (100.0, 1.0e8)
 
 #: A pool may stand so many heights of the section above its top, or so many metres if that is more.
 POOL_ABOVE, POOL_ABOVE_M = 5.0, 50.0
@@ -20,7 +20,7 @@ POOL_BELOW, POOL_BELOW_M = 1.0, 10.0
 
 
 def check_density(name: str, value: float) -> None:
-    """Refuse what is no density of a soil in kg/m3.
+    """Refuse what is no density in kg/m3.
 
     Raises:
         ValueError: what is allowed.

@@ -46,8 +46,8 @@ PUBLISHED = (
     Published("2:1, phi 20", "Griffiths and Lane 1999", TWO_TO_ONE, 20.0, 0.05, 1.40),
     Published("60 degrees, phi 0", "Taylor 1937", 60.0, 0.0, 1.2 / 5.24, 1.2),
 )
-BONDED = Slab(0.0, 0.40, "no_slip", level=True, spacing=0.075)
-"""Nodes that are held fixed drag by a share that vanishes with the cell: 20 cells to the thickness,
+BONDED = Slab(0.0, 0.40, "no_slip", level=True, spacing=0.125)
+"""Nodes that are held fixed drag by a share that halves with the cell: 12 cells to the thickness,
 where the other slabs have 6."""
 COARSE = replace(BONDED, spacing=0.25)
 SLABS = (

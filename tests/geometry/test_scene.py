@@ -88,10 +88,10 @@ def changed(document: dict, path: str, value) -> dict:
         (
             "materials.sand.density",
             1.8,
-            "density 1.8 kg/m3: allowed are 100 to 10000; 1.8 t/m3",
+            "density 1.8 kg/m3: allowed are 100 to 1e+08; 1.8 t/m3",
         ),
-        ("materials.sand.density", 18000.0, "density 18000 kg/m3: allowed are 100 to 10000"),
-        ("materials.sand.saturated_density", 2e4, "saturated_density 20000 kg/m3: allowed are 100"),
+        ("materials.sand.density", 1.8e9, "density 1.8e+09 kg/m3: allowed are 100 to 1e+08"),
+        ("materials.sand.saturated_density", 2e9, "saturated_density 2e+09 kg/m3: allowed are 100"),
     ],
 )
 def test_refusals_name_the_field_and_the_remedy(document, path, value, words):
