@@ -32,6 +32,7 @@ from mpm_taichi.transfer import (
     scatter_beside,
     scatter_inside,
     scatter_volume,
+    scatter_weighted_volume,
     strain_increment,
     trial_stress,
 )
@@ -168,23 +169,27 @@ def tile_functions(
             lane = point - first
             node = known(home[p])
             place = kind[node]
+            own_strength = strength[known(row[p])]
+            if ti.static(acted):
+                own_strength = vec4(present[p][0], present[p][1], 0.0, 0.0)
             if place & EDGES:
                 scatter_beside(
                     load, node, columns, place, motion[p], gradient[p], stress[p], history[p][0],
                     masses[lane], volume, cell, affine, False,
                 )  # fmt: skip
+                if place & NEAR:
+                    scatter_volume(
+                        load, node, columns, place, motion[p], volume, own_strength, False
+                    )
             else:
+                x = ti.Vector([weights_x[lane, k] for k in ti.static(range(3))])
+                y = ti.Vector([weights_y[lane, k] for k in ti.static(range(3))])
                 scatter_inside(
                     load, node, columns, row_of(bases, lane), row_of(acrosses, lane),
-                    row_of(upwards, lane), masses[lane],
-                    ti.Vector([weights_x[lane, k] for k in ti.static(range(3))]),
-                    ti.Vector([weights_y[lane, k] for k in ti.static(range(3))]), False,
+                    row_of(upwards, lane), masses[lane], x, y, False,
                 )  # fmt: skip
-            if place & NEAR:
-                own_strength = strength[known(row[p])]
-                if ti.static(acted):
-                    own_strength = vec4(present[p][0], present[p][1], 0.0, 0.0)
-                scatter_volume(load, node, columns, place, motion[p], volume, own_strength, False)
+                if place & NEAR:
+                    scatter_weighted_volume(load, node, columns, x, y, volume, own_strength, False)
 
     @ti.func
     def gather_tile(

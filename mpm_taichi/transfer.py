@@ -259,19 +259,28 @@ def scatter_volume(
     sigma sin(phi) + c cos(phi) (psi = 0; Davis 1968), and rough ground resists as much. Points far
     from water and from rough ground need not call this.
     """
-    value = vec8(
-        0.0, 0.0, 0.0, 0.0, 0.0, volume, 0.5 * volume * strength[1], volume * strength[0]
-    )  # fmt: skip
     weight_x = edge_weights(
         mass_offset(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE),
         kind & LEFT_EDGE,
         kind & RIGHT_EDGE,
     )
     weight_y = edge_weights(mass_offset(motion[1], kind & BASE_EDGE, 0), kind & BASE_EDGE, 0)
+    scatter_weighted_volume(load, home, columns, weight_x, weight_y, volume, strength, atomic)
+
+
+@ti.func
+def scatter_weighted_volume(
+    load: ti.template(), home, columns, weight_x, weight_y, volume, strength, atomic: ti.template()
+):
+    """`scatter_volume` with the weights of the nodes at hand."""
+    value = vec8(
+        0.0, 0.0, 0.0, 0.0, 0.0, volume, 0.5 * volume * strength[1], volume * strength[0]
+    )  # fmt: skip
+    first = known(home - columns - 1)
     for i in ti.static(range(3)):
+        node = known(first + i * columns)
         for j in ti.static(range(3)):
-            node = home + (i - 1) * columns + (j - 1)
-            add(load, node, weight_x[i] * weight_y[j] * value, 5, 8, atomic)
+            add(load, node + j, weight_x[i] * weight_y[j] * value, 5, 8, atomic)
 
 
 def node_update(effects=None):  # noqa: ANN001, ANN201
