@@ -9,9 +9,9 @@ by default. Three comparisons with the digitised experiment:
   in places before the collapse. Photographs show such bars as unmoved. The band in the picture
   shows the line for 1 and 5 mm.
 
-What is off: the toe. One or two hundredths of the mass, a layer of two or three points, slide
-ahead of the body of the deposit, 16 to 19 % beyond the measured toe at 2 mm. It is not a matter of
-the ground: sheets of one to four points thrown along it stop within 1 to 6 % of v^2 / (2 g sin(phi)),
+What is off: the toe. One or two hundredths of the mass, a layer of two or three points, slide ahead
+of the body of the deposit, 16 to 19 % beyond the measured toe at 2 mm. It is not a matter of the
+ground: sheets of one to four points thrown along it stop within 1 to 6 % of v^2 / (2 g sin(phi)),
 on rough and on Coulomb ground alike. It does not vanish with the cell, and bonded ground only hides
 it behind a drag that vanishes with the cell. What the model lacks is friction that rises where
 grains flow fast in a thin layer. If 19.8 degrees were the angle of a shear box, the angle of the
