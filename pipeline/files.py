@@ -24,6 +24,7 @@ from typing import Any
 import yaml
 
 from pipeline.cli import InputError, WorkFailed
+from pipeline.text_files import read_text
 
 _HASH_LENGTH = 16
 _MOST_NESTED = 100
@@ -121,7 +122,7 @@ def write_json(path: str | os.PathLike[str], value: Any) -> None:
 
 def read_json(path: str | os.PathLike[str]) -> Any:
     """Read a JSON file; a missing file, bad syntax, a repeated key or NaN is an `InputError`."""
-    text = _read_text(path)
+    text = read_text(path)
     try:
         return _not_too_deep(
             json.loads(
@@ -142,7 +143,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 
 def read_yaml(path: str | os.PathLike[str]) -> Any:
     """Read a YAML file; a missing file, bad syntax, a repeated key or NaN is an `InputError`."""
-    return parse_yaml(_read_text(path), name=str(path))
+    return parse_yaml(read_text(path), name=str(path))
 
 
 def parse_yaml(text: str, *, name: str) -> Any:
@@ -185,17 +186,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     raise TypeError(f"{type(value).__name__} has no JSON form")
-
-
-def _read_text(path: str | os.PathLike[str]) -> str:
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a UTF-8 text file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _flush_to_disk(path: Path) -> None:

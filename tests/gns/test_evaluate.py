@@ -195,7 +195,7 @@ def test_wrong_input_is_one_line(packed, model, tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"\x89PNG\r\n\x1a\n\xff\x00", "is no text in UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\xff\x00", "not a UTF-8 text file"),
         (b"index,wall_time_s\n1,2.5\n2\n", "no numbers in columns index and wall_time_s"),
         (b"index,wall_time_s\n1,nan\n", "run 1: wall_time_s nan: at least 0"),
     ],
@@ -210,7 +210,7 @@ def test_times_of_simulations_that_are_none(packed, model, tmp_path, content, wo
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"\x89PNG\r\n\x1a\n\xff\x00", "metrics.jsonl: is no text in UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\xff\x00", "metrics.jsonl: not a UTF-8 text file"),
         (b"[1]\n", r"metrics.jsonl: line 1: '\[1\]' is no line of a training"),
         (b'{"step": 1, "loss": null}\n', "line 1: .* is no line of a training"),
         (b'{"step": 1, "validation": {}}\n', "line 1: .* is no line of a training"),

@@ -129,8 +129,8 @@ def test_strengths_that_do_not_hold_together(tmp_path, old, new, complaint):
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (b"\x89PNG\r\n\x1a\n\xff\x00", "is no text in UTF-8"),
-        ("case;höhe".encode("latin-1"), "is no text in UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\xff\x00", "not a UTF-8 text file"),
+        ("case;höhe".encode("latin-1"), "not a UTF-8 text file"),
         (b"", "column name is missing"),
     ],
 )

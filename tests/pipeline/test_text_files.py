@@ -15,7 +15,7 @@ def test_text_is_read_whole(tmp_path):
 def test_what_is_no_text_is_told_in_one_line(tmp_path):
     (tmp_path / "latin.csv").write_bytes("höhe\n".encode("latin-1"))
     for name, words in (
-        ("latin.csv", "is no text in UTF-8"),
+        ("latin.csv", "not a UTF-8 text file"),
         ("nowhere.csv", "no such file"),
         (".", "cannot be read: Is a directory"),
     ):

@@ -80,7 +80,7 @@ def test_a_record_that_is_none_is_told_before_the_score(root, rows, tmp_path, br
         (None, "page.md: no such file"),
         (b"no markers\n", "the lines <!-- score: begin --> and"),
         (b"<!-- score: end --><!-- score: begin -->", "are missing"),
-        (b"\xff\xfe", "page.md: is no text in UTF-8"),
+        (b"\xff\xfe", "page.md: not a UTF-8 text file"),
     ],
 )
 def test_a_page_that_cannot_be_written_is_told_before_the_score(
