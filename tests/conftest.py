@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -22,6 +22,21 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 def root() -> Path:
     """The top folder of the checkout."""
     return ROOT
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _users_effects_end_with_their_file() -> Iterator[None]:
+    """Effects of users that a file of tests has loaded are known in that file alone."""
+    before = dict(_users_effects())
+    yield
+    after = _users_effects()
+    after.clear()
+    after.update(before)
+
+
+def _users_effects() -> dict:
+    registry = sys.modules.get("mpm_taichi.effects.registry")
+    return registry._users if registry else {}
 
 
 @pytest.fixture
