@@ -24,7 +24,7 @@ min_version("9.10")
 configfile: "config/config.yaml"
 
 
-report: "report/workflow.rst"
+report: "rules/captions/workflow.rst"
 
 
 include: "rules/common.smk"

@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from diagnosis.verdict import Verdict
+    from diagnosis.verdict.verdict import Verdict
 
 PHYSICS_VERSION = 2
 """Raised whenever the same runs and the same measurements give another verdict."""

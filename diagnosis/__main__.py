@@ -1,4 +1,4 @@
-"""Commands of the diagnosis: `python -m diagnosis compare|explain|extend|run|track|suggest|blind`.
+"""Commands of the diagnosis: `python -m diagnosis compare|explain|extend|run|track|suggest`.
 
 Each command is a module with `add_parser(subparsers)` and `run(arguments)`; `COMMANDS` lists them.
 They are imported one by one and only when the command line is read.
@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from pipeline.cli import main_exit, run_command
 
 COMMANDS = (
-    "diagnosis.run_command",
-    "diagnosis.compare_command",
-    "diagnosis.explain_command",
-    "diagnosis.extend_command",
-    "diagnosis.track_command",
-    "diagnosis.suggest_command",
-    "diagnosis.blind.command",
-    "diagnosis.schema_command",
+    "flowslide.commands.diagnose",
+    "flowslide.commands.compare",
+    "flowslide.commands.explain",
+    "flowslide.commands.extend",
+    "flowslide.commands.track",
+    "flowslide.commands.suggest",
+    "flowslide.commands.diagnosis_schema",
 )
 """Modules of the commands, in the order of the help."""
 

@@ -12,23 +12,23 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from diagnosis.hold_out import split
-from diagnosis.model_file import ModelFile
-from diagnosis.mpm_model import MPMModel, Numerics
+from diagnosis.fitting.hold_out import split
+from diagnosis.hypotheses.hypothesis_file import ModelFile
+from diagnosis.hypotheses.mpm_model import MPMModel, Numerics
 from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
-from geometry.measured import Measured
-from geometry.measured_series import SurfaceProfile
-from geometry.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.measurements import Measurements, check_places, load_measurements
-from geometry.scene import Scene, load_scene, scene_from_mapping
-from inversion.load import SCENE_FILE
-from inversion.mpm_engine import Setup
-from inversion.parameters import Parameters
-from inversion.predictions import Targets, make_targets
-from inversion.question import FILE_NAME as INVERSION_FILE
-from inversion.question import Question, ZoneBoundary, check_zones, load_question
-from inversion.run_store import RunStore
+from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
+from geometry.survey.measured import Measured
+from geometry.survey.measured_series import SurfaceProfile
+from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
+from geometry.survey.measurements import Measurements, check_places, load_measurements
+from inversion.back_analysis.load import SCENE_FILE
+from inversion.engines.mpm_engine import Setup
+from inversion.engines.run_store import RunStore
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import Targets, make_targets
+from inversion.problem.question import FILE_NAME as INVERSION_FILE
+from inversion.problem.question import Question, ZoneBoundary, check_zones, load_question
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
 from pipeline.config import Config

@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from diagnosis.compare import compare
-from diagnosis.decide import decide
-from diagnosis.explain import explain
-from diagnosis.model import Model, Proposing
-from diagnosis.next_measurement import Suggestion, suggest
+from diagnosis.adequacy.compare import compare
+from diagnosis.hypotheses.model import Model, Proposing
 from diagnosis.options import Options
-from diagnosis.rounds import run_rounds
-from diagnosis.unknown_curve import find_curve
-from diagnosis.verdict import Verdict
-from diagnosis.verdict_document import Diagnosed, verdict_document
+from diagnosis.selection.decide import decide
+from diagnosis.selection.forward_selection import run_rounds
+from diagnosis.selection.next_measurement import Suggestion, suggest
+from diagnosis.selection.unknown_curve import find_curve
+from diagnosis.signatures.explain import explain
+from diagnosis.verdict.verdict import Verdict
+from diagnosis.verdict.verdict_document import Diagnosed, verdict_document
 
 Say = Callable[[str], None]
 

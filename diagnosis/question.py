@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from diagnosis.options import HoldOut
-from geometry.scene import Document, document_error
+from geometry.scenes.scene import Document, document_error
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 

@@ -21,19 +21,25 @@ import diagnosis
 import geometry
 import inversion
 import mpm_taichi
-from diagnosis.batch_lines import BatchLines
 from diagnosis.case import DiagnosisCase, load_diagnosis
-from diagnosis.model import State
-from diagnosis.model_file import BASE, ModelFile, check_parent, find_model, load_model_file
-from diagnosis.mpm_model import MPMModel
+from diagnosis.hypotheses.hypothesis_file import (
+    BASE,
+    ModelFile,
+    check_parent,
+    find_model,
+    load_model_file,
+)
+from diagnosis.hypotheses.model import State
+from diagnosis.hypotheses.mpm_model import MPMModel
 from diagnosis.options import Options
-from diagnosis.report_sections import save_sections
-from diagnosis.verdict import CompareDocument, ExplainDocument, Verdict
-from geometry.measured_numbers import ToeRunout
-from geometry.scene import scene_hash
-from inversion.load import case_folder
-from inversion.run_store import RunStore
+from diagnosis.verdict.sections_file import save_sections
+from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
+from geometry.scenes.scene import scene_hash
+from geometry.survey.measured_numbers import ToeRunout
+from inversion.back_analysis.load import case_folder
+from inversion.engines.run_store import RunStore
 from mpm_taichi.effects import add_effects_option, load_given_effects
+from pipeline.batch_lines import BatchLines
 from pipeline.cli import InputError, add_common, at_least_one
 from pipeline.config import Config, load_config
 from pipeline.files import content_hash, file_hash, read_json, write_json

@@ -7,8 +7,9 @@ of points the same way for field data, the material point method and the learned
 In the paper this is the section on data and training, with its appendix of polygon coordinates.
 """
 
-from geometry.fill import MaterialPoints, fill
-from geometry.scene import (
+from geometry.random_scenes.templates import draw_scene
+from geometry.scenes.fill import MaterialPoints, fill
+from geometry.scenes.scene import (
     Domain,
     Ground,
     Material,
@@ -19,7 +20,6 @@ from geometry.scene import (
     save_scene,
     scene_from_mapping,
 )
-from geometry.templates import draw_scene
 
 #: Raised by one whenever the same configuration would draw or fill another scene than before.
 PHYSICS_VERSION = 1

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from pipeline.cli import main_exit, run_command
 
 COMMANDS = (
-    "gns.pack_command",
-    "gns.show_command",
-    "gns.train_command",
-    "gns.evaluate_command",
-    "gns.rollout_command",
-    "gns.schema_command",
-    "gns.baselines_command",
+    "flowslide.commands.gns_pack",
+    "flowslide.commands.gns_show",
+    "flowslide.commands.gns_train",
+    "flowslide.commands.gns_evaluate",
+    "flowslide.commands.gns_rollout",
+    "flowslide.commands.gns_schema",
+    "flowslide.commands.gns_baselines",
 )
 """Modules of the commands, in the order of the help."""
 

@@ -5,7 +5,8 @@ forward engine. Out: `result.json` with values, standard deviations, what the da
 and what every other assumption does to the answer; `history.csv`, `sections.npz`, the trajectory of
 the answer (paper, sections on the framework and on the two dams).
 
-Nothing heavy is imported here: a forward engine starts only when `inversion.mpm_engine` is used.
+Nothing heavy is imported here: a forward engine starts only when `inversion.engines.mpm_engine` is
+used.
 """
 
 from __future__ import annotations

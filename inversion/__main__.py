@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from pipeline.cli import main_exit, run_command
 
 COMMANDS = (
-    "inversion.invert_command",
-    "inversion.predict_command",
-    "inversion.show_command",
-    "inversion.classical.command",
-    "inversion.new_case",
-    "inversion.catalogue_command",
-    "inversion.schema_command",
+    "flowslide.commands.invert",
+    "flowslide.commands.predict",
+    "flowslide.commands.inversion_show",
+    "flowslide.commands.classical",
+    "flowslide.commands.new",
+    "flowslide.commands.catalogue",
+    "flowslide.commands.inversion_schema",
 )
 """Modules of the commands, in the order of the help."""
 

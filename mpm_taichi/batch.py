@@ -31,7 +31,7 @@ from pipeline.cli import InputError, WorkFailed
 from pipeline.files import atomic_path, content_hash, only_one
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
     from pipeline.config import SimulationSettings
 
 RAISED = "the solver raised"

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.measurements import (
+from geometry.scenes.scene import Material, Scene, load_scene, scene_from_mapping
+from geometry.survey.measurements import (
     FILE_NAME,
     Anything,
     Deposit,
@@ -27,8 +28,7 @@ from geometry.measurements import (
     ToeRunout,
     load_measurements,
 )
-from geometry.observables import naked_eye_toe
-from geometry.scene import Material, Scene, load_scene, scene_from_mapping
+from geometry.survey.observables import naked_eye_toe
 from mpm_taichi.effects import effects_on
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError, WorkFailed

@@ -14,8 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from mpm_taichi.frame import nearest_frame
-from mpm_taichi.trajectory import COMPRESSION_LEVEL, Run
+from mpm_taichi.trajectory import COMPRESSION_LEVEL, Run, nearest_frame
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 

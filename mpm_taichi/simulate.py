@@ -13,17 +13,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpm_taichi import layout, solver
-from mpm_taichi.boundary import MARGIN
-from mpm_taichi.effects.base import Effect
-from mpm_taichi.effects.registry import effects_on, kernel_effects
-from mpm_taichi.initial_state import PreparedScene, prepare
-from mpm_taichi.runtime import MAX_ROWS, DeviceSlots, Slots, start
+from mpm_taichi.effects.framework.base import Effect
+from mpm_taichi.effects.framework.registry import effects_on, kernel_effects
+from mpm_taichi.solver import layout
+from mpm_taichi.solver.boundary import MARGIN
+from mpm_taichi.solver.initial_state import PreparedScene, prepare
+from mpm_taichi.solver.kernels import build_kernels
+from mpm_taichi.solver.runtime import MAX_ROWS, DeviceSlots, Slots, start
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
     from pipeline.config import SimulationSettings
 
 CHUNK = 8
@@ -93,7 +94,7 @@ def simulate_each(
     threads = start(device, threads)
     in_flight = max(SLOTS[device], PER_THREAD * threads if device == "cpu" else 0)
     for effects, members in groups.items():
-        kernels = solver.build_kernels(
+        kernels = build_kernels(
             affine=settings.transfer in ("affine_flip", "apic"),
             averaged=settings.volumetric_averaging,
             corrected=settings.volume_correction,

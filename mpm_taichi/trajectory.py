@@ -27,7 +27,7 @@ from pipeline.files import atomic_path
 from pipeline.manifest import code_version
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
     from pipeline.config import SimulationSettings
 
 FORMAT_VERSION = 1
@@ -174,7 +174,8 @@ def outward_travel(
     """How far the mass spread to the left and to the right [m], for lists and statistics.
 
     The outer edges are the quantiles `share` and 1 - share of the points' x, so that no single
-    stray point decides. The measured toe runout is `geometry.observables.toe_runout`, not this.
+    stray point decides. The measured toe runout is `geometry.survey.observables.toe_runout`, not
+    this.
 
     Args:
         first: positions of the points before (N, 2) [m].
@@ -267,7 +268,7 @@ def read_run(path: str | Path, index: int, fields: Sequence[str] | None = None) 
     Raises:
         InputError: no such file or run, an unknown field, or a damaged file.
     """
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
     from pipeline.config import SimulationSettings
 
     wanted = set(FIELDS if fields is None else fields)
@@ -430,3 +431,22 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"a {type(value).__name__} cannot be stored in a trajectory's attributes")
+
+
+def refuse_empty(run: Run) -> None:
+    """Raise an `InputError` for a run that has nothing to draw."""
+    if run.frames == 0 or run.points == 0:
+        raise InputError(f"{run.scene.name}: the run has no frames to draw ({run.reason})")
+
+
+def nearest_frame(run: Run, time: float) -> int:
+    """Number of the frame nearest to `time` [s]; after a run has ended, the last.
+
+    Raises:
+        InputError: before the slide, or after the time that was to be simulated.
+    """
+    refuse_empty(run)
+    end = max(float(run.time[-1]), run.settings.duration_s)
+    if not 0.0 <= time <= end:
+        raise InputError(f"{run.scene.name}: no frame at {time:g} s; allowed are 0 to {end:g} s")
+    return int(np.argmin(np.abs(run.time - time)))

@@ -273,7 +273,9 @@ class HiddenEffectsSettings(Settings):
     """The blind benchmark of the diagnosis. What is hidden is in the document it names."""
 
     benchmark: str = Field(
-        "hidden_effects", min_length=1, description="what is to be made: a file, or its folder"
+        "benchmarks/hidden_effects",
+        min_length=1,
+        description="what is to be made: a file, or its folder",
     )
     shares: int = Field(20, ge=1, le=999, description="jobs among which the cases are divided")
     variants: list[Literal["method", "no_model_error", "no_projection", "tangent_only"]] = Field(

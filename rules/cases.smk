@@ -25,13 +25,13 @@ rule simulate_case:
     output:
         picture=report(
             f"{RESULTS}/{{case}}/simulation/runout.png",
-            caption="../report/case.rst",
+            caption="captions/case.rst",
             category="Case histories",
             labels={"case": "{case}", "what": "deposit and measured profile"},
         ),
         film=report(
             f"{RESULTS}/{{case}}/simulation/runout.mp4",
-            caption="../report/case.rst",
+            caption="captions/case.rst",
             category="Case histories",
             labels={"case": "{case}", "what": "film of the runout"},
         ),

@@ -19,7 +19,7 @@ rule diagnose_case:
         summary=f"{RESULTS}/{{case}}/diagnosis/summary.txt",
         page=report(
             f"{RESULTS}/{{case}}/diagnosis/report.html",
-            caption="../report/diagnosis.rst",
+            caption="captions/diagnosis.rst",
             category="Case histories",
             labels={"case": "{case}", "what": "missing physics"},
         ),

@@ -43,7 +43,7 @@ rule draw_gallery:
     output:
         picture=report(
             gallery("{scale}"),
-            caption="../report/gallery.rst",
+            caption="captions/gallery.rst",
             category="Scenes",
             labels={"scale": "{scale}", "what": "gallery"},
         ),

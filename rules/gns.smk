@@ -81,13 +81,13 @@ rule evaluate_model:
         summary=f"{RESULTS}/{{scale}}/model/evaluation.txt",
         worst=report(
             f"{RESULTS}/{{scale}}/model/worst.png",
-            caption="../report/model.rst",
+            caption="captions/model.rst",
             category="Learned simulators",
             labels={"scale": "{scale}", "what": "the five worst rollouts"},
         ),
         training=report(
             f"{RESULTS}/{{scale}}/model/training.png",
-            caption="../report/model.rst",
+            caption="captions/model.rst",
             category="Learned simulators",
             labels={"scale": "{scale}", "what": "history of the training"},
         ),

@@ -7,7 +7,7 @@ HIDDEN_SHARES = range(1, HIDDEN.shares + 1)
 HIDDEN_FILES = sorted(
     os.path.relpath(path)
     for pattern in ("*.yaml", "*.py", "sections/*/*.yaml")
-    for path in (Path(workflow.basedir) / "hidden_effects").glob(pattern)
+    for path in (Path(workflow.basedir) / "benchmarks" / "hidden_effects").glob(pattern)
 )
 
 
@@ -33,7 +33,7 @@ rule plan_hidden:
     message:
         "How well can hidden effects be seen? {output}"
     shell:
-        "python -m diagnosis blind plan --benchmark {params.benchmark} --out {params.folder}"
+        "python -m benchmarks.hidden_effects plan --benchmark {params.benchmark} --out {params.folder}"
         " --threads {threads} --config {params.config} > {log} 2>&1"
 
 
@@ -60,7 +60,7 @@ rule make_hidden:
     message:
         "Hiding effects, share {wildcards.share} of {params.shares}"
     shell:
-        "python -m diagnosis blind make --benchmark {params.benchmark} --out {params.folder}"
+        "python -m benchmarks.hidden_effects make --benchmark {params.benchmark} --out {params.folder}"
         " --part {wildcards.share}/{params.shares} --threads {threads} --config {params.config}"
         " > {log} 2>&1"
 
@@ -86,7 +86,7 @@ rule seal_hidden:
     message:
         "Sealing the truths: {output}"
     shell:
-        "python -m diagnosis blind make --benchmark {params.benchmark} --out {params.folder}"
+        "python -m benchmarks.hidden_effects make --benchmark {params.benchmark} --out {params.folder}"
         " --config {params.config} > {log} 2>&1"
 
 
@@ -117,7 +117,7 @@ rule diagnose_hidden:
     message:
         "Diagnosing blind, share {wildcards.share} of {params.shares}"
     shell:
-        "python -m diagnosis blind run --out {params.folder} --variants {params.variants}"
+        "python -m benchmarks.hidden_effects run --out {params.folder} --variants {params.variants}"
         " --part {wildcards.share}/{params.shares} --threads {threads} --config {params.config}"
         " > {log} 2>&1"
 
@@ -142,5 +142,5 @@ rule hidden_effects:
     message:
         "The score of the benchmark of hidden effects: {output}"
     shell:
-        "python -m diagnosis blind score --benchmark {params.benchmark} --out {params.folder}"
+        "python -m benchmarks.hidden_effects score --benchmark {params.benchmark} --out {params.folder}"
         " --config {params.config} > {log} 2>&1"

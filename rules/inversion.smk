@@ -59,7 +59,7 @@ rule invert_case:
         summary=f"{RESULTS}/{{case}}/inversion/summary.txt",
         page=report(
             f"{RESULTS}/{{case}}/inversion/report.html",
-            caption="../report/inversion.rst",
+            caption="captions/inversion.rst",
             category="Case histories",
             labels={"case": "{case}", "what": "back-analysis"},
         ),
@@ -120,7 +120,7 @@ rule invert_case_gns:
         summary=f"{RESULTS}/{{case}}/inversion_gns/summary.txt",
         page=report(
             f"{RESULTS}/{{case}}/inversion_gns/report.html",
-            caption="../report/inversion.rst",
+            caption="captions/inversion.rst",
             category="Case histories",
             labels={"case": "{case}", "what": "back-analysis, Diff-GNS"},
         ),

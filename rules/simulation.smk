@@ -45,13 +45,13 @@ rule list_runs:
         failed=f"{RESULTS}/{{scale}}/failed.txt",
         picture=report(
             f"{RESULTS}/{{scale}}/runs.png",
-            caption="../report/runs.rst",
+            caption="captions/runs.rst",
             category="Simulations",
             labels={"scale": "{scale}", "what": "statistics of the runs"},
         ),
         page=report(
             f"{RESULTS}/{{scale}}/runs.html",
-            caption="../report/runs.rst",
+            caption="captions/runs.rst",
             category="Simulations",
             labels={"scale": "{scale}", "what": "table of the runs"},
         ),

@@ -35,7 +35,7 @@ def _users_effects_end_with_their_file() -> Iterator[None]:
 
 
 def _users_effects() -> dict:
-    registry = sys.modules.get("mpm_taichi.effects.registry")
+    registry = sys.modules.get("mpm_taichi.effects.framework.registry")
     return registry._users if registry else {}
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure
-from inversion.mpm_engine import MPMEngine
+from inversion.engines.mpm_engine import MPMEngine
 
 TITLE = "The derivative of the runout"
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure
-from inversion.result import Result
+from inversion.back_analysis.result import Result
 
 TITLE = "La Marquesa: two toes and three strengths"
 

@@ -10,10 +10,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from inversion.back_analysis import BackAnalysis
-from inversion.load import LoadedCase, load_case
-from inversion.result import Result
-from inversion.run_store import RunStore
+from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.load import LoadedCase, load_case
+from inversion.back_analysis.result import Result
+from inversion.engines.run_store import RunStore
 from pipeline.config import Config, load_config
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_most
-from inversion.result import ParameterAnswer, Result
+from inversion.back_analysis.result import ParameterAnswer, Result
 
 TITLE = "Lower San Fernando: the paper's question"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure
 from benchmarks.back_analysis.la_marquesa import SETTINGS
-from inversion.result import MeasurementAnswer, Result
+from inversion.back_analysis.result import MeasurementAnswer, Result
 
 TITLE = "What was measured and not fitted"
 

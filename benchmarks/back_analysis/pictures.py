@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FormatStrFormatter, NullLocator
 
-from inversion.result import Result
+from inversion.back_analysis.result import Result
 from pipeline.files import atomic_path
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure
-from inversion.result import ParameterAnswer, VariantAnswer
+from inversion.back_analysis.result import ParameterAnswer, VariantAnswer
 
 TITLE = "Lower San Fernando: with and without the reservoir"
 

@@ -16,16 +16,16 @@ import numpy as np
 import yaml
 
 from benchmarks.back_analysis.lab import CASES, LA_MARQUESA, LSFD
-from geometry import observables
-from geometry.fill import fill
-from geometry.random_numbers import Stream
-from geometry.scene import Scene, load_scene, save_scene
-from geometry.templates import draw_scene
-from geometry.toe import Side
-from inversion.parameters import with_properties
-from inversion.run_store import KeptRun, RunStore
+from geometry.random_scenes.templates import draw_scene
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import Scene, load_scene, save_scene
+from geometry.survey import observables
+from geometry.survey.toe import Side
+from inversion.engines.run_store import KeptRun, RunStore
+from inversion.problem.parameters import with_properties
 from pipeline.config import Config
 from pipeline.files import write_text
+from pipeline.random_numbers import Stream
 
 #: Of strengths, jitter and survey. The search was improved on seed 7; what is recorded is another.
 SEED = 8

@@ -33,9 +33,9 @@ from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_least, at_most
 from benchmarks.back_analysis.twin_cases import Truth, plans, points_of, truth_of, write_case
 from inversion import PHYSICS_VERSION as INVERSION_VERSION
-from inversion.back_analysis import BackAnalysis
-from inversion.load import load_case
-from inversion.result import Result
+from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.load import load_case
+from inversion.back_analysis.result import Result
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import content_hash, read_json, write_json
 

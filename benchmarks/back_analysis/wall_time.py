@@ -19,9 +19,9 @@ import numpy as np
 
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_most
-from inversion.mpm_engine import MPMEngine, Setup
-from inversion.parameters import Parameters
-from inversion.run_store import RunStore
+from inversion.engines.mpm_engine import MPMEngine, Setup
+from inversion.engines.run_store import RunStore
+from inversion.problem.parameters import Parameters
 
 TITLE = "Wall time of forward and gradient"
 

@@ -18,10 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.diagnosis_prototype.cases import BINS, Case, Setting, make_case
-from diagnosis.blind.intervals import Share
+from benchmarks.hidden_effects.scoring.intervals import Share
 from diagnosis.loop import diagnose
 from diagnosis.options import Options
-from diagnosis.verdict import Verdict
+from diagnosis.verdict.verdict import Verdict
 from pipeline.cli import InputError, base_parser, main_exit
 
 KINDS = ("null", "single", "pair", "outside")

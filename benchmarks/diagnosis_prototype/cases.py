@@ -23,8 +23,8 @@ from benchmarks.diagnosis_prototype.model import (
     survey,
 )
 from benchmarks.diagnosis_prototype.slide import Numerics
-from diagnosis.covariance import covariance
-from diagnosis.model import Candidate, State
+from diagnosis.fitting.covariance import covariance
+from diagnosis.hypotheses.model import Candidate, State
 
 #: Bins of lambda.
 BINS = ((3.0, 10.0), (10.0, 25.0), (25.0, 60.0), (60.0, 200.0))

@@ -9,14 +9,14 @@ import numpy as np
 
 from benchmarks.diagnosis_prototype import slide
 from benchmarks.diagnosis_prototype.slide import Numerics
-from diagnosis.model import CURVE, Candidate, Curve, Proposal, State
-from geometry.measured import Measured
-from geometry.measured_numbers import CrestSettlement, MarkerDisplacement, ToeRunout
-from geometry.measured_series import SurfaceProfile, ToeHistory
-from geometry.profiles import Profile
-from inversion.parameters import Parameters
-from inversion.predictions import Targets, make_targets
-from inversion.question import ParameterSpec
+from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal, State
+from geometry.survey.measured import Measured
+from geometry.survey.measured_numbers import CrestSettlement, MarkerDisplacement, ToeRunout
+from geometry.survey.measured_series import SurfaceProfile, ToeHistory
+from geometry.survey.profiles import Profile
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import Targets, make_targets
+from inversion.problem.question import ParameterSpec
 
 #: Standard deviations of the survey [m].
 STD = {"toe": 1.0, "crest": 0.5, "profile": 0.5, "marker": 0.3, "history": 1.0}

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from geometry.observables import naked_eye_toe, surface_profile, toe
-from geometry.scene import Scene, scene_from_mapping
+from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.survey.observables import naked_eye_toe, surface_profile, toe
 from mpm_taichi.trajectory import Run
 from pipeline.files import read_yaml
 
@@ -43,7 +43,7 @@ def column_scene(
         height: H0 [m].
         spacing: between material points [m].
         reach: longest deposit to make room for [m].
-        material: fields of `geometry.scene.Material`.
+        material: fields of `geometry.scenes.scene.Material`.
         fields: further fields of the scene, or other values of these.
     """
     far = reach + WALL_GAP * 2 * spacing
@@ -79,7 +79,7 @@ def surface(
 
 
 def front(position: np.ndarray, *, spacing: float, volume: float = 1.0) -> float:
-    """Toe of the deposit [m]: where it is one spacing thick (`geometry.observables.toe`).
+    """Toe of the deposit [m]: where it is one spacing thick (`geometry.survey.observables.toe`).
 
     For another thickness, give it as `spacing`, and the points' volume in its square.
     """

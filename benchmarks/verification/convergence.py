@@ -1,7 +1,7 @@
 """The same runout with the time step halved and with the cell halved; the numerical strength.
 
-The three scenes of `benchmarks.transfer_study`, default settings, from 1 m spacing (quick: the
-slump from 2 m). A change of the runout is also given as the S_r that would cause it, from a run
+The three scenes of `benchmarks.studies.transfer_study`, default settings, from 1 m spacing (quick:
+the slump from 2 m). A change of the runout is also given as the S_r that would cause it, from a run
 with 5 % more S_r: the effective numerical strength, which should stay under 2 % of S_r.
 
 The front of the column, soil without cohesion, ends in a layer as thin as the threshold of the toe.
@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.transfer_study import SCENES
+from benchmarks.studies.transfer_study import SCENES
 from benchmarks.verification.rows import Row
-from geometry.observables import surface_profile, toe_runout
-from geometry.scene import Scene
+from geometry.scenes.scene import Scene
+from geometry.survey.observables import surface_profile, toe_runout
 from pipeline.config import SimulationSettings
 
 TITLE = "Time step and cell halved"

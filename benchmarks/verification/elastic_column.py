@@ -10,8 +10,8 @@ and settlement with damping. Errors of stress are shares of rho g H, of settleme
 
 Splines that reach through the ground would leave the stress of the two lowest cells off by some
 12 % of rho g H whatever their size, and likewise beside a smooth wall; ours end there
-(`mpm_taichi.splines`). What limits it now: F-bar and the relaxation of pressure make the mean
-stress constant in a cell: first order, point by point.
+(`mpm_taichi.solver.splines`). What limits it now: F-bar and the relaxation of pressure make the
+mean stress constant in a cell: first order, point by point.
 """
 
 from __future__ import annotations

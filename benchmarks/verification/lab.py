@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometry.scene import Scene, scene_from_mapping
-from mpm_taichi import runtime, solver
-from mpm_taichi.boundary import LEFT, NEAR, RIGHT, WATER_X
-from mpm_taichi.initial_state import prepare
-from mpm_taichi.mohr_coulomb import material_constants
+from geometry.scenes.scene import Scene, scene_from_mapping
+from mpm_taichi.materials.mohr_coulomb import material_constants
+from mpm_taichi.solver import layout, runtime
+from mpm_taichi.solver.boundary import LEFT, NEAR, RIGHT, WATER_X
+from mpm_taichi.solver.initial_state import prepare
+from mpm_taichi.solver.kernels import build_kernels
 from pipeline.config import SimulationSettings
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class Lab:
         chosen = (settings or SimulationSettings()).model_dump() | options
         self.settings = SimulationSettings(**chosen)
         runtime.start("cpu", 1)
-        kernels = solver.build_kernels(
+        kernels = build_kernels(
             affine=self.settings.transfer in ("affine_flip", "apic"),
             averaged=self.settings.volumetric_averaging,
             corrected=self.settings.volume_correction,
@@ -80,11 +81,11 @@ class Lab:
         left = frames
         while True:
             part = min(left, CHUNK)
-            self.slots.integers[0, solver.FRAME_COUNT] = part
+            self.slots.integers[0, layout.FRAME_COUNT] = part
             self.slots.run()
             left -= part
             self.time += part * self.frame_time
-            if self.slots.integers[0, solver.ALARM]:
+            if self.slots.integers[0, layout.ALARM]:
                 raise RuntimeError(f"{self.scene.name}: unstable at t = {self.time:.3g} s")
             if left == 0:
                 return
@@ -92,7 +93,7 @@ class Lab:
     def set_frame_time(self, seconds: float) -> None:
         """Change the time of a frame [s]; a frame is one or more time steps."""
         self.frame_time = seconds
-        self.slots.numbers[0, solver.FRAME_TIME] = seconds
+        self.slots.numbers[0, layout.FRAME_TIME] = seconds
 
     # -- changing the experiment ----------------------------------------------------------------
 
@@ -112,7 +113,7 @@ class Lab:
         cohesion_kpa: float = 0.0,
         tension_cap_kpa: float | None = None,
     ) -> None:
-        """Give a material another strength from now on; the cap as in `geometry.scene.Material`."""
+        """Give a material another strength from now on; the cap as in `scenes.scene.Material`."""
         soil = self.scene.materials[material]
         _, strength, edges = material_constants(
             friction_angle=np.radians(friction_deg),
@@ -150,7 +151,7 @@ class Lab:
         if tilt_deg and (len(densities) > 1 or self.scene.has_water):
             raise ValueError("tilted gravity needs a dry scene of one density")
         angle = np.radians(tilt_deg)
-        self.slots.numbers[0, solver.GRAVITY] = gravity * np.cos(angle)
+        self.slots.numbers[0, layout.GRAVITY] = gravity * np.cos(angle)
         self.slots.table[:, WATER_X] = min(densities) * gravity * np.sin(angle)
         self.slots.kind |= NEAR  # every node is to be given the volume around it
 
@@ -161,7 +162,7 @@ class Lab:
 
     def set_damping(self, share: float) -> None:
         """Set Cundall's local damping (0 = none): for standstills looked for, not for motion."""
-        self.slots.numbers[0, solver.DAMPING] = share
+        self.slots.numbers[0, layout.DAMPING] = share
 
     # -- reading --------------------------------------------------------------------------------
 
@@ -212,10 +213,10 @@ class Lab:
     @property
     def potential_energy(self) -> float:
         """Potential energy of all points in the vertical gravity [J/m], zero at y = 0."""
-        gravity = float(self.slots.numbers[0, solver.GRAVITY])
+        gravity = float(self.slots.numbers[0, layout.GRAVITY])
         return gravity * float(self.mass @ self.position[:, 1])
 
     @property
     def steps(self) -> int:
         """Time steps done so far."""
-        return int(self.slots.integers[0, solver.STEPS])
+        return int(self.slots.integers[0, layout.STEPS])

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_taichi.mohr_coulomb import NO_CAP
+from mpm_taichi.materials.mohr_coulomb import NO_CAP
 
 PAIRS = [(i, j) for i in range(3) for j in range(3) if i != j]
 

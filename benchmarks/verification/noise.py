@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from benchmarks.verification.rows import Row
-from geometry.columns import kernel
-from geometry.observables import surface_profile, toe_runout
-from geometry.scene import Scene, load_scene
+from geometry.scenes.scene import Scene, load_scene
+from geometry.survey.columns import kernel
+from geometry.survey.observables import surface_profile, toe_runout
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import Run
 from pipeline.config import SimulationSettings

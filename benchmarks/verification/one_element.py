@@ -10,9 +10,14 @@ import numpy as np
 import taichi as ti
 
 from benchmarks.verification.mohr_coulomb_reference import Soil
-from mpm_taichi.mohr_coulomb import elastic_trial, material_constants, return_to_yield, vec4
-from mpm_taichi.runtime import start
-from mpm_taichi.transfer import area_rate
+from mpm_taichi.materials.mohr_coulomb import (
+    elastic_trial,
+    material_constants,
+    return_to_yield,
+    vec4,
+)
+from mpm_taichi.solver.runtime import start
+from mpm_taichi.solver.transfer import area_rate
 
 VECTORS = ti.types.ndarray(dtype=vec4, ndim=1)
 

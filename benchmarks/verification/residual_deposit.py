@@ -35,7 +35,7 @@ from scipy.optimize import brentq
 
 from benchmarks.verification.lab import Lab
 from benchmarks.verification.rows import Row
-from geometry.observables import naked_eye_toe, surface_profile
+from geometry.survey.observables import naked_eye_toe, surface_profile
 
 TITLE = "S_r deposit on a rough base"
 TOLERANCE = 0.05

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.measurements import Measurements
+from geometry.survey.measurements import Measurements
 from inversion.classical import imm
 from inversion.classical.analysis import METHODS, Analysis, MethodAnswer, Stability
 from inversion.classical.kinetics import Motion

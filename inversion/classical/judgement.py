@@ -14,9 +14,9 @@ from typing import Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from geometry.measurements import Confidence, Measurements, ToeRunout
-from geometry.scene import Document, document_error
-from geometry.toe import Side
+from geometry.scenes.scene import Document, document_error
+from geometry.survey.measurements import Confidence, Measurements, ToeRunout
+from geometry.survey.toe import Side
 from inversion.classical.kinetics import EndSlope, Stages
 from inversion.classical.morph import BaseStrength
 from pipeline.cli import InputError

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geometry.scene import Material, Scene
-from geometry.sketch import signed_area
+from geometry.random_scenes.sketch import signed_area
+from geometry.scenes.scene import Material, Scene
 
 GRAVITY = 9.81  # m/s2, the default of the solver
 WATER_DENSITY = 1000.0  # kg/m3

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.measurements import Measurements, load_measurements, load_profile
-from geometry.observables import surface_profile
-from geometry.scene import Scene, load_scene
-from geometry.toe import Side
+from geometry.scenes.scene import Scene, load_scene
+from geometry.survey.measurements import Measurements, load_measurements, load_profile
+from geometry.survey.observables import surface_profile
+from geometry.survey.toe import Side
 from inversion.classical.judgement import SEARCH, Judgement
 from inversion.classical.morph import Slide
 from inversion.classical.search import critical_polyline

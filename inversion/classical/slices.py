@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from geometry.toe import Side
+from geometry.survey.toe import Side
 from inversion.classical.section import OUTSIDE, WATER_UNIT_WEIGHT, Section
 
 WaterForm = Literal["buoyant", "boundary"]

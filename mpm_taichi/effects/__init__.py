@@ -5,7 +5,7 @@ objects, with what each is and does. Off is off: a scene without effects runs by
 of none. Nothing here starts Taichi.
 """
 
-from mpm_taichi.effects.base import (
+from mpm_taichi.effects.framework.base import (
     DEGREE,
     KPA,
     STANDARD_GRAVITY,
@@ -18,14 +18,14 @@ from mpm_taichi.effects.base import (
     needs_liquefied_soil,
     ti,
 )
-from mpm_taichi.effects.command import (
+from mpm_taichi.effects.framework.options import (
     add_effects_command,
     add_effects_option,
     effects_table,
     effects_text,
     load_given_effects,
 )
-from mpm_taichi.effects.registry import (
+from mpm_taichi.effects.framework.registry import (
     LIBRARY,
     acting_scene,
     changes_volume,

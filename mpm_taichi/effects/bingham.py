@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mpm_taichi.effects.base import KPA, Amplitude, Effect, needs_liquefied_soil
+from mpm_taichi.effects.framework.base import KPA, Amplitude, Effect, needs_liquefied_soil
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpm_taichi.effects.base import Amplitude, Effect, Parameter, ti
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from mpm_taichi.effects.base import Amplitude, Effect, ti
-from mpm_taichi.effects.free_water import FAR, pool_of
+from mpm_taichi.effects.framework.base import Amplitude, Effect, ti
+from mpm_taichi.effects.framework.free_water import FAR, pool_of
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 
 def ground(effect, base, node):  # noqa: ANN001, ANN201

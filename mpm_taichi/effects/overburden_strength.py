@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mpm_taichi.effects.base import Amplitude, Effect, needs_liquefied_soil, ti
+from mpm_taichi.effects.framework.base import Amplitude, Effect, needs_liquefied_soil, ti
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201

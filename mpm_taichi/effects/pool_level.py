@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from mpm_taichi.effects.base import Amplitude, Effect
+from mpm_taichi.effects.framework.base import Amplitude, Effect
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 
 def moved(scene: Scene, amplitude: float, parameters: Mapping[str, float]) -> Scene:

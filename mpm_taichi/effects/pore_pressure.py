@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpm_taichi.effects.base import Amplitude, Effect, Parameter, ti
-from mpm_taichi.effects.free_water import soaked_area
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
+from mpm_taichi.effects.framework.free_water import soaked_area
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpm_taichi.effects.base import STANDARD_GRAVITY, Amplitude, Effect, Parameter, ti
+from mpm_taichi.effects.framework.base import STANDARD_GRAVITY, Amplitude, Effect, Parameter, ti
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
-    from mpm_taichi.effects.base import Numbers
+    from geometry.scenes.scene import Scene
+    from mpm_taichi.effects.framework.base import Numbers
 
 
 def acceleration(effect, node):  # noqa: ANN001, ANN201

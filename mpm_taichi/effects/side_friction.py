@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mpm_taichi.effects.base import Amplitude, Effect, Parameter, ti
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
 from mpm_taichi.effects.side_shear import section_height
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 
 def resistance(effect, here):  # noqa: ANN001, ANN201

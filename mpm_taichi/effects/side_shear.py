@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from mpm_taichi.effects.base import Amplitude, Effect, Parameter
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 
 def resistance(effect, here):  # noqa: ANN001, ANN201

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometry.fill import contains
-from mpm_taichi.effects.base import Amplitude, Effect, Parameter, needs_liquefied_soil
+from geometry.scenes.fill import contains
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, needs_liquefied_soil
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 WAVES = 512
 """Waves of which the random field is made."""

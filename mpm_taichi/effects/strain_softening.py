@@ -8,7 +8,7 @@ times with g_r fixed, and by 1.2 (1.7 where the effect is smallest) with g_r as 
 
 from __future__ import annotations
 
-from mpm_taichi.effects.base import Amplitude, Effect, Parameter, needs_liquefied_soil, ti
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, needs_liquefied_soil, ti
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201

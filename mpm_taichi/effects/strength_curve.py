@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mpm_taichi.effects.base import Amplitude, Effect, Parameter, needs_liquefied_soil, ti
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, needs_liquefied_soil, ti
 from pipeline.cli import InputError
 
 VARIABLES = ("strain_rate", "strain", "time", "overburden", "position")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from mpm_taichi.effects.base import Amplitude, Effect
-from mpm_taichi.effects.free_water import pool_of, soil_in_pool
+from mpm_taichi.effects.framework.base import Amplitude, Effect
+from mpm_taichi.effects.framework.free_water import pool_of, soil_in_pool
 
 if TYPE_CHECKING:
-    from geometry.scene import Scene
+    from geometry.scenes.scene import Scene
 
 WATER_DENSITY = 1000.0
 """Density of fresh water [kg/m3]."""

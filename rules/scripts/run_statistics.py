@@ -16,7 +16,7 @@ import matplotlib
 
 from pipeline.cli import InputError, base_parser, main_exit
 from pipeline.files import atomic_path, write_text
-from pipeline.page import Paragraph, Picture, Section, Table, write_page
+from report.page import Paragraph, Picture, Section, Table, write_page
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from inversion.run_store import RunStore
+from inversion.engines.run_store import RunStore
 
 
 @pytest.fixture

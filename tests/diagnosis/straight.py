@@ -12,17 +12,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.hold_out import split
-from diagnosis.model import Candidate, State
+from diagnosis.fitting.hold_out import split
+from diagnosis.fitting.space import Amplitude, Space
+from diagnosis.fitting.whitened import Data
+from diagnosis.hypotheses.model import Candidate, State
 from diagnosis.options import HoldOut
-from diagnosis.space import Amplitude, Space
-from diagnosis.whitened import Data
-from geometry.measured_numbers import ToeRunout
-from geometry.measured_series import SurfaceProfile, ToeHistory
-from geometry.profiles import Profile
-from inversion.parameters import Parameters
-from inversion.predictions import make_targets
-from inversion.question import ParameterSpec, Prior
+from geometry.survey.measured_numbers import ToeRunout
+from geometry.survey.measured_series import SurfaceProfile, ToeHistory
+from geometry.survey.profiles import Profile
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import make_targets
+from inversion.problem.question import ParameterSpec, Prior
 
 X = np.linspace(0.0, 46.0, 24)
 TIMES = [2.0, 4.0, 6.0, 9.0]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from diagnosis.adequacy import (
+from diagnosis.adequacy.adequacy import (
     Test as Check,
 )
-from diagnosis.adequacy import (
+from diagnosis.adequacy.adequacy import (
     assess,
     autocorrelation,
     exceedance,
@@ -18,14 +18,14 @@ from diagnosis.adequacy import (
     neighbour_pairs,
     standardised_sum,
 )
-from diagnosis.fit import Fit
+from diagnosis.adequacy.windows import worst_window
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.places import places_of
+from diagnosis.fitting.space import Amplitude
+from diagnosis.fitting.whitened import System, augmented_residual, system
 from diagnosis.options import HoldOut
-from diagnosis.places import places_of
-from diagnosis.scores import score_all
-from diagnosis.signatures import Signature
-from diagnosis.space import Amplitude
-from diagnosis.whitened import System, augmented_residual, system
-from diagnosis.windows import worst_window
+from diagnosis.signatures.scores import score_all
+from diagnosis.signatures.signatures import Signature
 from tests.diagnosis.straight import X, signatures, straight
 
 CASES = 300

@@ -8,9 +8,9 @@ import pytest
 import yaml
 
 from diagnosis.case import load_diagnosis
-from diagnosis.model_file import ModelFile
+from diagnosis.hypotheses.hypothesis_file import ModelFile
 from diagnosis.options import HoldOut
-from inversion.run_store import RunStore
+from inversion.engines.run_store import RunStore
 from pipeline.cli import InputError
 from pipeline.config import Config, load_config
 

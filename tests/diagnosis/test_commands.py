@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.hidden_effect_example import write_survey
+from benchmarks.hidden_effects.example import write_survey
+from benchmarks.hidden_effects.making.sections import load_section
 from diagnosis.__main__ import main
-from diagnosis.blind.sections import load_section
 from diagnosis.case import load_diagnosis
-from diagnosis.kept_steps import kept_step
-from diagnosis.model import state
-from diagnosis.model_file import load_model_file
-from diagnosis.verdict import CompareDocument, ExplainDocument, load_verdict
+from diagnosis.hypotheses.hypothesis_file import load_model_file
+from diagnosis.hypotheses.model import state
+from diagnosis.verdict.kept_steps import kept_step
+from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, load_verdict
 from pipeline.cli import InputError
 from pipeline.config import Config
 
@@ -229,7 +229,7 @@ def test_the_commands_end_as_they_should(run_module, tmp_path):
     done = run_module("diagnosis", "run", tmp_path / "nowhere")
     assert done.returncode == 2 and done.stderr.count("\n") == 1
     listed = run_module("diagnosis", "--help")
-    for name in ("run", "compare", "explain", "extend", "track", "suggest", "blind"):
+    for name in ("run", "compare", "explain", "extend", "track", "suggest"):
         assert name in listed.stdout
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from diagnosis.compare import compare
-from diagnosis.confounding import look_alike
-from diagnosis.explain import explain
+from diagnosis.adequacy.compare import compare
 from diagnosis.options import Options
+from diagnosis.signatures.confounding import look_alike
+from diagnosis.signatures.explain import explain
 from tests.diagnosis.straight import signatures, straight
 
 OPTIONS = Options(draws=200, replicates=0, starts=1, transfer=False, resolution_factor=0.0)

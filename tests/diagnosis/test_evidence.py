@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.optimize import lsq_linear
 
-from diagnosis.evidence import (
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.space import Amplitude, Space
+from diagnosis.fitting.whitened import Data
+from diagnosis.selection.evidence import (
     credible_set,
     ln_choices,
     ln_evidence,
     probabilities,
     share_within,
 )
-from diagnosis.fit import Fit
-from diagnosis.space import Amplitude, Space
-from diagnosis.whitened import Data
 from tests.diagnosis.straight import Straight, straight
 
 

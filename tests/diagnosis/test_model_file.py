@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from diagnosis.model_file import (
+from diagnosis.hypotheses.hypothesis_file import (
     ModelEffect,
     ModelFile,
     check_parent,
@@ -14,7 +14,7 @@ from diagnosis.model_file import (
     new_name,
     save_model_file,
 )
-from geometry.scene import load_scene
+from geometry.scenes.scene import load_scene
 from pipeline.cli import InputError
 
 

@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from diagnosis.case import load_diagnosis
-from diagnosis.model import Model, State, state
-from inversion.mpm_engine import MPMEngine
-from inversion.run_store import RunStore
+from diagnosis.hypotheses.model import Model, State, state
+from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.run_store import RunStore
 from pipeline.config import Config
 
 BOUNDARY = {"name": "top", "kind": "zone_boundary",

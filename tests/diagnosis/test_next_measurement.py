@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from diagnosis.hypotheses.model import Proposal, Proposing, State
 from diagnosis.loop import find, next_measurements
-from diagnosis.model import Proposal, Proposing, State
-from diagnosis.next_measurement import Rival, greedy, proposal_error, read_at, separation
 from diagnosis.options import HoldOut, Options
+from diagnosis.selection.next_measurement import Rival, greedy, proposal_error, read_at, separation
 from tests.diagnosis.straight import Straight, straight
 
 QUICK = Options(draws=300, replicates=3, starts=1, rounds=1, synthetic=True)

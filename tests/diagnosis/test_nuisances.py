@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from diagnosis.case import load_diagnosis
-from diagnosis.nuisances import boundaries, survey_errors
-from inversion.question import ZoneBoundary
+from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
+from inversion.problem.question import ZoneBoundary
 from pipeline.cli import InputError
 from pipeline.config import Config
 

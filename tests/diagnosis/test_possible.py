@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis.case import load_diagnosis
-from diagnosis.model import Proposing, state
-from diagnosis.possible import possible_measurements, reach
-from geometry.measured_series import SlideDuration, SurfaceProfile, ToeHistory
-from inversion.run_store import RunStore
+from diagnosis.hypotheses.model import Proposing, state
+from diagnosis.selection.possible_measurements import possible_measurements, reach
+from geometry.survey.measured_series import SlideDuration, SurfaceProfile, ToeHistory
+from inversion.engines.run_store import RunStore
 from pipeline.config import Config
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.diagnosis_prototype.__main__ import main, outcome, table
 from benchmarks.diagnosis_prototype.cases import Setting, detectabilities, make_case
-from diagnosis.model import Model, State
+from diagnosis.hypotheses.model import Model, State
 from pipeline.cli import InputError
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from diagnosis import diagnose
-from diagnosis.compare import Comparison, compare
-from diagnosis.effect_error import doubting, weighed_again
-from diagnosis.explain import Explanation, explain
-from diagnosis.model import State
+from diagnosis.adequacy.compare import Comparison, compare
+from diagnosis.hypotheses.model import State
 from diagnosis.options import Options
-from diagnosis.refit import ANCHORED, Refitted, refit
+from diagnosis.selection.effect_error import doubting, weighed_again
+from diagnosis.selection.refit import ANCHORED, Refitted, refit
+from diagnosis.signatures.explain import Explanation, explain
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
 
 OPTIONS = Options(draws=400, replicates=3)

@@ -9,14 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.draw_confounding import order
-from diagnosis.draw_curve import plain_knots
-from diagnosis.draw_effects import ranked
-from diagnosis.draw_fingerprints import blocks, fingerprints
-from diagnosis.draw_profile import heading
-from diagnosis.draw_steps import is_by_hand, step_words
-from diagnosis.draw_strength import hidden_bars
-from diagnosis.report import (
+from diagnosis.verdict.sections_file import FILE_NAME, load_sections
+from diagnosis.verdict.verdict import TransferCheck, Verdict, save_document
+from pipeline.cli import InputError
+from report.charts.confounding import order
+from report.charts.effects import ranked
+from report.charts.error_steps import is_by_hand, step_words
+from report.charts.fingerprints import blocks, fingerprints
+from report.charts.profile import heading
+from report.charts.strength import hidden_bars
+from report.charts.strength_curve import plain_knots
+from report.diagnosis.data import ReportData, load_report
+from report.diagnosis.page import (
     COMPARE_PAGE,
     EXPLAIN_PAGE,
     TRACK_PAGE,
@@ -25,10 +29,7 @@ from diagnosis.report import (
     write_report,
     write_track,
 )
-from diagnosis.report_data import ReportData, load_report
-from diagnosis.report_numbers import chance, number, plus_minus
-from diagnosis.report_sections import FILE_NAME, load_sections
-from diagnosis.report_words import (
+from report.diagnosis.sentences import (
     alarm_sentence,
     answer_sentences,
     candidate_sentence,
@@ -41,8 +42,7 @@ from diagnosis.report_words import (
     transfer_sentence,
     window_sentence,
 )
-from diagnosis.verdict import TransferCheck, Verdict, save_document
-from pipeline.cli import InputError
+from report.numbers import chance, number, plus_minus
 from tests.diagnosis.verdict_case import (
     NASTY,
     adequate,

@@ -9,14 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis import diagnose, rounds
-from diagnosis.adequacy import Adequacy, HeldOutMisfit
-from diagnosis.decide import excess, still_failing
-from diagnosis.fit import Fit
+from diagnosis import diagnose
+from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.space import Amplitude
 from diagnosis.loop import find
 from diagnosis.options import Options
-from diagnosis.refit import Refitted
-from diagnosis.rounds import (
+from diagnosis.selection import forward_selection
+from diagnosis.selection.decide import excess, still_failing
+from diagnosis.selection.forward_selection import (
     Register,
     _accepted,
     accepted,
@@ -24,9 +25,9 @@ from diagnosis.rounds import (
     wanted_models,
     why_not,
 )
-from diagnosis.space import Amplitude
-from diagnosis.verdict import Verdict
-from diagnosis.verdict_document import verdict_document
+from diagnosis.selection.refit import Refitted
+from diagnosis.verdict.verdict import Verdict
+from diagnosis.verdict.verdict_document import verdict_document
 from tests.diagnosis.straight import straight
 
 
@@ -147,7 +148,7 @@ def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch)
     def taken(*arguments, **keywords):
         raise AssertionError("signatures were taken anew")
 
-    monkeypatch.setattr(rounds, "take_signatures", taken)
+    monkeypatch.setattr(forward_selection, "take_signatures", taken)
     with pytest.raises(AssertionError, match="taken anew"):
         find(straight(0, {"late": 2.5, "step": 2.5}), asked)
     alone = find(straight(0, {"late": 2.5, "step": 2.5}), replace(asked, spare=dof - 1))
@@ -161,7 +162,9 @@ def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
     now = SimpleNamespace(scores=scores, model=SimpleNamespace(names=("late",)))
     explanation = SimpleNamespace(alike=lambda name, limit: ["twin", "faint"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rounds, "best_pairs", lambda comparison, explanation, count: [("a", "b")])
+        patch.setattr(
+            forward_selection, "best_pairs", lambda comparison, explanation, count: [("a", "b")]
+        )
         return wanted_models(None, explanation, now, Options(), first=False)
 
 
@@ -188,16 +191,20 @@ def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains
     near = [refitted(5.0 - 1.4 * k, 30.0, 4.0, name) for k, name in enumerate(("a", "b", "c", "d"))]
     register = Register({model.names: model for model in (now, *near)})
     monkeypatch.setattr(
-        rounds, "adopted",
+        forward_selection, "adopted",
         lambda bench, model: replace(model, ln_evidence=model.ln_evidence + 2.5, sloped=True),
     )  # fmt: skip
-    found = rounds._on_equal_terms(register, SimpleNamespace(bench=None), now, near, Options())
+    found = forward_selection._on_equal_terms(
+        register, SimpleNamespace(bench=None), now, near, Options()
+    )
     assert [model.sloped for model in found] == [True, True, True, False]  # d is 4.2 behind
     assert register.models[("a",)].ln_evidence == 7.5
     faint = [refitted(-1.0, 58.0, 5.0, "e")]  # more than 3 below what is asked for
     register.models[("e",)] = faint[0]
     assert (
-        rounds._on_equal_terms(register, SimpleNamespace(bench=None), now, faint, Options())
+        forward_selection._on_equal_terms(
+            register, SimpleNamespace(bench=None), now, faint, Options()
+        )
         == faint
     )
 

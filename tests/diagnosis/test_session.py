@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagnosis.model_file import BASE
+from diagnosis.hypotheses.hypothesis_file import BASE
 from diagnosis.session import TIMING, Session
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from diagnosis.__main__ import main
-from diagnosis.verdict import load_verdict
+from diagnosis.verdict.verdict import load_verdict
 from pipeline.files import read_json
 
 TUTORIAL = Path("docs/tutorial-hidden-effect.md")

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
-from diagnosis.report_sections import save_sections
-from diagnosis.verdict import CompareDocument, ExplainDocument, Verdict
+from diagnosis.verdict.sections_file import save_sections
+from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 
 NASTY = '<script>alert("1")</script> & $x_{1$ \\frac'
 """A name that must come out as text, on the page and in a picture."""

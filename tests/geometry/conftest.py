@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry import Scene, fill, load_scene
+from geometry import Scene, load_scene
+from geometry.scenes import fill
 from pipeline.config import Config, load_config
 
 SOIL = {"friction_deg": 30.0, "cohesion_kpa": 1.0}

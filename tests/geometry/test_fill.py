@@ -8,9 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from geometry import Scene, fill
-from geometry.checks import area
-from geometry.fill import contains
+from geometry import Scene
+from geometry.scenes import fill
+from geometry.scenes.fill import contains
+from geometry.scenes.polygon_checks import area
 
 some = settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geometry.fill import fill
-from geometry.measurements import Deposit, Measurements, check_places
-from geometry.profiles import Profile, load_profile
+from geometry.scenes.fill import fill
+from geometry.survey.measurements import Deposit, Measurements, check_places
+from geometry.survey.profiles import Profile, load_profile
 from pipeline.cli import InputError
 
 ABOUT = {"confidence": "assumed", "source": "a test"}

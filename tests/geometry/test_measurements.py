@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import yaml
 
-from geometry.fill import fill
-from geometry.measurements import (
+from geometry.scenes.fill import fill
+from geometry.survey.measurements import (
     CrestSettlement,
     Deposit,
     load_measurements,

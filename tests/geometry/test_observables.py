@@ -7,9 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from geometry import fill
-from geometry.columns import column_grid, column_height, connected, kernel, kernel_slope
-from geometry.observables import (
+from geometry.scenes import fill
+from geometry.survey.columns import column_grid, column_height, connected, kernel, kernel_slope
+from geometry.survey.observables import (
     column_velocity,
     crest_points,
     crest_settlement,

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from geometry import Scene, fill, load_scene, save_scene, scene_from_mapping
-from geometry.checks import gaps
-from geometry.scene import scene_hash
+from geometry import Scene, load_scene, save_scene, scene_from_mapping
+from geometry.scenes import fill
+from geometry.scenes.polygon_checks import gaps
+from geometry.scenes.scene import scene_hash
 from pipeline.cli import InputError
 
 

@@ -8,8 +8,9 @@ import json
 import pytest
 import yaml
 
-from geometry import fill, load_scene
-from geometry.sections import read_materials, read_section, section_scene
+from geometry import load_scene
+from geometry.scenes import fill
+from geometry.scenes.drawings import read_materials, read_section, section_scene
 from pipeline.cli import InputError
 
 

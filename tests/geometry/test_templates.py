@@ -9,15 +9,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry import PHYSICS_VERSION, draw_scene, fill
-from geometry.checks import gaps
-from geometry.materials import RANGES
-from geometry.random_numbers import Stream, number_of, unit_array
-from geometry.scene import scene_hash
-from geometry.sketch import signed_area
-from geometry.templates import rejections
+from geometry import PHYSICS_VERSION, draw_scene
+from geometry.random_scenes.materials import RANGES
+from geometry.random_scenes.sketch import signed_area
+from geometry.random_scenes.templates import rejections
+from geometry.scenes import fill
+from geometry.scenes.polygon_checks import gaps
+from geometry.scenes.scene import scene_hash
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from pipeline.random_numbers import Stream, number_of, unit_array
 
 COUNT = 300
 ZONES = {

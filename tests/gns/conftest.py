@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gns.pack import pack, plan_packing
+from gns.data.pack import pack, plan_packing
 from pipeline.config import PackSettings
 from tests.gns.runs import write_batch
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from geometry.scene import Origin, Scene
+from geometry.scenes.scene import Origin, Scene
 from mpm_taichi.trajectory import Run, write_runs
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi.ballistic import FAST, fly, make_scene

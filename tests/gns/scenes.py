@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from geometry.scene import Scene, scene_from_mapping
-from gns.scene_facts import SceneFacts, start_of
-from gns.simulator import Simulator, SimulatorConfig
+from geometry.scenes.scene import Scene, scene_from_mapping
+from gns.data.scene_facts import SceneFacts, start_of
+from gns.network.simulator import Simulator, SimulatorConfig
 from pipeline.config import SimulationSettings
 
 SETTINGS = SimulationSettings()

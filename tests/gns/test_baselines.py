@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gns import baselines as module
 from gns.__main__ import main
-from gns.baselines import (
+from gns.data.dataset import Windows
+from gns.data.scene_facts import start_of
+from gns.data.scene_features import NAMES, SideView, side_view, sliding_block
+from gns.evaluation import baselines as module
+from gns.evaluation.baselines import (
     Example,
     Guess,
     NearestRun,
@@ -22,9 +25,6 @@ from gns.baselines import (
     summary,
     wall_distance,
 )
-from gns.dataset import Windows
-from gns.scene_facts import start_of
-from gns.scene_features import NAMES, SideView, side_view, sliding_block
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi.ballistic import make_scene

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gns.dataset import Windows
-from gns.pack import pack, plan_packing
-from gns.scene_facts import first_window
-from gns.shard import Shard
+from gns.data.dataset import Windows
+from gns.data.pack import pack, plan_packing
+from gns.data.scene_facts import first_window
+from gns.data.shard import Shard
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError
 from pipeline.config import PackSettings
@@ -130,7 +130,7 @@ def test_memory_is_flat_in_the_number_of_runs(tmp_path, root):
         size = sum(path.stat().st_size for path in folder.glob("train*.npz")) / 1e6
         assert size > 0.4 * count, "MB on the disk"
         done = subprocess.run(
-            [sys.executable, "-m", "benchmarks.windows", str(folder), "300"],
+            [sys.executable, "-m", "benchmarks.performance.windows", str(folder), "300"],
             cwd=root, capture_output=True, text=True, check=True,
         )  # fmt: skip
         runs, _, _, most, _ = map(float, re.findall(r"[\d.]+", done.stdout))
@@ -142,8 +142,8 @@ def test_memory_is_flat_in_the_number_of_runs(tmp_path, root):
 
 def copy_runs(tmp_path: Path, folder: Path, count: int) -> None:
     """A data set of `count` runs, made of copies of a few."""
-    from gns.metadata import Metadata, RunEntry, ShardEntry, read_metadata
-    from gns.shard import shard_name, write_shard
+    from gns.data.metadata import Metadata, RunEntry, ShardEntry, read_metadata
+    from gns.data.shard import shard_name, write_shard
 
     source = tmp_path / "source"
     if not source.exists():

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-import gns.edge_chunks
-from gns.differentiate import REVERSE_COST, gradient, jacobian, reverse_jacobian
-from gns.scene_facts import first_window
-from gns.tangents import Moving, network_with_tangents
-from gns.trace import trace
+import gns.network.edge_chunks
+from gns.data.scene_facts import first_window
+from gns.network.tangents import Moving, network_with_tangents
+from gns.rollout.differentiate import REVERSE_COST, gradient, jacobian, reverse_jacobian
+from gns.rollout.traced_rollout import trace
 from pipeline.cli import WorkFailed
 from tests.gns.scenes import simulator, start
 
@@ -71,7 +71,7 @@ def central_differences(model, scene_of, window, loss, graphs, step=1e-6):
 @pytest.mark.parametrize("cutoff", ["sharp", "smooth"])
 @pytest.mark.parametrize("mode", ["reverse", "forward"])
 def test_gradient_is_that_of_finite_differences(case, mode, cutoff, monkeypatch):
-    monkeypatch.setattr(gns.edge_chunks, "CHUNK_BYTES", 8 * 8 * 200)
+    monkeypatch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 8 * 8 * 200)
     model, scene_of, window, loss = case
     model.config = model.config.model_copy(update={"cutoff": cutoff})
     theta = torch.tensor(THETA)
@@ -140,7 +140,7 @@ def test_the_cheaper_way_is_taken(case, monkeypatch):
     model, scene_of, window, loss = case
     taken = []
     monkeypatch.setattr(
-        "gns.differentiate.jacobian", lambda *a, **k: taken.append("forward") or (1 / 0)
+        "gns.rollout.differentiate.jacobian", lambda *a, **k: taken.append("forward") or (1 / 0)
     )
 
     def short(theta):
@@ -193,10 +193,10 @@ def test_a_rollout_or_reading_that_is_not_finite_is_told(case):
 
 @pytest.mark.parametrize("faded", [False, True])
 def test_tangents_of_the_network_are_those_of_torch(faded, monkeypatch):
-    monkeypatch.setattr(gns.edge_chunks, "CHUNK_BYTES", 8 * 8 * 60)
+    monkeypatch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 8 * 8 * 60)
     network = simulator(torch.float64, width=8).network.requires_grad_(False)
     torch.manual_seed(1)
-    graph = gns.graph.radius_graph(torch.rand(25, 2) * 9, 3.0)
+    graph = gns.network.graph.radius_graph(torch.rand(25, 2) * 9, 3.0)
     shapes = [(25, network.point_encoder.first.in_features), (graph.edges, 3)]
     shapes += [(graph.edges, 1)] if faded else []
     values = [torch.randn(shape, dtype=torch.float64) for shape in shapes]
@@ -226,8 +226,8 @@ MEMORY = r"""
 import re
 import numpy as np, torch
 torch.set_num_threads(1)
-from gns.differentiate import gradient
-from gns.scene_facts import first_window
+from gns.rollout.differentiate import gradient
+from gns.data.scene_facts import first_window
 from tests.gns.scenes import simulator, start
 from tests.gns.test_differentiate import _last_x
 facts, positions = start(walls="open")

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 import torch
 
-from geometry.scene import save_scene
+from flowslide.commands.gns_schema import SCHEMA_FILE
+from geometry.scenes.scene import save_scene
 from gns.__main__ import main
-from gns.card import accuracy, known_failures, read_card, schema_text
-from gns.checkpoints import ModelFolder
-from gns.dataset import Windows
-from gns.distributed import Group
-from gns.evaluate import evaluate, one_step_errors, read_mpm_seconds
-from gns.metrics import runout
-from gns.schema_command import SCHEMA_FILE
-from gns.simulator import Simulator
-from gns.train import train
+from gns.data.dataset import Windows
+from gns.evaluation.card import accuracy, known_failures, read_card, schema_text
+from gns.evaluation.evaluate import evaluate, one_step_errors, read_mpm_seconds
+from gns.evaluation.metrics import runout
+from gns.network.simulator import Simulator
+from gns.training.checkpoints import ModelFolder
+from gns.training.distributed import Group
+from gns.training.train import train
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import TrainSettings
 from pipeline.files import read_yaml
@@ -143,7 +143,7 @@ def test_rollout_of_a_scene(model, tmp_path, capsys):
         positions, time = data["positions"], data["time"]
     assert positions.shape[0] == len(time) == round(1.0 / time[1]) + 1
     assert (tmp_path / "out" / "rollout.png").stat().st_size > 10_000
-    from gns.scene_facts import start_of
+    from gns.data.scene_facts import start_of
     from pipeline.config import SimulationSettings
 
     facts, _ = start_of(small_scene(spacing=2.0), SimulationSettings())
@@ -163,7 +163,7 @@ def test_a_rollout_that_fails_keeps_its_frames(model, tmp_path, capsys, monkeypa
 
 
 def test_a_rollout_that_cannot_be_written_is_not_begun(model, tmp_path, monkeypatch):
-    monkeypatch.setattr("gns.rollout.rollout", None)
+    monkeypatch.setattr("gns.rollout.rollout.rollout", None)
     save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
     with pytest.raises(InputError, match="scene.yaml.out: cannot be written"):
         main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(model),

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from gns.__main__ import main
-from gns.dataset import Windows
-from gns.geoelements import ground_points, write_geoelements
-from gns.metadata import read_metadata
-from gns.pack import plan_packing
-from gns.scene_facts import start_of
+from gns.data.dataset import Windows
+from gns.data.geoelements import ground_points, write_geoelements
+from gns.data.metadata import read_metadata
+from gns.data.pack import plan_packing
+from gns.data.scene_facts import start_of
 from pipeline.cli import InputError
 from pipeline.config import PackSettings, SimulationSettings
 from tests.gns.conftest import SETTINGS
@@ -146,7 +146,7 @@ def test_one_run_in_memory_at_a_time(batches, tmp_path, monkeypatch):
     """Every run is read, written and let go before the next: nothing holds on to it."""
     import weakref
 
-    from gns import geoelements
+    from gns.data import geoelements
 
     alive: list[weakref.ref] = []
     most = 0
@@ -184,7 +184,7 @@ def test_our_own_reader_runs_no_pickle(packed):
         "def refuse(*a, **k): raise SystemExit('unpickled')\n"
         "pickle.load = pickle.loads = pickle.Unpickler = refuse\n"
         "import numpy.lib.format, numpy.lib._npyio_impl\n"
-        "from gns.dataset import Windows\n"
+        "from gns.data.dataset import Windows\n"
         "w = Windows(sys.argv[1], 'train')\n"
         "[w[i] for i in range(0, len(w), 50)]; w.scene(int(w.runs[0])); print(len(w))"
     )

@@ -8,7 +8,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gns.graph import RADIUS_SLACK, Graph, graph_by_cells, graph_by_tree, joined, radius_graph
+from gns.network.graph import (
+    RADIUS_SLACK,
+    Graph,
+    graph_by_cells,
+    graph_by_tree,
+    joined,
+    radius_graph,
+)
 
 SEARCHES = [graph_by_tree, graph_by_cells]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gns.differentiate import gradient
-from gns.graph import joined, radius_graph
-from gns.grid_level import GridLevel
-from gns.network import Network
-from gns.scene_facts import first_window
-from gns.splines import spline_weights
-from gns.tangents import Moving, network_with_tangents
-from gns.trace import trace
+from gns.data.scene_facts import first_window
+from gns.network.graph import joined, radius_graph
+from gns.network.grid_level import GridLevel
+from gns.network.network import Network
+from gns.network.splines import spline_weights
+from gns.network.tangents import Moving, network_with_tangents
+from gns.rollout.differentiate import gradient
+from gns.rollout.traced_rollout import trace
 from tests.gns.scenes import simulator, start
 
 WIDTH = 6

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.toe import toe
-from gns.metrics import (
+from geometry.survey.toe import toe
+from gns.data.scene_facts import KINEMATIC, start_of
+from gns.evaluation.metrics import (
     energy_history,
     one_step_error,
     position_error,
@@ -19,8 +20,7 @@ from gns.metrics import (
     score,
     stays_inside,
 )
-from gns.scene_facts import KINEMATIC, start_of
-from gns.score_tables import by_template, worst
+from gns.evaluation.score_tables import by_template, worst
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi.ballistic import make_scene
 

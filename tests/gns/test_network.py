@@ -7,11 +7,11 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import gns.edge_chunks
-import gns.edge_gradient
-from benchmarks.gns_textbook import TextbookNetwork, textbook_of
-from gns.graph import Graph, radius_graph
-from gns.network import Network
+import gns.network.edge_chunks
+import gns.network.edge_gradient
+from benchmarks.performance.gns_textbook import TextbookNetwork, textbook_of
+from gns.network.graph import Graph, radius_graph
+from gns.network.network import Network
 
 POINT_FEATURES, EDGE_FEATURES = 7, 3
 NAMES = ("points", "edges", "fading")
@@ -105,8 +105,8 @@ def textbook_names(textbook: TextbookNetwork, own: list[str]) -> list[tuple[str,
 def test_equals_the_textbook_in_double_precision(seed, count, size, faded, steps, kept):
     with pytest.MonkeyPatch.context() as patch:
         # Chunks of about 13 edges, so that even tiny graphs are cut.
-        patch.setattr(gns.edge_chunks, "CHUNK_BYTES", 13 * 8 * 8)
-        patch.setattr(gns.edge_gradient, "KEEP_BYTES", 2**30 if kept else 0)
+        patch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 13 * 8 * 8)
+        patch.setattr(gns.network.edge_gradient, "KEEP_BYTES", 2**30 if kept else 0)
         torch.manual_seed(seed)
         graph = radius_graph(torch.rand(count, 2) * size, 3.0)  # with isolated points
         network = network_of(8, steps, torch.float64, seed)
@@ -124,8 +124,8 @@ def test_equals_the_textbook_in_double_precision(seed, count, size, faded, steps
 @pytest.mark.parametrize("faded", [False, True])
 @pytest.mark.parametrize("kept", [False, True])
 def test_equals_the_textbook_in_single_precision(faded, kept, monkeypatch):
-    monkeypatch.setattr(gns.edge_chunks, "CHUNK_BYTES", 4 * 16 * 50)
-    monkeypatch.setattr(gns.edge_gradient, "KEEP_BYTES", 2**30 if kept else 0)
+    monkeypatch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 4 * 16 * 50)
+    monkeypatch.setattr(gns.network.edge_gradient, "KEEP_BYTES", 2**30 if kept else 0)
     compared = 0
     for seed in range(30):
         torch.manual_seed(seed)
@@ -159,8 +159,8 @@ def test_frozen_weights_leave_the_gradient_of_the_inputs(steps):
 
 
 def test_the_work_on_edges_does_not_depend_on_the_number_of_threads(monkeypatch):
-    monkeypatch.setattr(gns.edge_chunks, "CHUNK_BYTES", 4 * 16 * 60)
-    monkeypatch.setattr(gns.edge_gradient, "KEEP_BYTES", 0)
+    monkeypatch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 4 * 16 * 60)
+    monkeypatch.setattr(gns.network.edge_gradient, "KEEP_BYTES", 0)
     torch.manual_seed(0)
     graph = radius_graph(torch.rand(60, 2) * 10, 3.0)
     edge = network_of(16, 1, torch.float32, 0).steps[0].edge
@@ -171,7 +171,7 @@ def test_the_work_on_edges_does_not_depend_on_the_number_of_threads(monkeypatch)
     try:
         for number in (1, 2, 3):
             torch.set_num_threads(number)
-            out = gns.edge_gradient.edge_update(edges, shares, edge.edge_weights(16), graph)
+            out = gns.network.edge_gradient.edge_update(edges, shares, edge.edge_weights(16), graph)
             sought = [edges, shares, edge.first.weight, *list(edge.parameters())[2:]]
             found.append([*out, *torch.autograd.grad(out, sought, [edges, shares[:, 0]])])
     finally:

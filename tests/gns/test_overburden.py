@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gns.features import overburden_features
+from gns.network.features import overburden_features
 
 
 def lattice(columns: int, height) -> torch.Tensor:

@@ -15,11 +15,11 @@ import pytest
 
 import gns
 from gns.__main__ import main
-from gns.metadata import read_metadata
-from gns.pack import pack, plan_packing
-from gns.scene_facts import NUMBERS, PROPERTIES, start_of
-from gns.shard import MEMBERS, Shard
-from gns.trajectories import list_sources, read_left_out, read_source
+from gns.data.metadata import read_metadata
+from gns.data.pack import pack, plan_packing
+from gns.data.scene_facts import NUMBERS, PROPERTIES, start_of
+from gns.data.shard import MEMBERS, Shard
+from gns.data.trajectories import list_sources, read_left_out, read_source
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import PackSettings, SimulationSettings
@@ -116,7 +116,7 @@ def test_failed_runs_are_left_out_by_name(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from gns.pack import pack, plan_packing
+from gns.data.pack import pack, plan_packing
 from tests.gns.conftest import SETTINGS
 last, out, *batches = sys.argv[1:]
 done = 0

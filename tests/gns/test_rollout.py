@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from gns.rollout import Rest, frames_of, rollout, rollout_window
-from gns.scene_facts import first_window
+from gns.data.scene_facts import first_window
+from gns.rollout.rollout import Rest, frames_of, rollout, rollout_window
 from tests.gns.scenes import simulator, start
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry.fill import fill
-from gns.scene_facts import KINEMATIC, NUMBERS, SOIL, before, first_window, start_of
+from geometry.scenes.fill import fill
+from gns.data.scene_facts import KINEMATIC, NUMBERS, SOIL, before, first_window, start_of
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.gns.runs import scene_of
@@ -43,7 +43,7 @@ def test_properties_are_the_materials():
 
 
 def test_weight_under_water_is_that_of_the_solver():
-    from mpm_taichi.boundary import make_grid, water_force
+    from mpm_taichi.solver.boundary import make_grid, water_force
 
     scene = wet()
     facts, start = start_of(scene, SETTINGS)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from geometry import draw_scene
-from gns.card import read_card
-from gns.checkpoints import MODEL_FILE
-from gns.evaluate import rolled_out
-from gns.metrics import score
-from gns.scene_facts import start_of
-from inversion.trained_model import load_model
+from gns.data.scene_facts import start_of
+from gns.evaluation.card import read_card
+from gns.evaluation.evaluate import rolled_out
+from gns.evaluation.metrics import score
+from gns.training.checkpoints import MODEL_FILE
+from inversion.engines.trained_model import load_model
 from mpm_taichi.simulate import simulate
 from pipeline.config import load_config
 from tests.conftest import ROOT

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from gns import draw
 from gns.__main__ import main
-from gns.metadata import read_metadata
-from gns.shard import Shard
+from gns.data.metadata import read_metadata
+from gns.data.shard import Shard
 from pipeline.cli import InputError
+from report.pictures import packed_data
 
 
 def test_a_run(packed, tmp_path, capsys):
@@ -27,9 +27,9 @@ def test_a_run(packed, tmp_path, capsys):
 
 def test_an_overview_of_a_folder_and_of_a_shard(packed, tmp_path, monkeypatch):
     seen = []
-    drawn = draw.save_overview
+    drawn = packed_data.save_overview
     monkeypatch.setattr(
-        draw, "save_overview", lambda runs, *rest: (seen.append(runs), drawn(runs, *rest))
+        packed_data, "save_overview", lambda runs, *rest: (seen.append(runs), drawn(runs, *rest))
     )
     main(["show", str(packed), "--out", str(tmp_path / "all.png")])
     main(["show", str(packed / "test_000.npz"), "--out", str(tmp_path / "one.svg")])
@@ -53,8 +53,8 @@ def test_water_and_fixed_bodies_are_drawn(packed, tmp_path):
     run = shard.read_run(shard.run_numbers[0])
     fixed = np.where(run.facts.zone == 0, 1, 0).astype(np.int8)
     facts = replace(run.facts, type=fixed, phreatic_line=np.array([[0.0, 9.0], [60.0, 4.0]]))
-    draw.save_run_picture(replace(run, facts=facts), tmp_path / "wet.png", "wet")
-    draw.save_run_picture(run, tmp_path / "dry.png", "wet")
+    packed_data.save_run_picture(replace(run, facts=facts), tmp_path / "wet.png", "wet")
+    packed_data.save_run_picture(run, tmp_path / "dry.png", "wet")
     line = np.array([42, 111, 168]) / 255
     wet, dry = (
         np.sum(np.abs(imread(tmp_path / name)[..., :3] - line).max(axis=2) < 0.02)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from gns.noise import random_walk
-from gns.ranges import scene_ranges
-from gns.scene_facts import first_window, start_of
-from gns.simulator import Simulator, SimulatorConfig, kept_inside
-from gns.units import scaled
+from gns.data.ranges import scene_ranges
+from gns.data.scene_facts import first_window, start_of
+from gns.network.simulator import Simulator, SimulatorConfig, kept_inside
+from gns.network.units import scaled
+from gns.training.noise import random_walk
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.gns.scenes import simulator, small_scene, start

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gns.splits import split_runs
+from gns.data.splits import split_runs
 
 SHARES = {"valid_share": 0.1, "test_share": 0.15, "seed": 3}
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gns.dataset import Windows
-from gns.metadata import read_metadata
-from gns.ranges import run_ranges, scene_ranges, widest
-from gns.scene_facts import SOIL, start_of
-from gns.statistics import BLOCK, SLOWEST, Moments, merge, run_moments
+from gns.data.dataset import Windows
+from gns.data.metadata import read_metadata
+from gns.data.ranges import run_ranges, scene_ranges, widest
+from gns.data.scene_facts import SOIL, start_of
+from gns.data.statistics import BLOCK, SLOWEST, Moments, merge, run_moments
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi.ballistic import make_scene
 

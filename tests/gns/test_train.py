@@ -16,17 +16,17 @@ import numpy as np
 import pytest
 import torch
 
-from gns import distributed, processes
-from gns.checkpoints import ModelFolder
-from gns.dataset import Windows
-from gns.distributed import Group
-from gns.objective import Objective, soil_points
-from gns.sampling import Examples, Order
-from gns.simulator import Simulator
-from gns.statistics import run_moments
-from gns.train import learning_rate, simulator_config, steps_in_a_row, train
-from gns.train_command import TRIAL_STEPS, _Watch, open_windows
-from gns.validation import FAILED_ERROR, choose_runs, score_run, summary
+from flowslide.commands.gns_train import TRIAL_STEPS, _Watch, open_windows
+from gns.data.dataset import Windows
+from gns.data.statistics import run_moments
+from gns.network.simulator import Simulator
+from gns.training import distributed, processes
+from gns.training.checkpoints import ModelFolder
+from gns.training.distributed import Group
+from gns.training.loss import Objective, soil_points
+from gns.training.sampling import Examples, Order
+from gns.training.train import learning_rate, simulator_config, steps_in_a_row, train
+from gns.training.validation import FAILED_ERROR, choose_runs, score_run, summary
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import TrainSettings
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from gns.features import (
+from gns.network.features import (
     body_force_factor,
     edge_features,
     fading_of,
@@ -17,8 +17,8 @@ from gns.features import (
     point_feature_count,
     point_features,
 )
-from gns.graph import radius_graph
-from gns.units import scaled
+from gns.network.graph import radius_graph
+from gns.network.units import scaled
 from tests.gns.scenes import start
 
 OPTIONS = {

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geometry.measured_numbers import ToeRunout
-from inversion.finite_steps import FiniteSteps
-from inversion.forward import Forward, Prediction, by_differences
-from inversion.objective import Objective
-from inversion.parameters import Parameters
-from inversion.predictions import Targets, make_targets
-from inversion.question import ParameterSpec
-from inversion.search import Search
+from geometry.survey.measured_numbers import ToeRunout
+from inversion.estimation.finite_steps import FiniteSteps
+from inversion.estimation.objective import Objective
+from inversion.estimation.search import Search
+from inversion.problem.forward import Forward, Prediction, by_differences
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import Targets, make_targets
+from inversion.problem.question import ParameterSpec
 
 
 def strength(name: str, start: float = 30.0, low: float = 5.0, high: float = 90.0, **more):
@@ -50,7 +50,7 @@ def targets(*values: float, std: float = 1.0, loss: str = "runout") -> Targets:
 
 @dataclass
 class Formula:
-    """`inversion.forward.Forward` by a formula: values (p,) -> numbers (m,)."""
+    """`inversion.problem.forward.Forward` by a formula: values (p,) -> numbers (m,)."""
 
     formula: Callable[[np.ndarray], np.ndarray]
     names: list[str]

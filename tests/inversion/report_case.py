@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from inversion.result import Result
+from inversion.back_analysis.result import Result
 
 NASTY = '<script>alert("1")</script> & $x_{1$ \\frac'
 """A name that must come out as text, on the page and in a picture."""

@@ -8,17 +8,17 @@ import numpy as np
 import torch
 import yaml
 
-from geometry.measured_numbers import CrestSettlement, MarkerDisplacement, ToeRunout
-from geometry.measured_series import SurfaceProfile, ToeHistory, Velocity
-from geometry.profiles import Profile
-from geometry.scene import load_scene
-from gns.scene_facts import start_of
-from gns.simulator import Simulator, SimulatorConfig
-from inversion.mpm_engine import Setup
-from inversion.parameters import Parameters
-from inversion.predictions import make_targets
-from inversion.question import ParameterSpec
-from inversion.trained_model import Model
+from geometry.scenes.scene import load_scene
+from geometry.survey.measured_numbers import CrestSettlement, MarkerDisplacement, ToeRunout
+from geometry.survey.measured_series import SurfaceProfile, ToeHistory, Velocity
+from geometry.survey.profiles import Profile
+from gns.data.scene_facts import start_of
+from gns.network.simulator import Simulator, SimulatorConfig
+from inversion.engines.mpm_engine import Setup
+from inversion.engines.trained_model import Model
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import make_targets
+from inversion.problem.question import ParameterSpec
 from pipeline.config import SimulationSettings
 from tests.gns.scenes import small_scene
 

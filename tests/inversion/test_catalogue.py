@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from inversion.__main__ import main
-from inversion.catalogue import (
+from inversion.catalogue.catalogue import (
     FOLDER,
     OurAnswer,
     answers_of,
@@ -19,9 +19,9 @@ from inversion.catalogue import (
     load_catalogue,
     load_strengths,
 )
-from inversion.correlations import idriss_boulanger, kramer_wang_2015, olson_stark_2002
-from inversion.draw_catalogue import catalogue_figure, draw_catalogue
+from inversion.catalogue.correlations import idriss_boulanger, kramer_wang_2015, olson_stark_2002
 from pipeline.cli import InputError
+from report.charts.catalogue import catalogue_figure, draw_catalogue
 
 OURS = OurAnswer("lower_san_fernando", "Lower San Fernando", "S_r", ("1",), 27.5, 3.0, 0.17, 0.02)
 
@@ -91,7 +91,7 @@ def test_strengths_say_how_far_they_may_be_trusted():
 
 
 def test_the_strengths_in_the_case_folders_are_the_same():
-    from geometry.measurements import load_measurements
+    from geometry.survey.measurements import load_measurements
 
     for case in ("lower_san_fernando", "la_marquesa"):
         beside = load_measurements(FOLDER / case).strength_published_kpa.values()

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from geometry.checks import gaps
-from geometry.measured_numbers import MarkerDisplacement
-from inversion.load import load_case
-from inversion.predictions import make_targets
-from inversion.question import (
+from geometry.scenes.polygon_checks import gaps
+from geometry.survey.measured_numbers import MarkerDisplacement
+from inversion.back_analysis.load import load_case
+from inversion.problem.predictions import make_targets
+from inversion.problem.question import (
     CellSize,
     FixedProperty,
     Target,

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from inversion.__main__ import main
-from mpm_taichi.effects import registry
+from mpm_taichi.effects.framework import registry
 from pipeline.cli import InputError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,12 +10,12 @@ import pytest
 import torch
 import yaml
 
-from gns.rollout import Rest, rollout
-from gns.scene_facts import start_of
-from inversion.forward import Forward
-from inversion.gns_engine import GNSEngine
-from inversion.rollout_store import RolloutStore
-from inversion.trained_model import Model, load_model
+from gns.data.scene_facts import start_of
+from gns.rollout.rollout import Rest, rollout
+from inversion.engines.gns_engine import GNSEngine
+from inversion.engines.rollout_store import RolloutStore
+from inversion.engines.trained_model import Model, load_model
+from inversion.problem.forward import Forward
 from pipeline.cli import InputError
 from tests.inversion.small_slide import SPECS, model, setup, simulator
 
@@ -95,7 +95,7 @@ def test_with_a_sharp_cut_off_finite_steps_see_neighbours_come_and_go():
 
 
 def test_a_rollout_starts_and_ends_as_any_other():
-    """The same as `gns.rollout` from the scene alone, rest and all."""
+    """The same as `gns.rollout.rollout` from the scene alone, rest and all."""
     asked = engine()
     prediction = asked.predict([VALUES])[0]
     facts, start = start_of(asked.scene(VALUES), asked.settings)

@@ -16,7 +16,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from inversion.result import SCHEMA_FILE, Result, load_result, schema_text
+from inversion.back_analysis.result import SCHEMA_FILE, Result, load_result, schema_text
 from pipeline.cli import InputError
 from tests.inversion.conftest import QUESTION
 
@@ -173,7 +173,7 @@ def test_a_question_asked_again_costs_no_simulation(solved, root):
 
 
 def test_a_damaged_run_is_computed_again(solved, tmp_path):
-    from inversion.run_store import load_kept
+    from inversion.engines.run_store import load_kept
 
     path = next(solved[2].glob("runs/*.npz"))
     assert load_kept(path).status == "finished"

@@ -10,17 +10,17 @@ import jsonschema
 import numpy as np
 import pytest
 
-from inversion.engines import chosen_engine, side_by_side
-from inversion.files import save_all
-from inversion.load import load_case
-from inversion.result import Result, load_result, schema_text
-from inversion.rollout_store import RolloutStore
-from inversion.run_store import RunStore
-from inversion.summary import summary
-from inversion.surrogate_analysis import SOURCE, SurrogateAnalysis
-from inversion.trained_model import load_model
+from inversion.back_analysis.load import load_case
+from inversion.back_analysis.result import Result, load_result, schema_text
+from inversion.back_analysis.result_files import save_all
+from inversion.back_analysis.with_learned_simulator import SOURCE, SurrogateAnalysis
+from inversion.engines.registry import chosen_engine, side_by_side
+from inversion.engines.rollout_store import RolloutStore
+from inversion.engines.run_store import RunStore
+from inversion.engines.trained_model import load_model
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from report.back_analysis.summary import summary
 from tests.inversion.small_slide import taught, write_case
 from tests.inversion.test_invert import timeless
 

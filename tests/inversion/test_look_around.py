@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inversion.calibrate import calibrate
-from inversion.finite_steps import FiniteSteps
-from inversion.parameters import Parameters
+from inversion.estimation.calibrate import calibrate
+from inversion.estimation.finite_steps import FiniteSteps
+from inversion.problem.parameters import Parameters
 from tests.inversion.analytic import angle, problem, strength, targets
 
 

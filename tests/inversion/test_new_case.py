@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from geometry.__main__ import main as geometry
-from geometry.measurements import load_measurements
-from geometry.scene import load_scene
-from geometry.sections import read_section
+from geometry.scenes.drawings import read_section
+from geometry.scenes.scene import load_scene
+from geometry.survey.measurements import load_measurements
 from inversion.__main__ import main
-from inversion.load import load_case
-from inversion.result import load_result
+from inversion.back_analysis.load import load_case
+from inversion.back_analysis.result import load_result
 from pipeline.cli import InputError
 from pipeline.config import load_config
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geometry.scene import Scene
-from inversion.parameters import Parameters, with_properties
-from inversion.question import Prior
+from geometry.scenes.scene import Scene
+from inversion.problem.parameters import Parameters, with_properties
+from inversion.problem.question import Prior
 from tests.inversion.analytic import angle, strength
 
 low_and_width = st.tuples(st.floats(0.1, 60.0), st.floats(1.05, 50.0))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inversion.calibrate import calibrate
-from inversion.finite_steps import FiniteSteps
+from inversion.estimation.calibrate import calibrate
+from inversion.estimation.finite_steps import FiniteSteps
 from tests.inversion.analytic import angle, problem, strength, targets
 
 GOAL = np.array([40.0, 30.0, 22.0, 15.0, 9.0, 5.0])
@@ -40,7 +40,7 @@ def answers(seed: int) -> np.ndarray:
 
 def test_three_starts_end_nearer_to_each_other_and_to_the_truth(monkeypatch):
     smoothed = np.array([answers(seed) for seed in range(12)])
-    monkeypatch.setattr("inversion.calibrate.polish", lambda search, look: None)
+    monkeypatch.setattr("inversion.estimation.calibrate.polish", lambda search, look: None)
     plain = np.array([answers(seed) for seed in range(12)])
     apart = [np.median(np.ptp(np.log(kind), axis=1)) for kind in (plain, smoothed)]
     away = [np.sqrt(np.mean(np.log(kind / 25.0) ** 2)) for kind in (plain, smoothed)]

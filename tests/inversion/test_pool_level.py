@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry.scene import Scene
-from inversion.load import load_case
-from inversion.mpm_engine import MPMEngine
-from inversion.parameters import Parameters
-from inversion.pool import moves_with_pool, pool_at
-from inversion.question import ParameterSpec
-from inversion.run_store import RunStore
+from geometry.scenes.scene import Scene
+from inversion.back_analysis.load import load_case
+from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.run_store import RunStore
+from inversion.problem.parameters import Parameters
+from inversion.problem.question import ParameterSpec
+from inversion.problem.water_level import moves_with_pool, pool_at
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from tests.gns.scenes import small_scene

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from geometry.scene import load_scene
-from inversion.forward import Prediction
-from inversion.known_strength import KnownStrength, parse_strength, placed
-from inversion.predict import envelope, noise_at, predict
-from inversion.prediction_case import load_prediction_case
-from inversion.prediction_document import document_of, summary
-from inversion.response import Monotone, Surface, design, monotone
+from geometry.scenes.scene import load_scene
+from inversion.prediction.known_strength import KnownStrength, parse_strength, placed
+from inversion.prediction.predict import envelope, noise_at, predict
+from inversion.prediction.prediction_case import load_prediction_case
+from inversion.prediction.prediction_document import document_of, summary
+from inversion.prediction.response import Monotone, Surface, design, monotone
+from inversion.problem.forward import Prediction
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import Config
 from tests.inversion.analytic import Formula

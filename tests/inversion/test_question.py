@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from geometry.scene import load_scene
-from inversion.load import load_case
-from inversion.question import load_question
+from geometry.scenes.scene import load_scene
+from inversion.back_analysis.load import load_case
+from inversion.problem.question import load_question
 from pipeline.cli import InputError
 from pipeline.config import load_config
 

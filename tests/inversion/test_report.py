@@ -9,22 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flowslide.commands.inversion_show import folders
 from inversion.__main__ import main
-from inversion.draw_iterations import MOST, shown_looks
-from inversion.draw_methods import reference, slides
-from inversion.draw_uncertainty import bars
-from inversion.report import PAGE, write_report
-from inversion.report_data import ReportData, load_report
-from inversion.report_words import (
+from inversion.back_analysis.result import Result, save_result
+from pipeline.cli import InputError
+from report.back_analysis.data import ReportData, load_report
+from report.back_analysis.page import PAGE, write_report
+from report.back_analysis.sentences import (
     answer_sentence,
     misfit_sentence,
     signed,
     undetermined_sentences,
     variant_sentences,
 )
-from inversion.result import Result, save_result
-from inversion.show_command import folders
-from pipeline.cli import InputError
+from report.charts.iterations import MOST, shown_looks
+from report.charts.methods import reference, slides
+from report.charts.uncertainty import bars
 from tests.inversion.report_case import NASTY, document, full, least, measurement, parameter
 from tests.pipeline.test_page import Outline
 

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from inversion.files import classical_beside
-from inversion.result import load_result
+from inversion.back_analysis.result import load_result
+from inversion.back_analysis.result_files import classical_beside
 from pipeline.cli import InputError
 from tests.inversion import report_case
 

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geometry.fill import fill
-from geometry.measured_series import SlideDuration, ToeHistory
-from geometry.scene import scene_from_mapping
-from inversion import assemble
-from inversion.forward import Prediction
-from inversion.history_readings import history_reader
-from inversion.run_store import KeptRun, RunStore, load_kept, save_kept
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import scene_from_mapping
+from geometry.survey.measured_series import SlideDuration, ToeHistory
+from inversion.back_analysis import result_builder
+from inversion.engines.history_readings import history_reader
+from inversion.engines.run_store import KeptRun, RunStore, load_kept, save_kept
+from inversion.problem.forward import Prediction
 from pipeline.config import SimulationSettings
 
 
@@ -66,9 +66,9 @@ def test_a_slide_that_was_cut_off_and_a_number_that_was_not_read_are_told():
     settings = SimulationSettings(duration_s=4.0)
     numbers = np.array([17.3, np.nan])
     still = Prediction(numbers[:1], np.zeros(1))
-    assert assemble.doubts(still, settings) == []
+    assert result_builder.doubts(still, settings) == []
     moving = Prediction(numbers, np.zeros(2), at_rest=False, reason="late toe: measured at 500 s")
-    cut_off, not_read = assemble.doubts(moving, settings)
+    cut_off, not_read = result_builder.doubts(moving, settings)
     assert "still moved after 4 s" in cut_off and "duration_s" in cut_off
     assert "late toe: measured at 500 s" in not_read
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from inversion.assemble import unknown_derivatives
-from inversion.calibrate import calibrate, further_starts
-from inversion.finite_steps import FiniteSteps, noise_of
-from inversion.forward import Prediction, by_differences
-from inversion.gauss_newton import gauss_newton
-from inversion.lbfgsb import lbfgsb, value_and_gradient
-from inversion.objective import Objective
-from inversion.parameters import Parameters
-from inversion.predictions import make_targets
-from inversion.question import Prior
-from inversion.search import Search
+from inversion.back_analysis.result_builder import unknown_derivatives
+from inversion.estimation.calibrate import calibrate, further_starts
+from inversion.estimation.finite_steps import FiniteSteps, noise_of
+from inversion.estimation.gauss_newton import gauss_newton
+from inversion.estimation.lbfgsb import lbfgsb, value_and_gradient
+from inversion.estimation.objective import Objective
+from inversion.estimation.search import Search
+from inversion.problem.forward import Prediction, by_differences
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import make_targets
+from inversion.problem.question import Prior
 from pipeline.cli import WorkFailed
 from tests.inversion.analytic import Formula, angle, problem, strength, targets, toes
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from shapely.geometry import Polygon
 
-from geometry.fill import fill
-from geometry.measurements import load_measurements
-from geometry.observables import crest_settlement, toe_runout
-from geometry.scene import Scene, load_scene
-from inversion.load import LoadedCase, load_case
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import Scene, load_scene
+from geometry.survey.measurements import load_measurements
+from geometry.survey.observables import crest_settlement, toe_runout
+from inversion.back_analysis.load import LoadedCase, load_case
 from pipeline.config import load_config
 
 CASES = Path(__file__).resolve().parents[2] / "case_histories"

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inversion.finite_steps import FiniteSteps
-from inversion.gauss_newton import gauss_newton
-from inversion.objective import Objective
-from inversion.parameters import Parameters
-from inversion.search import Search
-from inversion.surrogate import Corrected, Pairs, paired, states_around, with_error
-from inversion.uncertainty import posterior
+from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
+from inversion.estimation.finite_steps import FiniteSteps
+from inversion.estimation.gauss_newton import gauss_newton
+from inversion.estimation.objective import Objective
+from inversion.estimation.search import Search
+from inversion.estimation.uncertainty import posterior
+from inversion.problem.parameters import Parameters
 from pipeline.cli import WorkFailed
 from tests.inversion.analytic import Formula, angle, strength, targets
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import inversion.surrogate_analysis as stages
-from inversion.back_analysis import BackAnalysis
-from inversion.load import load_case
-from inversion.mpm_engine import MPMEngine
-from inversion.rollout_store import RolloutStore
-from inversion.run_store import RunStore
-from inversion.trained_model import Model
+import inversion.back_analysis.with_learned_simulator as stages
+from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.load import load_case
+from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.rollout_store import RolloutStore
+from inversion.engines.run_store import RunStore
+from inversion.engines.trained_model import Model
 from pipeline.cli import InputError
 from pipeline.config import load_config
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inversion.equally_good import walk
-from inversion.objective import Objective
-from inversion.parameters import Parameters
-from inversion.question import Prior
-from inversion.resolve import Problem, resolve
-from inversion.uncertainty import (
+from inversion.back_analysis.equivalent_answers import walk
+from inversion.back_analysis.perturbed_answers import Problem, resolve
+from inversion.estimation.objective import Objective
+from inversion.estimation.uncertainty import (
     direction_in_words,
     interval,
     posterior,
     root_mean_square,
     simple_basis,
 )
+from inversion.problem.parameters import Parameters
+from inversion.problem.question import Prior
 from tests.inversion.analytic import Formula, angle, strength, targets
 
 

@@ -17,9 +17,9 @@ from benchmarks.back_analysis.twin_cases import (
     truth_of,
     write_case,
 )
-from geometry.scene import load_scene
-from inversion.load import load_case
-from inversion.run_store import RunStore
+from geometry.scenes.scene import load_scene
+from inversion.back_analysis.load import load_case
+from inversion.engines.run_store import RunStore
 from pipeline.cli import InputError
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from geometry.fill import fill
-from geometry.scene import Scene, scene_from_mapping
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import Scene, scene_from_mapping
 from mpm_taichi.trajectory import Run
 from pipeline.config import SimulationSettings
 

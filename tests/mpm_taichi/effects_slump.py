@@ -1,6 +1,6 @@
 """A small scene on which every effect of the library can act."""
 
-from geometry.scene import scene_from_mapping
+from geometry.scenes.scene import scene_from_mapping
 from pipeline.config import SimulationSettings
 
 SHORT = SimulationSettings(duration_s=2.0, early_stop=False)

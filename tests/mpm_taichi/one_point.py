@@ -12,12 +12,29 @@ import numpy as np
 import taichi as ti
 
 from mpm_taichi.effects import Effect, effect
-from mpm_taichi.effects.hooks import effect_functions
-from mpm_taichi.effects.table import CAP, COHESION, LIQUEFIED, OVERBURDEN, TANGENT, EffectTable
-from mpm_taichi.layout import CELL, F32, I32, INDEX, INTEGERS, MEAN_OVERBURDEN, NUMBERS, VEC4, VEC8
-from mpm_taichi.mohr_coulomb import NO_CAP, material_constants
-from mpm_taichi.point_functions import point_functions
-from mpm_taichi.runtime import start
+from mpm_taichi.effects.framework.hooks import effect_functions
+from mpm_taichi.effects.framework.table import (
+    CAP,
+    COHESION,
+    LIQUEFIED,
+    OVERBURDEN,
+    TANGENT,
+    EffectTable,
+)
+from mpm_taichi.materials.mohr_coulomb import NO_CAP, material_constants
+from mpm_taichi.solver.layout import (
+    CELL,
+    F32,
+    I32,
+    INDEX,
+    INTEGERS,
+    MEAN_OVERBURDEN,
+    NUMBERS,
+    VEC4,
+    VEC8,
+)
+from mpm_taichi.solver.point_functions import point_functions
+from mpm_taichi.solver.runtime import start
 
 
 @dataclass(frozen=True)

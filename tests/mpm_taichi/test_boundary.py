@@ -8,9 +8,9 @@ import taichi as ti
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geometry.scene import scene_from_mapping
-from mpm_taichi import boundary
-from mpm_taichi.boundary import (
+from geometry.scenes.scene import scene_from_mapping
+from mpm_taichi.solver import boundary
+from mpm_taichi.solver.boundary import (
     LEFT,
     MARGIN,
     RIGHT,
@@ -29,9 +29,9 @@ from mpm_taichi.boundary import (
     node_weight,
     water_force,
 )
-from mpm_taichi.layout import vec2, vec8
-from mpm_taichi.runtime import start
-from mpm_taichi.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE
+from mpm_taichi.solver.layout import vec2, vec8
+from mpm_taichi.solver.runtime import start
+from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE
 
 VEC2 = ti.types.ndarray(dtype=vec2, ndim=1)
 VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)

@@ -14,9 +14,9 @@ from PIL import Image
 
 from mpm_taichi import case as history
 from mpm_taichi.__main__ import main
-from mpm_taichi.case_picture import profile_overlay, toe_distances
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import SimulationSettings
+from report.pictures.case_history import profile_overlay, toe_distances
 
 SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
 LIQUEFIED = "liquefied_hydraulic_fill"

@@ -7,7 +7,7 @@ import types
 import h5py
 import pytest
 
-from geometry.scene import save_scene
+from geometry.scenes.scene import save_scene
 from mpm_taichi.__main__ import main
 from mpm_taichi.trajectory import list_runs, read_run, write_runs
 from pipeline.cli import InputError, WorkFailed
@@ -23,9 +23,9 @@ def stand_in(monkeypatch):
     solver = types.ModuleType("mpm_taichi.simulate")
     solver.simulate = ballistic.simulate
     monkeypatch.setitem(sys.modules, "mpm_taichi.simulate", solver)
-    templates = types.ModuleType("geometry.templates")
+    templates = types.ModuleType("geometry.random_scenes.templates")
     templates.draw_scene = lambda config, scale, index: make_scene(index)
-    monkeypatch.setitem(sys.modules, "geometry.templates", templates)
+    monkeypatch.setitem(sys.modules, "geometry.random_scenes.templates", templates)
 
 
 @pytest.fixture

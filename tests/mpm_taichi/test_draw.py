@@ -9,11 +9,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from mpm_taichi import draw
-from mpm_taichi.colouring import COLOURS, colouring_of, material_colours, rounded_up
-from mpm_taichi.frame import paint_body
-from mpm_taichi.trajectory import Run
+from mpm_taichi.trajectory import Run, nearest_frame
 from pipeline.cli import InputError
+from report.pictures import simulated_run
+from report.pictures.colouring import COLOURS, colouring_of, material_colours, rounded_up
+from report.pictures.frame import paint_body
 from tests.mpm_taichi.ballistic import FAST, fly, make_scene
 
 
@@ -30,9 +30,9 @@ def rgb(path, frame: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("colour", COLOURS)
 def test_a_picture_of_each_quantity(tmp_path, run, colour):
-    draw.save_picture(run, tmp_path / "x.png", colour=colour)
+    simulated_run.save_picture(run, tmp_path / "x.png", colour=colour)
     picture = rgb(tmp_path / "x.png")
-    assert picture.shape[1] == round(draw.WIDTH_IN * draw.DPI)
+    assert picture.shape[1] == round(run.WIDTH_IN * run.DPI)
     assert len(np.unique(picture @ [65536, 256, 1])) > 50
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
 
@@ -41,7 +41,7 @@ def test_points_are_drawn_where_they_are(run):
     figure = Figure(figsize=(6, 3), dpi=100)
     canvas = FigureCanvasAgg(figure)
     ax = figure.add_axes((0.1, 0.1, 0.85, 0.85))
-    draw.draw_frame(ax, run, -1, colour="material")
+    simulated_run.draw_frame(ax, run, -1, colour="material")
     canvas.draw()
     picture = np.asarray(canvas.buffer_rgba())[::-1, :, :3]
     shell = tuple(int(material_colours(run.scene)["shell"][i : i + 2], 16) for i in (1, 3, 5))
@@ -73,45 +73,45 @@ def test_the_body_fills_gaps_and_keeps_the_outline():
 
 
 def test_panels_show_the_moments_asked_for(tmp_path, run):
-    draw.save_picture(run, tmp_path / "one.png")
-    draw.save_picture(run, tmp_path / "three.png", times=[0.0, 1.0, run.time[-1]])
+    simulated_run.save_picture(run, tmp_path / "one.png")
+    simulated_run.save_picture(run, tmp_path / "three.png", times=[0.0, 1.0, run.time[-1]])
     assert rgb(tmp_path / "three.png").shape[0] > 2 * rgb(tmp_path / "one.png").shape[0]
-    assert draw.nearest_frame(run, run.settings.duration_s) == run.frames - 1
+    assert nearest_frame(run, run.settings.duration_s) == run.frames - 1
     for time in (-1.0, 99.0, np.nan):
         with pytest.raises(InputError, match=f"no frame at {time:g} s"):
-            draw.nearest_frame(run, time)
+            nearest_frame(run, time)
 
 
 def test_vector_formats(tmp_path, run):
-    draw.save_picture(run, tmp_path / "x.svg")
+    simulated_run.save_picture(run, tmp_path / "x.svg")
     assert ET.parse(tmp_path / "x.svg").getroot().tag.endswith("svg")
     assert (tmp_path / "x.svg").stat().st_size < 400_000  # the points are an image in it
 
 
 def test_an_overlay_is_drawn_and_kept_in_view(run):
-    overlay = draw.overlays(
-        draw.profile_overlay([5, 60, 90], [5, 4, 2]), draw.toe_overlay(95.0, 2.0)
+    overlay = simulated_run.overlays(
+        simulated_run.profile_overlay([5, 60, 90], [5, 4, 2]), simulated_run.toe_overlay(95.0, 2.0)
     )
-    plain, _ = draw.view_limits(run)
-    (left, right), _ = draw.view_limits(run, overlay)
+    plain, _ = simulated_run.view_limits(run)
+    (left, right), _ = simulated_run.view_limits(run, overlay)
     assert plain[1] < 95 < right
     ax = Figure().add_subplot()
-    draw.draw_frame(ax, run, overlay=overlay)
+    simulated_run.draw_frame(ax, run, overlay=overlay)
     labels = ax.get_legend_handles_labels()[1]
     assert {"measured profile", "measured toe", "before", "water level"} <= set(labels)
 
 
 def test_one_stray_point_does_not_shrink_the_picture():
     run = fly(make_scene(1, spacing=0.25), FAST)
-    before = draw.view_limits(run)
+    before = simulated_run.view_limits(run)
     run.positions[:, 7] += [400.0, 300.0]
     run.positions[3, 8] = np.nan
-    assert np.allclose(draw.view_limits(run), before, atol=1.0)
-    draw.draw_frame(Figure().add_subplot(), run)
+    assert np.allclose(simulated_run.view_limits(run), before, atol=1.0)
+    simulated_run.draw_frame(Figure().add_subplot(), run)
 
 
 def test_gif_moves_and_keeps_white_paper(tmp_path, run):
-    draw.save_animation(run, tmp_path / "x.gif", frames=6)
+    simulated_run.save_animation(run, tmp_path / "x.gif", frames=6)
     with Image.open(tmp_path / "x.gif") as image:
         assert image.n_frames == 6
     first, last = rgb(tmp_path / "x.gif", 0), rgb(tmp_path / "x.gif", 5)
@@ -121,16 +121,16 @@ def test_gif_moves_and_keeps_white_paper(tmp_path, run):
 
 def test_an_animation_frame_equals_the_picture_of_that_moment(tmp_path, run):
     """Only what moves is redrawn; the result must not differ from drawing everything."""
-    sheet = draw._Sheet(run, [0], colour="displacement", overlay=None, title=None)
+    sheet = run._Sheet(run, [0], colour="displacement", overlay=None, title=None)
     *_, last = (image.copy() for image in sheet.images(range(run.frames)))
-    draw.save_picture(run, tmp_path / "x.png")
+    simulated_run.save_picture(run, tmp_path / "x.png")
     difference = np.abs(rgb(tmp_path / "x.png") - last[..., :3].astype(int)).max(axis=2)
     assert (difference > 40).mean() < 1e-3
 
 
 def test_mp4(tmp_path, run):
     ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="needs the extra `video`")
-    draw.save_animation(run, tmp_path / "x.mp4", frames=5, hold_s=0.5)
+    simulated_run.save_animation(run, tmp_path / "x.mp4", frames=5, hold_s=0.5)
     count, seconds = ffmpeg.count_frames_and_secs(str(tmp_path / "x.mp4"))
     assert count == 5 + 10
     assert seconds == pytest.approx(count / 20, abs=0.06)
@@ -146,7 +146,7 @@ def test_mp4_without_the_extra_says_what_to_do(tmp_path, run, monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(InputError, match=r"flowslide\[video\]"):
-        draw.save_animation(run, tmp_path / "x.mp4")
+        simulated_run.save_animation(run, tmp_path / "x.mp4")
     assert not list(tmp_path.iterdir())
 
 
@@ -165,11 +165,11 @@ def test_colour_scales():
 
 def test_errors_are_one_line(tmp_path, run):
     with pytest.raises(InputError, match="suffix must be one of .png, .svg, .pdf"):
-        draw.save_picture(run, tmp_path / "x.bmp")
+        simulated_run.save_picture(run, tmp_path / "x.bmp")
     with pytest.raises(InputError, match="suffix must be one of .mp4, .gif"):
-        draw.save_animation(run, tmp_path / "x.avi")
+        simulated_run.save_animation(run, tmp_path / "x.avi")
     with pytest.raises(InputError, match="colour 'rainbow' is unknown; allowed: displacement"):
-        draw.save_picture(run, tmp_path / "x.png", colour="rainbow")
+        simulated_run.save_picture(run, tmp_path / "x.png", colour="rainbow")
     empty = Run.empty(run.scene, FAST, reason="it burnt")
     with pytest.raises(InputError, match="no frames to draw .it burnt"):
-        draw.save_picture(empty, tmp_path / "x.png")
+        simulated_run.save_picture(empty, tmp_path / "x.png")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geometry.scene import scene_from_mapping
+from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi.simulate import simulate
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi.one_point import Soil, lead, pure_shear

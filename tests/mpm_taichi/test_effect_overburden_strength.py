@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from geometry.scene import scene_from_mapping
-from mpm_taichi import layout
-from mpm_taichi.effects.registry import kernel_effects
-from mpm_taichi.effects.table import OVERBURDEN
-from mpm_taichi.initial_state import prepare
-from mpm_taichi.runtime import Slots, start
-from mpm_taichi.solver import build_kernels
+from geometry.scenes.scene import scene_from_mapping
+from mpm_taichi.effects.framework.registry import kernel_effects
+from mpm_taichi.effects.framework.table import OVERBURDEN
+from mpm_taichi.solver import layout
+from mpm_taichi.solver.initial_state import prepare
+from mpm_taichi.solver.kernels import build_kernels
+from mpm_taichi.solver.runtime import Slots, start
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi.one_point import Soil, lead, pure_shear
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from geometry.fill import fill
-from geometry.scene import scene_from_mapping
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi.effects.spatial_variability import gaussian_field, multiplier
 from mpm_taichi.simulate import simulate
 from pipeline.cli import InputError

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geometry.scene import scene_from_mapping
+from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi.effects import effects_on
 from mpm_taichi.effects.strength_curve import MOST_KNOTS, VARIABLES, entry
 from pipeline.cli import InputError

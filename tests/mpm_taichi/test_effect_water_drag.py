@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from geometry.scene import scene_from_mapping
+from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi.effects import effect
-from mpm_taichi.effects.free_water import Pool, pool_of, soil_in_pool
+from mpm_taichi.effects.framework.free_water import Pool, pool_of, soil_in_pool
 from mpm_taichi.simulate import simulate
 from pipeline.config import SimulationSettings
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from geometry.scene import load_scene, save_scene
+from geometry.scenes.scene import load_scene, save_scene
 from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_batch, run_key
 from mpm_taichi.effects import (
@@ -23,8 +23,8 @@ from mpm_taichi.effects import (
     effects_on,
     effects_table,
 )
-from mpm_taichi.effects.faults import faults
-from mpm_taichi.effects.registry import LIBRARY, kernel_effects, library
+from mpm_taichi.effects.framework.faults import faults
+from mpm_taichi.effects.framework.registry import LIBRARY, kernel_effects, library
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError

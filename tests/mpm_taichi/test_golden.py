@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.templates import draw_scene
+from geometry.random_scenes.templates import draw_scene
 from mpm_taichi import PHYSICS_VERSION
 from mpm_taichi.simulate import simulate
 from pipeline.config import load_config

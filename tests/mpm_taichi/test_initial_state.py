@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry.fill import fill
-from geometry.scene import scene_from_mapping
-from mpm_taichi.initial_state import (
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import scene_from_mapping
+from mpm_taichi.simulate import simulate
+from mpm_taichi.solver.initial_state import (
     k0_stress,
     locate,
     material_rows,
     prepare,
     resting_points,
 )
-from mpm_taichi.simulate import simulate
 from pipeline.config import SimulationSettings
 
 GRAVITY, WATER = 9.81, 1000.0

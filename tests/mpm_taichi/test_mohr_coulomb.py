@@ -22,7 +22,7 @@ from benchmarks.verification.mohr_coulomb_reference import (
     stress_scale,
 )
 from benchmarks.verification.one_element import solver_path, solver_return
-from mpm_taichi.mohr_coulomb import NO_CAP, material_constants
+from mpm_taichi.materials.mohr_coulomb import NO_CAP, material_constants
 
 TOLERANCE = 1e-4
 MANY = settings(max_examples=150, deadline=None)

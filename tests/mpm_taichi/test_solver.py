@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from geometry.scene import scene_from_mapping
-from geometry.templates import draw_scene
+from geometry.random_scenes.templates import draw_scene
+from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi import simulate as simulation
-from mpm_taichi.initial_state import prepare
 from mpm_taichi.simulate import simulate
+from mpm_taichi.solver.initial_state import prepare
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, load_config
 

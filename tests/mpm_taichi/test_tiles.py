@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from mpm_taichi import layout
-from mpm_taichi.layout import F32, I32, INDEX, TILE, VEC4, VEC8
-from mpm_taichi.mohr_coulomb import material_constants
-from mpm_taichi.point_functions import point_functions
-from mpm_taichi.runtime import aligned, start
-from mpm_taichi.splines import BASE_EDGE, LEFT_EDGE
-from mpm_taichi.tiles import column, rows, tile_functions
+from mpm_taichi.materials.mohr_coulomb import material_constants
+from mpm_taichi.solver import layout
+from mpm_taichi.solver.layout import F32, I32, INDEX, TILE, VEC4, VEC8
+from mpm_taichi.solver.point_functions import point_functions
+from mpm_taichi.solver.runtime import aligned, start
+from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE
+from mpm_taichi.solver.tiles import column, rows, tile_functions
 
 CELL, COLUMNS, NODES = 2.0, 12, 144
 VOLUME, MASS, STEP, SHARE, BLEND = 0.9, 1700.0, 2e-3, 0.3, 0.01

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from mpm_taichi.layout import vec2, vec4, vec8
-from mpm_taichi.mohr_coulomb import material_constants
-from mpm_taichi.runtime import aligned, start
-from mpm_taichi.splines import (
+from mpm_taichi.materials.mohr_coulomb import material_constants
+from mpm_taichi.solver.layout import vec2, vec4, vec8
+from mpm_taichi.solver.runtime import aligned, start
+from mpm_taichi.solver.splines import (
     BASE_EDGE,
     LEAST_SHARE,
     LEFT_EDGE,
@@ -20,7 +20,7 @@ from mpm_taichi.splines import (
     spline_weights,
     weights_of_points,
 )
-from mpm_taichi.transfer import (
+from mpm_taichi.solver.transfer import (
     gather,
     move,
     node_update,

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.scene import save_scene
+from geometry.scenes.scene import save_scene
 from mpm_taichi.batch import run_key
-from mpm_taichi.effects import effects, load_effects_file, registry
-from mpm_taichi.initial_state import prepare
+from mpm_taichi.effects import effects, load_effects_file
+from mpm_taichi.effects.framework import registry
 from mpm_taichi.simulate import simulate
+from mpm_taichi.solver.initial_state import prepare
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi.effects_slump import SHORT, slump

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from pipeline.cli import InputError
-from pipeline.page import KeyNumbers, Paragraph, Picture, Section, Table, render_page, write_page
+from report.page import KeyNumbers, Paragraph, Picture, Section, Table, render_page, write_page
 
 PIXEL = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="

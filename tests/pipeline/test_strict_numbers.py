@@ -6,12 +6,12 @@ import shutil
 
 import pytest
 
-from diagnosis.model_file import load_model_file
+from diagnosis.hypotheses.hypothesis_file import load_model_file
 from diagnosis.question import load_diagnosis_question
-from geometry.measurements import load_measurements
-from geometry.scene import Scene, load_scene
+from geometry.scenes.scene import Scene, load_scene
+from geometry.survey.measurements import load_measurements
 from inversion.classical.judgement import load_judgements
-from inversion.question import load_question
+from inversion.problem.question import load_question
 from pipeline.cli import InputError
 from pipeline.config import load_config
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks import frame_interval
+from benchmarks.studies import frame_interval
 from pipeline.config import load_config
 from tests.mpm_taichi import ballistic
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from geometry.measurements import load_measurements
+from geometry.survey.measurements import load_measurements
 from inversion.__main__ import main
 from inversion.classical.analysis import options_of
 from inversion.classical.judgement import Judgement, default_judgements, load_judgements
@@ -98,8 +98,8 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
 )
 def test_every_option_has_an_effect(option, value):
     """Each judgement call changes a method's answer (solved without the other alternatives)."""
+    from flowslide.commands.classical import _judgements, add_parser
     from inversion.classical.analysis import SOLVERS, Workbench
-    from inversion.classical.command import _judgements, add_parser
     from pipeline.cli import base_parser
 
     parser = base_parser("test", "")
@@ -135,7 +135,7 @@ def test_la_marquesa_is_two_slides(tmp_path):
 def test_a_simulated_deposit_may_be_the_section_after(lsfd, tmp_path):
     from dataclasses import replace
 
-    from geometry.scene import load_scene
+    from geometry.scenes.scene import load_scene
     from mpm_taichi.trajectory import POINT_FIELDS, Run, write_runs
     from pipeline.config import SimulationSettings
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
-from geometry.scene import load_scene
+from geometry.scenes.scene import load_scene
 from inversion.classical.section import OUTSIDE, Section, Soil, section_of, water_line_after
 
 LSFD = "case_histories/lower_san_fernando/scene.yaml"

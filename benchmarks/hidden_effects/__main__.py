@@ -1,0 +1,270 @@
+"""The benchmark of hidden effects: make it, run it, score it.
+
+python -m benchmarks.hidden_effects plan|make|run|more|score
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
+from pipeline.cli import InputError, add_common, base_parser, main_exit
+from pipeline.config import Config, load_config
+from pipeline.files import make_folder
+from pipeline.progress import Progress
+
+if TYPE_CHECKING:
+    from benchmarks.hidden_effects.making.benchmark import Benchmark
+    from benchmarks.hidden_effects.making.laboratory import Laboratory
+
+FOLDER = "benchmarks/hidden_effects"
+RESULTS = "hidden_effects"
+RECORD = "results.json"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make, run or score."""
+    arguments = _parser().parse_args(argv)
+    config = load_config(arguments.config, arguments.overrides)
+    steps = {"plan": _plan, "make": _make, "run": _run, "more": _more, "score": _score}
+    return steps[arguments.step](arguments, config)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = base_parser(
+        "python -m benchmarks.hidden_effects",
+        "Hide effects in simulated slides, seal what is true, diagnose the surveys, "
+        "and hold the verdicts against the truths (docs/hidden-effects.md).",
+    )
+    parser.add_argument(
+        "step",
+        choices=("plan", "make", "run", "more", "score"),
+        help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
+        "run: diagnose them; more: diagnose them as they are, with two suggested and with two "
+        "random measurements more; score: open the seals",
+    )
+    parser.add_argument(
+        "--benchmark",
+        metavar="FILE",
+        default=FOLDER,
+        help=f"what is to be made, or its folder; default: {FOLDER}",
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help=f"folder of its files; default: results/{RESULTS}"
+    )
+    parser.add_argument(
+        "--part",
+        metavar="K/N",
+        default="1/1",
+        help="make, run: the K-th of N shares of the cases, for several jobs; default: 1/1",
+    )
+    parser.add_argument(
+        "--variants",
+        metavar="NAME,...",
+        default=METHOD,
+        help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}",
+    )
+    parser.add_argument(
+        "--page",
+        metavar="FILE",
+        help="score: the page between whose markers the score is written, beside its pictures",
+    )
+    parser.add_argument(
+        "--record",
+        metavar="FILE",
+        help="score: where truths and verdicts are kept; given without --out's verdicts, it is "
+        f"read instead; default: <out>/{RECORD}",
+    )
+    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+    return add_common(parser)
+
+
+def part_of(text: str) -> Part:
+    """The share of the cases that is written as K/N.
+
+    Raises:
+        InputError: it is not.
+    """
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise InputError(f"--part: {text!r}: allowed is K/N with K from 1 to N")
+    return Part(int(found[1]) - 1, int(found[2]))
+
+
+def variants_of(text: str) -> list[str]:
+    """The variants that are named.
+
+    Raises:
+        InputError: one does not exist.
+    """
+    names = list(VARIANTS) if text == "all" else [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in VARIANTS:
+            raise InputError(f"--variants: {name!r}: allowed are all, {', '.join(VARIANTS)}")
+    return names
+
+
+def _out(arguments: argparse.Namespace, config: Config) -> Path:
+    return Path(config.results_folder) / RESULTS if arguments.out is None else Path(arguments.out)
+
+
+def _workshop(arguments: argparse.Namespace, config: Config) -> tuple[Benchmark, Laboratory]:
+    from benchmarks.hidden_effects.making.benchmark import load_benchmark
+    from benchmarks.hidden_effects.making.laboratory import Laboratory
+
+    benchmark = load_benchmark(arguments.benchmark)
+    settings = config.simulation.model_copy(update={"duration_s": benchmark.plan.duration_s})
+    return benchmark, Laboratory(settings, threads=arguments.threads)
+
+
+def _plan(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.making.benchmark import Places
+    from benchmarks.hidden_effects.making.make import reach_of
+
+    benchmark, laboratory = _workshop(arguments, config)
+    total = len(benchmark.sections) * len((*benchmark.library, *benchmark.outside))
+    with Progress(total, "looking at effects", quiet=arguments.quiet) as progress:
+        reach_of(
+            benchmark,
+            Places(_out(arguments, config)),
+            laboratory,
+            on_case=lambda done, _, words: progress.advance(1, words),
+        )
+    return 0
+
+
+def _make(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.making.benchmark import Places
+    from benchmarks.hidden_effects.making.make import make
+
+    benchmark, laboratory = _workshop(arguments, config)
+    part = part_of(arguments.part)
+    total = len(range(part.k, benchmark.plan.cases, part.n))
+    with Progress(total, "making hidden effects", quiet=arguments.quiet) as progress:
+        make(
+            benchmark,
+            Places(_out(arguments, config)),
+            laboratory,
+            part=(part.k, part.n),
+            on_case=lambda done, _, words: progress.advance(1 if done else 0, words),
+        )
+    return 0
+
+
+def _run(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.making.benchmark import Places
+    from benchmarks.hidden_effects.making.make import sealed_cases
+    from benchmarks.hidden_effects.run import run as run_cases
+
+    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    total = len(sealed_cases(places)[part.k :: part.n])
+    with Progress(total, "diagnosing blind", quiet=arguments.quiet) as progress:
+        run_cases(
+            places,
+            config,
+            variants=variants_of(arguments.variants),
+            part=part,
+            threads=arguments.threads,
+            on_case=lambda done, _, words: progress.advance(1, words),
+        )
+    return 0
+
+
+def _more(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.making.benchmark import Places
+    from benchmarks.hidden_effects.making.make import sealed_cases
+    from benchmarks.hidden_effects.more import run_more
+
+    benchmark, laboratory = _workshop(arguments, config)
+    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    total = len(sealed_cases(places)[part.k :: part.n])
+    with Progress(total, "diagnosing with more", quiet=arguments.quiet) as progress:
+        run_more(
+            benchmark,
+            places,
+            config,
+            laboratory,
+            part=part,
+            on_case=lambda done, _, words: progress.advance(1, words),
+        )
+    return 0
+
+
+def _score(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
+    from benchmarks.hidden_effects.scoring.asked import ASKED
+    from benchmarks.hidden_effects.scoring.opened import (
+        judged,
+        load_rows,
+        open_truths,
+        save_rows,
+        shared,
+    )
+    from benchmarks.hidden_effects.scoring.page import (
+        SCORE,
+        SPARSE,
+        generated,
+        generated_sparse,
+        table,
+        write_page,
+    )
+    from benchmarks.hidden_effects.scoring.score import score
+    from pipeline.files import write_json
+
+    out = _out(arguments, config)
+    places = Places(out)
+    record = Path(arguments.record) if arguments.record else out / RECORD
+    variants = (*VARIANTS, SUGGESTED, RANDOM)
+    fresh = places.sealed.is_file()
+    rows = open_truths(places, variants) if fresh else load_rows(record)
+    if not rows:
+        raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
+    benchmark = load_benchmark(arguments.benchmark)
+    by_variant = {name: judged(rows, benchmark, name) for name in variants}
+    scores = {name: score(cases) for name, cases in by_variant.items() if cases}
+    if arguments.page is not None:
+        _check_page(Path(arguments.page), scores)
+    if fresh:
+        save_rows(rows, record)
+    write_json(out / "score.json", {name: one.document for name, one in scores.items()})
+    method = scores[METHOD]
+    lines = [(one.words, method.shares[one.name].words, one.bound) for one in ASKED]
+    print(table(("figure", "measured", "asked"), lines))
+    if arguments.page is not None and SUGGESTED in scores:
+        write_page(Path(arguments.page), SPARSE, generated_sparse(scores))
+    elif arguments.page is not None:
+        from benchmarks.hidden_effects.scoring.draw import draw_all
+
+        page = Path(arguments.page)
+        pictures = page.parent / "images" / page.stem
+        draw_all(pictures, method, by_variant[METHOD])
+        ablations = {name: score(cases) for name, cases in shared(by_variant).items() if cases}
+        text = generated(method, ablations, by_variant[METHOD], f"images/{page.stem}")
+        write_page(page, SCORE, text)
+    return 0
+
+
+def _check_page(page: Path, scores: Collection[str]) -> None:
+    """The page can be written, before anything else is.
+
+    Raises:
+        InputError: there is no such page, it has no markers, or a variant that it tells of was
+            never run.
+    """
+    from benchmarks.hidden_effects.scoring.page import SCORE, SPARSE, around
+
+    if (SUGGESTED in scores) != (RANDOM in scores):
+        missing = RANDOM if SUGGESTED in scores else SUGGESTED
+        raise InputError(
+            f"--page {page}: no case has been judged {missing}; `blind more` does that"
+        )
+    around(page, SPARSE if SUGGESTED in scores else SCORE)
+    make_folder(page.parent)
+
+
+if __name__ == "__main__":
+    main_exit(main)

@@ -1,0 +1,1 @@
+"""Making the blind benchmark: plan, truths, simulated slides, surveys, seals."""

@@ -1,0 +1,187 @@
+"""What a benchmark is made of: `benchmark.yaml`, and where its files lie.
+
+Under one folder: `sealed.json`, before any diagnosis (name, section, survey, hash of the truth);
+`cases/<name>/`, all that a diagnosis sees; `truths/<name>.json`, opened by the score alone;
+`verdicts/<variant>/<name>.json`, digests of the verdicts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ValidationError
+
+from benchmarks.hidden_effects.making.plan import ROUND, Kind, Planned, Reach, plan
+from benchmarks.hidden_effects.making.sections import Section, load_section
+from benchmarks.hidden_effects.making.surveys import SURVEYS
+from geometry.scenes.scene import Document, document_error
+from mpm_taichi.effects import effects, load_effects_file
+from pipeline.cli import InputError
+from pipeline.files import read_yaml
+
+FILE_NAME = "benchmark.yaml"
+
+
+class BenchmarkPlan(Document):
+    """The whole of `benchmark.yaml`."""
+
+    cases: int = Field(gt=0, description="number of cases")
+    seed: int = Field(ge=0, description="of every drawing, and of the salts")
+    sections: list[str] = Field(min_length=1, description="folders beside this file")
+    surveys: list[str] = Field(min_length=1, description="sets of measurements")
+    kinds: list[Kind] = Field(
+        list(ROUND), min_length=1, description="of the cases of a round, before they are shuffled"
+    )
+    effects: list[str] | None = Field(None, description="of the library; null: all of it")
+    outside: str | None = Field(None, description="Python file of effects outside the library")
+    laws: dict[str, str | None] = Field(
+        default_factory=dict,
+        description="effect outside the library -> what its strength hangs on; null: no strength",
+    )
+    other_realisation: list[str] = Field(
+        default_factory=list,
+        description="effects of the library that are random: hidden with another seed than the "
+        "judge's, so that they count as outside the library",
+    )
+    duration_s: float = Field(40.0, gt=0, description="longest slide [s]")
+    spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A benchmark that was read.
+
+    Attributes:
+        plan: the document.
+        sections: by name, at the judge's spacing.
+        library: names of the effects that may be hidden and are known to the judge.
+        outside: names of the effects that are not.
+    """
+
+    plan: BenchmarkPlan
+    sections: dict[str, Section]
+    library: list[str]
+    outside: list[str]
+
+    def section(self, truth: Mapping[str, Any]) -> Section:
+        """The section of a truth.
+
+        Raises:
+            InputError: the benchmark has no such section.
+        """
+        found = self.sections.get(truth["section"])
+        if found is None:
+            raise InputError(
+                f"{truth['name']}: section: {truth['section']!r} is not in this benchmark; it has "
+                f"{', '.join(self.sections)}"
+            )
+        return found
+
+    def cases(self, reach: Reach) -> list[Planned]:
+        """The row of cases."""
+        return plan(
+            self.plan.cases,
+            seed=self.plan.seed,
+            effects=self.library,
+            outside=self.outside,
+            sections=list(self.sections),
+            surveys=self.plan.surveys,
+            reach=reach,
+            kinds=self.plan.kinds,
+        )
+
+
+def benchmark_file(text: str | Path) -> Path:
+    """The document of a benchmark that is named by it or by its folder."""
+    path = Path(text)
+    return path / FILE_NAME if path.is_dir() else path
+
+
+def load_benchmark(text: str | Path) -> Benchmark:
+    """Read a benchmark; effects outside the library are loaded from the file that it names.
+
+    Args:
+        text: the document, or its folder.
+
+    Raises:
+        InputError: a file that is missing or does not hold together; one line.
+    """
+    path = benchmark_file(text)
+    folder = path.parent
+    document = read_yaml(path)
+    if not isinstance(document, Mapping):
+        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
+    try:
+        wanted = BenchmarkPlan.model_validate(document)
+    except ValidationError as error:
+        raise InputError(document_error(error, str(path))) from None
+    for survey in wanted.surveys:
+        if survey not in SURVEYS:
+            raise InputError(f"{path}: surveys: {survey!r}: allowed are {', '.join(SURVEYS)}")
+    library = list(effects())
+    for name in wanted.effects or ():
+        if name not in library:
+            raise InputError(f"{path}: effects: {name!r} is unknown; known: {', '.join(library)}")
+    outside = list(wanted.other_realisation)
+    if wanted.outside is not None:
+        outside += [one.name for one in load_effects_file(folder / wanted.outside)]
+    for name in outside:
+        if name not in wanted.laws:
+            raise InputError(f"{path}: laws: {name}: missing; a variable, or null")
+    sections = {
+        name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor, str(path))
+        for name in wanted.sections
+    }
+    inside = [name for name in wanted.effects or library if name not in outside]
+    return Benchmark(wanted, sections, inside, outside)
+
+
+def coarser(section: Section, factor: float, source: str) -> Section:
+    """The section at another spacing.
+
+    Raises:
+        InputError: it cannot be had at that spacing; `source` is the file that asks for it.
+    """
+    try:
+        scene = section.scene.changed(spacing=factor * section.scene.spacing)
+    except ValidationError as error:
+        where = f"{source}: spacing_factor {factor:g}: {section.folder}"
+        raise InputError(document_error(error, where)) from None
+    return Section(section.folder, scene, section.question, section.survey)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the files of a benchmark lie."""
+
+    out: Path
+
+    @property
+    def sealed(self) -> Path:
+        """Hashes of the truths."""
+        return self.out / "sealed.json"
+
+    @property
+    def skipped(self) -> Path:
+        """What was planned and could not be made."""
+        return self.out / "skipped.json"
+
+    @property
+    def reach(self) -> Path:
+        """How well each effect can be seen at all."""
+        return self.out / "reach.json"
+
+    def case(self, name: str) -> Path:
+        """Folder of what a diagnosis sees."""
+        return self.out / "cases" / name
+
+    def truth(self, name: str) -> Path:
+        """The sealed truth."""
+        return self.out / "truths" / f"{name}.json"
+
+    def verdict(self, name: str, variant: str) -> Path:
+        """Digest of a verdict; a variant is the method or an ablation."""
+        return self.out / "verdicts" / variant / f"{name}.json"

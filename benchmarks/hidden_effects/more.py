@@ -1,0 +1,172 @@
+"""`blind more`: with a sparse survey, do two suggested measurements help more than two random ones?
+
+Each case is diagnosed from its sparse survey. Then two measurements are added, once those that
+the diagnosis suggests, once two drawn at random from all that it could have suggested, each read
+on the slide of the truth with an independent error; and both surveys are diagnosed anew.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
+from benchmarks.hidden_effects.making.laboratory import Laboratory
+from benchmarks.hidden_effects.making.make import OnCase, sealed_cases
+from benchmarks.hidden_effects.making.sections import normal
+from benchmarks.hidden_effects.making.surveys import PROFILE_FILE
+from benchmarks.hidden_effects.making.truth import slide_of
+from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, Part, diagnosed
+from benchmarks.hidden_effects.scoring.digest import Digest, digest_of
+from benchmarks.hidden_effects.scoring.records import read_truth
+from diagnosis.case import load_diagnosis
+from diagnosis.selection.possible_measurements import possible_measurements
+from geometry.survey.measured import Deposit, Measured
+from geometry.survey.measured_series import SurfaceProfile
+from geometry.survey.profiles import load_profile
+from inversion.engines.run_store import RunStore
+from pipeline.config import Config
+from pipeline.files import read_yaml, write_json, write_text
+from pipeline.random_numbers import Stream, number_of
+
+#: Measurements that are added.
+COUNT = 2
+
+
+def run_more(
+    benchmark: Benchmark,
+    places: Places,
+    config: Config,
+    laboratory: Laboratory,
+    *,
+    part: Part = Part(),  # noqa: B008 - frozen
+    on_case: OnCase = lambda done, total, words: None,
+) -> None:
+    """Diagnose every sealed case three times: as it is, with suggested, with random measurements.
+
+    Raises:
+        InputError: the benchmark has not been sealed.
+    """
+    mine = sealed_cases(places)[part.k :: part.n]
+    for number, sealed in enumerate(mine, start=1):
+        name = sealed["name"]
+        words = "was there"
+        if not all(places.verdict(name, v).is_file() for v in (METHOD, SUGGESTED, RANDOM)):
+            words = _one(name, benchmark, places, config, laboratory)
+        on_case(number, len(mine), f"{name}: {words}")
+
+
+def _one(
+    name: str, benchmark: Benchmark, places: Places, config: Config, laboratory: Laboratory
+) -> str:
+    # The truth is opened to read more of its slide; the diagnosis still sees measurements alone.
+    truth = read_truth(places.truth(name))
+    section = benchmark.section(truth)
+    store = RunStore(None, threads=laboratory.threads)
+    digest, chosen, possible = suggested(places.case(name), store, config)
+    write_json(places.verdict(name, METHOD), digest.model_dump(mode="json"))
+    stream = Stream(benchmark.plan.seed, number_of("more"), number_of(name))
+    laboratory.forget()
+    deposit = slide_of(truth, section, laboratory)
+    readable = [k for k, entry in enumerate(possible) if _can_be_read(entry, deposit)]
+    words = [digest.verdict]
+    picks = {
+        SUGGESTED: [k for k in chosen if k in readable][:COUNT],
+        RANDOM: drawn(readable, COUNT, stream),
+    }
+    for variant, picked in picks.items():
+        folder = places.out / "more" / variant / name
+        add_measurements(places.case(name), folder, [possible[k] for k in picked], deposit, stream)
+        digest = diagnosed(folder, METHOD, store, config)
+        write_json(places.verdict(name, variant), digest.model_dump(mode="json"))
+        words.append(f"{variant} {digest.verdict} {' + '.join(digest.effects)}".strip())
+    return ", ".join(words)
+
+
+def suggested(
+    folder: Path, store: RunStore, config: Config
+) -> tuple[Digest, list[int], list[Measured]]:
+    """The verdict on a case, places of what it suggests next, and all that could be measured."""
+    from diagnosis.loop import find, next_measurements
+    from diagnosis.verdict.verdict_document import verdict_document
+
+    case = load_diagnosis(folder, config)
+    model = case.model(store)
+    found = find(model, case.options(model))
+    verdict = verdict_document(found, case=case.name, title=case.title)
+    possible = possible_measurements(case.setup)
+    firsts = {proposal.index: number for number, proposal in enumerate(model.proposals)}
+    # A few more than are wanted: one that cannot be read on the slide gives way to the next.
+    best = next_measurements(found, COUNT + 3)
+    return digest_of(verdict), [firsts[one.proposal.index] for one in best], possible
+
+
+def drawn(cards: Sequence[int], count: int, stream: Stream) -> list[int]:
+    """So many different cards at random."""
+    left, found = list(cards), []
+    while left and len(found) < count:
+        found.append(left.pop(stream.integer(0, len(left) - 1)))
+    return found
+
+
+def add_measurements(
+    old: Path, new: Path, entries: Sequence[Measured], deposit: Deposit, stream: Stream
+) -> None:
+    """A copy of a case folder with more measurements, read on a deposit with errors."""
+    shutil.rmtree(new, ignore_errors=True)
+    shutil.copytree(old, new)
+    document = read_yaml(new / "measurements.yaml")
+    (survey,) = document["sets"].values()
+    profile = load_profile(new / PROFILE_FILE)
+    points = dict(zip(profile.x.tolist(), profile.y.tolist(), strict=True))
+    for entry in entries:
+        values = entry.observe(deposit)
+        values = values + entry.std * np.array([normal(stream) for _ in values])
+        if isinstance(entry, SurfaceProfile):
+            points[float(entry.profile.x[0])] = float(values[0])
+        else:
+            _join(survey, filled(entry, values))
+    rows = [f"{x:.2f},{y:.3f}" for x, y in sorted(points.items())]
+    write_text(new / PROFILE_FILE, "\n".join(["x_m,y_m", *rows]) + "\n")
+    text = yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+    write_text(new / "measurements.yaml", text)
+
+
+def _join(survey: list[dict[str, Any]], entry: dict[str, Any]) -> None:
+    """Put an entry into a survey; times of one toe become one history."""
+    same = [one for one in survey if one["name"] == entry["name"]]
+    if not same:
+        survey.append(entry)
+        return
+    (one,) = same
+    pairs = sorted(zip(one["times_s"] + entry["times_s"], one["values_m"] + entry["values_m"],
+                       strict=True))  # fmt: skip
+    one["times_s"], one["values_m"] = ([pair[k] for pair in pairs] for k in (0, 1))
+
+
+def filled(entry: Measured, values: np.ndarray) -> dict[str, Any]:
+    """The document of an entry with its values put in."""
+    document = entry.model_dump(mode="json", exclude_none=True)
+    numbers = [round(float(value), 3) for value in values]
+    keys = {
+        "marker_displacement": ("dx_m", "dy_m"),
+        "slide_duration": ("value_s",),
+        "velocity": ("value_m_per_s",),
+    }
+    if entry.type == "toe_history":  # type: ignore[attr-defined]
+        return {**document, "values_m": numbers}
+    names = keys.get(entry.type, ("value_m",))  # type: ignore[attr-defined]
+    put: Mapping[str, float] = dict(zip(names, numbers, strict=True))
+    return {**document, **put}
+
+
+def _can_be_read(entry: Measured, deposit: Deposit) -> bool:
+    try:
+        return bool(np.all(np.isfinite(entry.observe(deposit))))
+    except ValueError:
+        return False

@@ -1,0 +1,1 @@
+"""Scoring the blind benchmark: records, figures, page."""

@@ -1,0 +1,62 @@
+"""Pictures of a diagnosis for the documents: those of its page, as PNG.
+
+    python -m benchmarks.hidden_effects.tutorial_pictures   # the example of the tutorial
+    python -m benchmarks.hidden_effects.tutorial_pictures FOLDER --out docs/images/diagnosis
+
+A folder that has no verdict yet is diagnosed first (about a minute).
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from diagnosis.__main__ import main as diagnose
+from diagnosis.verdict.verdict import FILE_NAME
+from pipeline.cli import base_parser, main_exit
+from report.charts.confounding import draw_confounding
+from report.charts.effects import draw_effects
+from report.charts.error_steps import draw_steps
+from report.charts.fingerprints import draw_fingerprints
+from report.charts.profile import draw_profile
+from report.charts.residuals import draw_groups, draw_residuals, draw_singles
+from report.charts.strength import draw_hidden, draw_strength
+from report.diagnosis.data import load_report
+
+CASE = Path("docs/examples/hidden_effect")
+OUT = Path("docs/images/diagnosis")
+DRAWN = {
+    "profile": draw_profile,
+    "residuals": draw_residuals,
+    "singles": draw_singles,
+    "groups": draw_groups,
+    "effects": draw_effects,
+    "fingerprints": draw_fingerprints,
+    "confounding": draw_confounding,
+    "strength": draw_strength,
+    "hidden": draw_hidden,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Draw."""
+    parser = base_parser(
+        "python -m benchmarks.hidden_effects.tutorial_pictures", __doc__.splitlines()[0]
+    )
+    default = Path("results") / CASE.name / "diagnosis"
+    parser.add_argument("folder", nargs="?", type=Path, default=default, help="of a diagnosis")
+    parser.add_argument("--out", type=Path, default=OUT, help=f"default: {OUT}")
+    arguments: argparse.Namespace = parser.parse_args(argv)
+    if not (arguments.folder / FILE_NAME).is_file():
+        diagnose(["run", str(CASE), "--out", str(arguments.folder), "--page", "no"])
+    data = load_report(arguments.folder)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for name, draw in DRAWN.items():
+        draw(data, arguments.out / f"{name}.png")
+    draw_steps(data.verdict.steps, arguments.out / "steps.png")
+    return 0
+
+
+if __name__ == "__main__":
+    main_exit(main)

@@ -1,0 +1,199 @@
+"""Steps 1 and 2: the base model brought to the measurements, and how far it may err there.
+
+A scan over the strengths finds where the slide moves at all; searches from the best of it, and from
+others, find the least misfit. There the replicates, the second transfer scheme and the finer cells
+are run once, C is put together and frozen (misfits must be comparable), and the fit is settled on
+the mean of the replicates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.fitting.covariance import Covariance, covariance, jitter_covariance
+from diagnosis.fitting.differences import central_differences, first_steps, steps_above_noise
+from diagnosis.fitting.fit import SEEN, Fit, best_of, search, settled, total_of
+from diagnosis.fitting.hold_out import Split, split
+from diagnosis.fitting.response_surface import Surrogate, spreads
+from diagnosis.fitting.runs import Runs
+from diagnosis.fitting.space import Space
+from diagnosis.fitting.surface import Surface
+from diagnosis.fitting.whitened import Data
+from diagnosis.hypotheses.model import Model, Numerics, State
+from diagnosis.options import Options
+from pipeline.cli import WorkFailed
+
+#: Levels of the strengths in the scan, as shares of their bounds.
+LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
+#: A derivative is taken anew where the search has moved farther than this.
+STALE = 0.35
+#: Times that the derivative is taken at most before C is known.
+TIMES_ANEW = 3
+#: Variance of a run's noise as a share of the survey's, until it is measured.
+ASSUMED_NOISE = 0.2
+
+
+@dataclass(frozen=True)
+class Base:
+    """The calibrated base model.
+
+    Attributes:
+        runs: the model with its memory.
+        split: what is fitted and what is held out.
+        covariance: C by its parts.
+        jitter: covariance of one run's numerical noise, (m, m).
+        data: measurements with C.
+        surface: what is known around the anchor; its prediction is the mean of the replicates.
+        seeds: replicates behind that mean.
+        fit: the answer.
+    """
+
+    runs: Runs
+    split: Split
+    covariance: Covariance
+    jitter: np.ndarray
+    data: Data
+    surface: Surface
+    seeds: int
+    fit: Fit
+
+
+def calibrate(model: Model, options: Options) -> Base:
+    """Fit the base model, find C there, and settle the fit.
+
+    Args:
+        model: what is diagnosed.
+        options: what may be done otherwise.
+
+    Raises:
+        WorkFailed: no run gave a prediction of the fitted numbers.
+        InputError: the hold-out does not fit the measurements.
+    """
+    runs = Runs(model, options.allowance)
+    targets = model.targets
+    parts = split(targets, options.hold_out)
+    space = Space(model.parameters, targets)
+    first = _data(targets.measured, targets.covariance, parts)
+    fit = _first_fit(runs, first, space, options)
+    base = fit.x
+    replicates = _replicates(runs, space, base, options)
+    cov = _covariance(runs, targets.covariance, space.state(base), replicates, options)
+    data = _data(targets.measured, cov.total, parts)
+    jitter = jitter_covariance(replicates)
+    steps = steps_above_noise(space, data, fit.derivative, jitter)
+    slope = central_differences(runs, space, base, replicates[0], steps, "derivative at the fit")
+    slope = fit.derivative if slope is None else slope
+    surface = Surface(space, base, _mean(replicates), slope)
+    seeds = len(replicates)
+    known = spreads(data, surface, space, jitter, anchored_by=seeds)
+    surrogate = Surrogate(surface, space, known)
+    surrogate.recall(runs)
+    fit = settled(data, surrogate, [base])
+    if np.max(np.abs(fit.x - base)) > SEEN:
+        found = search(
+            runs, data, surrogate, [base], first=[], turns=3, what="the fit with all errors"
+        )
+        fit = fit if found is None else found
+    return Base(runs, parts, cov, jitter, data, surface, seeds, fit)
+
+
+def _data(measured: np.ndarray, total: np.ndarray, parts: Split) -> Data:
+    return Data(measured, total, np.flatnonzero(parts.fitted), np.flatnonzero(parts.held_out))
+
+
+def _mean(rows: np.ndarray) -> np.ndarray:
+    return rows[np.all(np.isfinite(rows), axis=1)].mean(axis=0)
+
+
+def _first_fit(runs: Runs, data: Data, space: Space, options: Options) -> Fit:
+    """The best of several searches by the survey's error alone."""
+    guesses = _scan(space)
+    rows = runs.predict([space.state(x) for x in guesses])
+    totals = [total_of(data, space, row, x) for row, x in zip(rows, guesses, strict=True)]
+    order = [int(place) for place in np.argsort(totals, kind="stable")]
+    if not np.isfinite(totals[order[0]]):
+        raise WorkFailed("no run of the base model could be read; see the reasons of the runs")
+    starts = [guesses[place] for place in order[: options.starts]]
+    x, row = guesses[order[0]], rows[order[0]]
+    fit: Fit | None = None
+    for _ in range(TIMES_ANEW):
+        slope = central_differences(runs, space, x, row, first_steps(space), "derivative")
+        if slope is None:
+            break
+        surface = Surface(space, x, row, slope)
+        guessed = spreads(data, surface, space, ASSUMED_NOISE * data.covariance, anchored_by=1)
+        surrogate = Surrogate(surface, space, guessed)
+        surrogate.recall(runs)
+        valleys = best_of(data, surrogate, [x, *starts], options.starts)
+        found = search(
+            runs, data, surrogate, [x, *starts], first=[at for at, _ in valleys], turns=3,
+            what="search of the base model",
+        )  # fmt: skip
+        if found is None:
+            break
+        moved, fit = np.max(np.abs(found.x - x)), found
+        x, row = fit.x, runs.predict([space.state(fit.x)])[0]
+        if moved <= STALE or not np.all(np.isfinite(row)):
+            break
+    if fit is None:
+        raise WorkFailed(f"the allowance of {runs.allowance} runs does not cover one fit")
+    return fit
+
+
+def _scan(space: Space) -> list[np.ndarray]:
+    """First guesses: the question's, and all strengths at several levels of their bounds."""
+    parameters = space.parameters
+    start = parameters.to_fitted(parameters.start)
+    free = parameters.logarithmic & ~parameters.has_prior
+    guesses = [start]
+    if free.any():
+        for level in LEVELS:
+            x = start.copy()
+            x[free] = (space.low + level * (space.high - space.low))[free]
+            guesses.append(x)
+    else:
+        width = space.high - space.low
+        for share in (-0.25, 0.25):
+            guesses.append(np.clip(start + share * width, space.low, space.high))
+    return guesses
+
+
+def _replicates(runs: Runs, space: Space, x: np.ndarray, options: Options) -> np.ndarray:
+    """Predictions at x with jitter seeds 0 to n, (n + 1, m)."""
+    n = options.replicates if options.numerical_covariance else 0
+    states = [space.state(x, seed=seed) for seed in range(n + 1)]
+    if not runs.affords(states, "replicates"):
+        states = states[: 1 + runs.left]
+    return runs.predict(states)
+
+
+def paired(own: State, options: Options) -> dict[Numerics, State]:
+    """The same run with other numerics, as many of them as are asked for."""
+    wanted: dict[Numerics, bool] = {
+        "transfer": options.transfer,
+        "fine": options.resolution_factor > 0.0,
+    }
+    return {kind: replace(own, numerics=kind) for kind, asked in wanted.items() if asked}
+
+
+def _covariance(
+    runs: Runs, survey: np.ndarray, own: State, replicates: np.ndarray, options: Options
+) -> Covariance:
+    """C at the fit."""
+    if not options.numerical_covariance:
+        return covariance(survey)
+    states = paired(own, options)
+    difference = {}
+    if runs.affords(list(states.values()), "transfer and resolution"):
+        rows = runs.predict([own, *states.values()])
+        difference = {name: row - rows[0] for name, row in zip(states, rows[1:], strict=True)}
+    return covariance(
+        survey,
+        replicates=replicates,
+        synthetic=options.synthetic,
+        transfer=difference.get("transfer"),
+        finer=difference.get("fine"),
+        factor=options.resolution_factor,
+    )

@@ -1,0 +1,197 @@
+"""A bounded Gauss-Newton search that asks for few forward runs (step 2, and every refit).
+
+A surrogate proposes where the sum of squares is least, within the bounds; runs with two jitters of
+the points correct it there; and so on until it proposes what it has seen. The answer is the least
+of the surrogate, not of the runs: the least of several noisy runs is a lucky one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from diagnosis.fitting.response_surface import Surrogate
+from diagnosis.fitting.runs import Runs
+from diagnosis.fitting.space import Space
+from diagnosis.fitting.whitened import Data, augmented_residual
+
+#: Jitters of the points of the runs that correct a surrogate, two at a time, in turn.
+JITTERS = ((1, 2), (3, 4), (5, 6), (7, 8))
+#: A proposal this near to a run, in every unknown, is not worth another.
+SEEN = 0.15
+#: Half-width in the parameters within which a surrogate may be believed at all.
+REACH = 3.0
+#: Two first guesses are different where some unknown differs by this much.
+APART = 0.3
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model brought to the measurements.
+
+    Attributes:
+        space: its unknowns.
+        x: where its sum of squares is least, (q,).
+        prediction: there, of all numbers, (m,), noise averaged.
+        derivative: there, by x, (m, q).
+        total: sum of squares of the augmented residual.
+    """
+
+    space: Space
+    x: np.ndarray
+    prediction: np.ndarray
+    derivative: np.ndarray
+    total: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects of the model."""
+        return self.space.names
+
+
+def total_of(data: Data, space: Space, prediction: np.ndarray, x: np.ndarray) -> float:
+    """Sum of squares of the augmented residual; infinite where the run failed."""
+    if not np.all(np.isfinite(prediction[data.fitted])):
+        return float("inf")
+    residual = augmented_residual(data, space, prediction, x)
+    return float(residual @ residual)
+
+
+def least(
+    data: Data,
+    surrogate: Surrogate,
+    start: np.ndarray,
+    *,
+    held: Sequence[int] = (),
+) -> tuple[np.ndarray, float]:
+    """Where a surrogate's sum of squares is least, and that sum.
+
+    Parameters stay within `REACH` of the anchor; amplitudes have their bounds alone.
+
+    Args:
+        data: what is fitted.
+        surrogate: proposes.
+        start: first guess, (q,).
+        held: unknowns that stay where the first guess has them.
+    """
+    space = surrogate.space
+    low, high = space.low.copy(), space.high.copy()
+    p = space.p
+    low[:p] = np.maximum(low[:p], surrogate.anchor[:p] - REACH)
+    high[:p] = np.minimum(high[:p], surrogate.anchor[:p] + REACH)
+    free = space.free.copy()
+    free[list(held)] = False
+    x = np.clip(start, low, high)
+    best = surrogate.total(data, x)
+    for _ in range(30):
+        residual = augmented_residual(data, space, surrogate.predict(x), x)
+        matrix = np.vstack([data.whitened(surrogate.slope(x)), space.prior[0]])
+        step = _bounded_step(matrix, residual, low - x, high - x, free)
+        for share in (1.0, 0.4, 0.16, 0.06):
+            trial = np.clip(x + share * step, low, high)
+            total = surrogate.total(data, trial)
+            if total < best:
+                break
+        else:
+            break
+        gained, x, best = best - total, trial, total
+        if gained < 1e-4:
+            break
+    return x, best
+
+
+def _bounded_step(
+    matrix: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, free: np.ndarray
+) -> np.ndarray:
+    """Least squares step (q,) within bounds; a hair of ridge where nothing is known."""
+    step = np.zeros(matrix.shape[1])
+    some = np.vstack([matrix[:, free], 1e-6 * np.eye(int(free.sum()))])
+    right = np.concatenate([residual, np.zeros(int(free.sum()))])
+    found = np.linalg.lstsq(some, right, rcond=None)[0]
+    low, high = low[free], high[free]
+    if np.any(found < low) or np.any(found > high):
+        bounds = (np.minimum(low, -1e-12), np.maximum(high, 1e-12))
+        found = lsq_linear(some, right, bounds=bounds, method="bvls").x
+    step[free] = found
+    return step
+
+
+def best_of(
+    data: Data, surrogate: Surrogate, starts: Sequence[np.ndarray], count: int
+) -> list[tuple[np.ndarray, float]]:
+    """Different valleys of a surrogate that several first guesses lead to, deepest first."""
+    found = sorted((least(data, surrogate, x) for x in starts), key=lambda pair: pair[1])
+    kept: list[tuple[np.ndarray, float]] = []
+    for x, total in found:
+        if all(np.max(np.abs(x - other)) > APART for other, _ in kept):
+            kept.append((x, total))
+        if len(kept) == count:
+            break
+    return kept
+
+
+def search(
+    runs: Runs,
+    data: Data,
+    surrogate: Surrogate,
+    starts: Sequence[np.ndarray],
+    *,
+    first: Sequence[np.ndarray],
+    turns: int,
+    what: str,
+) -> Fit | None:
+    """Run where the surrogate proposes, correct it, and propose again.
+
+    Args:
+        runs: the model.
+        data: what is fitted.
+        surrogate: of the model; learns.
+        starts: first guesses on the surrogate, which cost nothing.
+        first: points that are run before any proposal, one jitter each.
+        turns: proposals that are run at most, with two jitters each.
+        what: words for what is left out where the allowance ends.
+
+    Returns:
+        the least of the surrogate; None where no run succeeded or none was allowed.
+    """
+    seen = run_points(
+        runs, surrogate, [(x, JITTERS[n % 4][n // 4 % 2]) for n, x in enumerate(first)], what
+    )
+    settling = False
+    for turn in range(turns):
+        x = best_of(data, surrogate, [*seen, *starts], 1)[0][0]
+        near = [other for other in seen[len(first) :] if np.max(np.abs(x - other)) < SEEN]
+        if settling and near:
+            break
+        # Seen once, it is run once more with two other jitters; that settles it.
+        settling = bool(near)
+        found = run_points(
+            runs, surrogate, [(x, seed) for seed in JITTERS[turn % len(JITTERS)]], what
+        )
+        if not found:
+            break
+        seen += found
+    if not surrogate.points:
+        return None
+    return settled(data, surrogate, [*seen, *starts])
+
+
+def run_points(
+    runs: Runs, surrogate: Surrogate, wanted: Sequence[tuple[np.ndarray, int]], what: str
+) -> list[np.ndarray]:
+    """Run points with a jitter each and teach the surrogate; those that were run."""
+    states = [surrogate.space.state(x, seed=seed) for x, seed in wanted]
+    if not states or not runs.affords(states, what):
+        return []
+    for (x, _), row in zip(wanted, runs.predict(states), strict=True):
+        surrogate.learn(x, row)
+    return [x for x, _ in wanted]
+
+
+def settled(data: Data, surrogate: Surrogate, starts: Sequence[np.ndarray]) -> Fit:
+    """The least of a surrogate as a fit."""
+    x, total = best_of(data, surrogate, starts, 1)[0]
+    return Fit(surrogate.space, x, surrogate.predict(x), surrogate.slope(x), total)

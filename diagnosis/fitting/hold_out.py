@@ -1,0 +1,110 @@
+"""Step 0: what no fit may see, decided before the first fit.
+
+A contiguous block of a series and a whole measurement, or what the file names. Every fifth point of
+a profile would be merely interpolated by its neighbours. Where little was measured nothing is held
+out: two numbers less of four would be half of what is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.fitting.places import Places, places_of
+from diagnosis.options import HoldOut
+from inversion.problem.predictions import Targets
+from pipeline.cli import InputError
+
+#: A series gives a block once it has this many numbers, and then this share of them.
+LEAST_SERIES, SHARE = 8, 0.2
+#: Where the block begins, as a share of the series: past the middle, so that both ends are fitted.
+BEGIN = 0.6
+#: A whole measurement is held out where at least so many of its kind were made.
+LEAST_ALIKE = 4
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which numbers are fitted, which are held out.
+
+    Attributes:
+        fitted: (m,) bool.
+        held_out: (m,) bool; the rest is neither (compared only, or constructed).
+        words: how it was decided.
+    """
+
+    fitted: np.ndarray
+    held_out: np.ndarray
+    words: str
+
+
+def split(targets: Targets, wanted: HoldOut | None) -> Split:
+    """Decide what is held out.
+
+    Args:
+        targets: the measurements with their roles.
+        wanted: what the case names; None: what the measurement file holds out, or, where it holds
+            out nothing, a block of each long series and one of several measurements of a kind.
+
+    Raises:
+        InputError: a name that does not exist, a block without numbers, or nothing left to fit.
+    """
+    by_file = np.array([role == "held out" for role in targets.roles], dtype=bool)
+    may = targets.fitted
+    if wanted is not None:
+        extra, words = _named(targets, wanted), "as the case says"
+    elif by_file.any():
+        extra, words = np.zeros_like(may), "as the measurement file says"
+    else:
+        extra, words = _automatic(targets, may), "automatically"
+    held = (extra & may) | by_file
+    fitted = may & ~held
+    if not fitted.any():
+        raise InputError("hold_out: nothing is left to fit; hold out less")
+    return Split(fitted, held, words if held.any() else "nothing is held out")
+
+
+def _named(targets: Targets, wanted: HoldOut) -> np.ndarray:
+    chosen = np.zeros(len(targets.names), dtype=bool)
+    known = {place.name: place for place in places_of(targets)}
+    for name in [*wanted.groups, *wanted.blocks]:
+        if name not in known:
+            raise InputError(
+                f"hold_out: no measurement {name!r}; there are {', '.join(sorted(known))}"
+            )
+    for name in wanted.groups:
+        chosen[known[name].index] = True
+    for name, (begin, end) in wanted.blocks.items():
+        inside = (known[name].place >= begin) & (known[name].place <= end)
+        if not inside.any():
+            raise InputError(
+                f"hold_out: blocks: {name!r} has no number between {begin:g} and {end:g}"
+            )
+        chosen[known[name].index[inside]] = True
+    return chosen
+
+
+def _automatic(targets: Targets, may: np.ndarray) -> np.ndarray:
+    chosen = np.zeros(len(targets.names), dtype=bool)
+    for place in places_of(targets):
+        index = place.index[may[place.index]]
+        if place.series and len(index) >= LEAST_SERIES:
+            n = max(round(SHARE * len(index)), 2)
+            begin = round(BEGIN * len(index))
+            chosen[index[begin : begin + n]] = True
+    for alike in _of_a_kind(targets, may):
+        if len(alike) >= LEAST_ALIKE:
+            # Not the first or the last: those are extrapolated rather than predicted.
+            chosen[alike[len(alike) // 2].index] = True
+    return chosen
+
+
+def _of_a_kind(targets: Targets, may: np.ndarray) -> Sequence[list[Places]]:
+    """Measurements of one type that are no series, together."""
+    kinds: dict[str, list[Places]] = {}
+    for entry, place in zip(targets.entries, places_of(targets), strict=True):
+        if not place.series and may[place.index].all():
+            kinds.setdefault(type(entry).__name__, []).append(place)
+    return list(kinds.values())

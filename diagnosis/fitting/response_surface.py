@@ -1,0 +1,222 @@
+"""A response surface that learns: what a few noisy runs say beyond it.
+
+The surface is right at its anchor and along its ladders. Away from them it is wrong by what bends
+and by what effects do to each other, and everywhere by the noise of the runs it was made from:
+
+    f(x) = surface(x) + sum_j phi_j(x) b_j + e(x),    phi: 1, u_i, u_i u_j,    u = x - anchor
+
+e is smooth with a length of its own: what products do not describe, right where runs are. All of it
+is found from all runs together (Gaussian process regression; Rasmussen and Williams 2006, eq.
+2.25), each run a value with noise, each b_j and e with a spread known beforehand in units of that
+noise: what the runs of the surface leave open for the constant and the slopes; a share of the
+slopes for the products; less for e. So one lucky run moves the answer only as far as one noisy run
+may, and runs with different jitters of the points average by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diagnosis.fitting.runs import Runs
+from diagnosis.fitting.space import Space
+from diagnosis.fitting.surface import Surface
+from diagnosis.fitting.whitened import Data, augmented_residual
+from diagnosis.hypotheses.model import State
+
+#: Change of a slope over the range of one unknown, as a share of the slope.
+BEND = 0.5
+#: Size of what products do not describe, as a share of the slopes, and its length in x.
+LOCAL, LENGTH = 0.06, 0.5
+#: Noise of a slope taken from two runs about this far apart, in units of the noise of a run.
+SLOPE_STEP = 0.25
+#: Runs whose parameters are farther from the anchor than this follow other bends.
+NEAR = 2.0
+
+
+@dataclass(frozen=True)
+class Spreads:
+    """Spreads of the corrections, in units of the noise of one run.
+
+    Attributes:
+        mean: of the constant: 1 / root of the runs behind the anchor.
+        slope: of one run against another, per unit of a parameter or amplitude, (q,).
+        product: of u_i u_j, (q, q).
+        local: of e, at a distance of 1 or more from the anchor; in proportion nearer to it.
+    """
+
+    mean: float
+    slope: np.ndarray
+    product: np.ndarray
+    local: float
+
+
+def spreads(
+    data: Data, surface: Surface, space: Space, jitter: np.ndarray, *, anchored_by: int
+) -> Spreads:
+    """Spreads for a model on a surface.
+
+    Args:
+        data: weighs the numbers.
+        surface: what is corrected.
+        space: unknowns of the model.
+        jitter: covariance of one run's noise, (m, m).
+        anchored_by: runs whose mean the anchor is.
+    """
+    fitted = jitter[np.ix_(data.fitted, data.fitted)]
+    noise = np.sqrt(max(float(np.trace(data.whitener @ fitted @ data.whitener.T)), 0.01))
+    change = np.linalg.norm(data.whitened(surface.slope(space, anchor_of(surface, space))), axis=0)
+    for place, effect in enumerate(space.effects):
+        if effect.name in surface.ladders:
+            change[space.p + place] = np.linalg.norm(
+                data.whitened(surface.ladders[effect.name].change(effect.unit))
+            )
+    new = np.array([effect.name in surface.ladders for effect in space.effects], dtype=bool)
+    slope = np.full(space.size, 1.0 / (np.sqrt(2.0) * SLOPE_STEP))
+    slope[space.p :][new] = np.sqrt(2.0)
+    product = BEND * np.sqrt(np.outer(change, change)) / noise
+    # What an effect does at a second amplitude the ladder knows already.
+    own = np.arange(space.p, space.size)[new]
+    product[own, own] = np.sqrt(2.0)
+    local = LOCAL * float(np.linalg.norm(change)) / noise
+    return Spreads(1.0 / np.sqrt(max(anchored_by, 1)), slope, product, local)
+
+
+def anchor_of(surface: Surface, space: Space) -> np.ndarray:
+    """The surface's anchor among the unknowns of another model, (q,)."""
+    own = surface.space.amplitudes(surface.x)
+    amplitudes = [own.get(effect.name, 0.0) / effect.unit for effect in space.effects]
+    return np.concatenate([surface.x[: space.p], amplitudes])
+
+
+@dataclass
+class Surrogate:
+    """A surface for one model, with what its runs have taught.
+
+    Attributes:
+        surface: what is corrected.
+        space: unknowns of the model, (q,).
+        spread: of the corrections.
+        points: where it was run, (q,) each.
+        surprises: what the runs found beyond the surface, (m,) each.
+    """
+
+    surface: Surface
+    space: Space
+    spread: Spreads
+    points: list[np.ndarray] = field(default_factory=list)
+    surprises: list[np.ndarray] = field(default_factory=list)
+    _learnt: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        self.anchor = anchor_of(self.surface, self.space)
+        self._own = [
+            self.space.p + place
+            for place, effect in enumerate(self.space.effects)
+            if effect.name not in self.surface.ladders
+        ]
+        self._pairs = np.triu_indices(self.space.size)
+        halves = np.where(self._pairs[0] == self._pairs[1], 0.5, 1.0)
+        self._sizes = np.concatenate(
+            [[self.spread.mean], self.spread.slope, halves * self.spread.product[self._pairs]]
+        )
+
+    def learn(self, x: np.ndarray, prediction: np.ndarray) -> None:
+        """Take in a run; one that failed teaches nothing."""
+        if np.all(np.isfinite(prediction)):
+            self.points.append(np.array(x))
+            self.surprises.append(prediction - self.surface.predict(self.space, x))
+            self._learnt = None
+
+    def recall(self, runs: Runs) -> None:
+        """Take in every run known so far of this model, or of one with fewer effects, nearby.
+
+        Runs at the anchor itself have made the surface: they teach nothing new.
+        """
+        self.recall_from(runs.every, also_here=False)
+
+    def recall_from(self, every: Sequence[tuple[State, np.ndarray]], *, also_here: bool) -> None:
+        """Take in runs of this model, or of one with fewer effects, nearby.
+
+        Args:
+            every: states with their numbers (m,).
+            also_here: those at the anchor too.
+        """
+        place = {effect.name: effect for effect in self.space.effects}
+        for state, row in every:
+            if state.numerics != "own" or not {name for name, _ in state.effects} <= set(place):
+                continue
+            amplitudes = dict(state.effects)
+            x = np.concatenate(
+                [
+                    self.space.parameters.to_fitted(np.array(state.values)),
+                    [amplitudes.get(name, 0.0) / effect.unit for name, effect in place.items()],
+                ]
+            )
+            own = np.concatenate([np.arange(self.space.p), self._own])
+            away = np.max(np.abs((x - self.anchor)[own.astype(int)]))
+            near = np.max(np.abs((x - self.anchor)[: self.space.p])) <= NEAR
+            if near and (also_here or away > 1e-9):
+                self.learn(x, row)
+
+    def predict(self, x: np.ndarray) -> np.ndarray:
+        """Prediction of all numbers, (m,)."""
+        found = self.surface.predict(self.space, x)
+        if not self.points:
+            return found
+        weights = self._weights()
+        u = x - self.anchor
+        local, _ = self._local(u)
+        return found + (self._known_features @ self._features(u) + local) @ weights
+
+    def slope(self, x: np.ndarray) -> np.ndarray:
+        """Its derivative by x, (m, q)."""
+        found = self.surface.slope(self.space, x)
+        if not self.points:
+            return found
+        weights = self._weights()
+        u, q = x - self.anchor, self.space.size
+        change = np.zeros((len(self._sizes), q))
+        change[1 : 1 + q] = np.eye(q)
+        columns = 1 + q + np.arange(len(self._pairs[0]))
+        np.add.at(change, (columns, self._pairs[0]), u[self._pairs[1]])
+        np.add.at(change, (columns, self._pairs[1]), u[self._pairs[0]])
+        _, local = self._local(u)
+        by_run = self._known_features @ (self._sizes[:, None] * change) + local
+        return found + weights.T @ by_run
+
+    def total(self, data: Data, x: np.ndarray) -> float:
+        """Sum of squares of the augmented residual at x."""
+        residual = augmented_residual(data, self.space, self.predict(x), x)
+        return float(residual @ residual)
+
+    def _weights(self) -> np.ndarray:
+        """(K + 1)^-1 times what the runs found, (runs, m)."""
+        if self._learnt is None:
+            self._away = np.array(self.points) - self.anchor
+            self._known_features = np.array([self._features(u) for u in self._away])
+            gram = self._known_features @ self._known_features.T + np.eye(len(self._away))
+            gram += np.array([self._local(u)[0] for u in self._away])
+            self._learnt = np.linalg.solve(gram, np.array(self.surprises))
+        return self._learnt
+
+    def _features(self, u: np.ndarray) -> np.ndarray:
+        """phi_j times their spreads, (features,)."""
+        return self._sizes * np.concatenate([[1.0], u, u[self._pairs[0]] * u[self._pairs[1]]])
+
+    def _local(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Covariance of e at u with e at the runs, (runs,), and its derivative by u (runs, q)."""
+        apart = u - self._away
+        size, fading = _fading(np.linalg.norm(u)), u / max(float(np.linalg.norm(u)), 1e-12)
+        there = np.array([_fading(d)[0] for d in np.linalg.norm(self._away, axis=1)])
+        near = np.exp(-0.5 * np.sum(apart**2, axis=1) / LENGTH**2)
+        scale = self.spread.local**2 * there * near
+        slope = -size[0] * apart / LENGTH**2 + size[1] * fading
+        return scale * size[0], scale[:, None] * slope
+
+
+def _fading(distance: float) -> tuple[float, float]:
+    """Share of e at a distance from the anchor, and its slope: none there, all from 1 on."""
+    return (float(distance), 1.0) if distance < 1.0 else (1.0, 0.0)

@@ -1,0 +1,341 @@
+"""The material point method as the model of a diagnosis.
+
+In: a case (`diagnosis.case`) and a store of runs by content. Out: `diagnosis.model.Model`. A state
+becomes a scene (parameters, boundaries moved, effects switched on, points jittered) with settings
+(transfer scheme); all scenes of a batch are simulated together, so that every core works, and each
+distinct one once. Errors of the survey move the prediction and need no run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal, State
+from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
+from diagnosis.selection.possible_measurements import possible_measurements, proposal_of
+from geometry.scenes.scene import Scene, scene_from_mapping
+from inversion.engines.history_readings import HistoryReader, history_reader
+from inversion.engines.mpm_engine import Setup, deposit_of
+from inversion.engines.run_store import KeptRun, RunStore
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import Targets, make_targets, read
+from inversion.problem.question import ZoneBoundary
+from mpm_taichi.effects import Effect, acting_scene, effects, effects_on, liquefied_zones
+from mpm_taichi.effects.strength_curve import entry as curve_entry
+from pipeline.cli import InputError
+from pipeline.config import SimulationSettings
+
+#: An unknown curve: knots, and where they lie (shares of what is typical of the section).
+KNOTS = 5
+#: log10 of the rate of shear around that of a fall from the section's height.
+RATES = (-2.0, 1.0)
+#: Accumulated plastic shear strain.
+STRAINS = (0.0, 2.0)
+#: Duration of a slide in times of a fall from the section's height.
+FALLS = 6.0
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """How the model's own error is measured.
+
+    Attributes:
+        jitter: points of other seeds move by up to this x spacing / 2.
+        transfer: the second transfer scheme.
+        finer: the finer cells are this much smaller.
+    """
+
+    jitter: float = 0.5
+    transfer: str = "flip"
+    finer: float = 1.5
+
+
+class MPMModel:
+    """`diagnosis.model.Model` by the material point method.
+
+    Args:
+        setup: section, settings, parameters and measurements of the base model.
+        store: of the runs.
+        sensitivities: boundaries between zones that may lie elsewhere.
+        numbers: effect -> further numbers of it, as in a scene.
+        priors: candidate -> (mean, std) of its amplitude, in place of its own.
+        numerics: how the model's own error is measured.
+    """
+
+    def __init__(
+        self,
+        setup: Setup,
+        store: RunStore,
+        *,
+        sensitivities: Sequence[ZoneBoundary] = (),
+        numbers: Mapping[str, Mapping[str, float]] | None = None,
+        priors: Mapping[str, tuple[float, float]] | None = None,
+        numerics: Numerics | None = None,
+    ) -> None:
+        self.setup = setup
+        self.store = store
+        self.numerics = Numerics() if numerics is None else numerics
+        self.numbers = {name: dict(given) for name, given in (numbers or {}).items()}
+        self.failures: dict[State, str] = {}
+        self._errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
+        places, unmoved = boundaries(setup.scene, sensitivities)
+        self._boundaries = {place.candidate.name: place for place in places}
+        physics, idle = acting_candidates(setup.scene, self.numbers)
+        every = [
+            *physics,
+            *(place.candidate for place in self._boundaries.values()),
+            *(error.candidate for error in self._errors.values()),
+        ]
+        known = dict(priors or {})
+        self.candidates = [
+            replace(one, prior_mean=known[one.name][0], prior_std=known[one.name][1])
+            if one.name in known
+            else one
+            for one in every
+        ]
+        self.left_out = {**idle, **unmoved}
+        self._possible = make_targets(
+            possible_measurements(setup), fit=None, loss="misfit", source="what could be measured"
+        )
+        self._asked: set[State] = set()
+        self._proposed: dict[State, np.ndarray] = {}
+        self._computed_before = store.computed
+
+    # --- what the statistics see ---
+
+    @property
+    def parameters(self) -> Parameters:
+        """What is calibrated."""
+        return self.setup.parameters
+
+    @property
+    def targets(self) -> Targets:
+        """What was measured."""
+        return self.setup.targets
+
+    @property
+    def runs(self) -> int:
+        """Distinct forward runs asked for, kept ones too."""
+        return len(self._asked)
+
+    @property
+    def computed(self) -> int:
+        """Of these, simulated now."""
+        return self.store.computed - self._computed_before
+
+    def predict(self, states: Sequence[State]) -> np.ndarray:
+        """Predictions (n, m) of all states as one batch; a row of NaN where a run failed."""
+        rows = np.array([self._moved_by_survey(state) for state in states])
+        behind = [self.run_behind(state) for state in states]
+        found = self._read_all(list(dict.fromkeys(behind)), self.targets)
+        return rows + np.array([found[state] for state in behind]).reshape(rows.shape)
+
+    @cached_property
+    def proposals(self) -> list[Proposal]:
+        """Measurements that could still be made."""
+        found, first = [], 0
+        for entry in self._possible.entries:
+            found.append(proposal_of(entry, first))
+            first += len(entry.values)
+        return found
+
+    def propose(self, states: Sequence[State]) -> np.ndarray:
+        """Readings of all proposals (n, q); runs that were made before are read, not made again."""
+        behind = [self.run_behind(state) for state in states]
+        new = [state for state in dict.fromkeys(behind) if state not in self._proposed]
+        self._proposed |= self._read_all(new, self._possible)
+        nothing = np.zeros((0, len(self._possible.names)))
+        return np.array([self._proposed[state] for state in behind]) if behind else nothing
+
+    @cached_property
+    def curves(self) -> list[Curve]:
+        """Strength of the liquefied soil as a function of what it might hang on."""
+        zones = liquefied_zones(self.setup.scene)
+        if not zones:
+            return []
+        return strength_curves(self.setup, self.points(self._first), zones)
+
+    @property
+    def _first(self) -> State:
+        """The question's first guess, which every calibration begins with."""
+        return State(tuple(float(value) for value in self.parameters.start))
+
+    # --- states and runs ---
+
+    def run_behind(self, state: State) -> State:
+        """The forward run of a state: itself without the survey's errors."""
+        kept = tuple(pair for pair in state.effects if pair[0] not in self._errors)
+        return replace(state, effects=kept)
+
+    def scene(self, state: State) -> Scene:
+        """The section of a state.
+
+        Raises:
+            InputError: there is no such section, an effect is unknown or out of its range.
+        """
+        scene, acting = self.setup.scene, {}
+        for name, amplitude in state.effects:
+            if name in self._boundaries:
+                scene = self._boundaries[name].scene(scene, amplitude)
+            else:
+                acting[name] = amplitude
+        scene = self.parameters.scene(scene, np.array(state.values))
+        changes: dict = {}
+        if acting:
+            changes["effects"] = {**scene.effects, **self._entries(acting)}
+        if state.seed:
+            changes |= {"jitter": self.numerics.jitter, "seed": state.seed}
+        if state.numerics == "fine":
+            changes["spacing"] = scene.spacing / self.numerics.finer
+        if not changes:
+            return scene
+        return scene_from_mapping({**scene.model_dump(), **changes}, scene.name)
+
+    def settings(self, state: State) -> SimulationSettings:
+        """Settings of a state's simulation."""
+        if state.numerics == "transfer":
+            return self.setup.settings.model_copy(update={"transfer": self.numerics.transfer})
+        return self.setup.settings
+
+    def setup_of(self, state: State) -> Setup:
+        """What a run of the state is read with: its scene, and the foot it counts from.
+
+        Raises:
+            InputError: there is no such section, an effect is unknown or out of its range.
+        """
+        scene = self.scene(state)
+        acting_scene(scene, effects_on(scene))  # an effect may ask for what there is no section for
+        # The survey measured from the foot of the section: where the foot moves, so does its zero.
+        own = self.setup
+        foot = {side: x + scene.foot(side) - own.scene.foot(side) for side, x in own.foot.items()}
+        return replace(own, scene=scene, settings=self.settings(state), foot=foot)
+
+    def points(self, state: State) -> KeptRun:
+        """The kept run of a state, for pictures."""
+        run = self.run_behind(state)
+        self._asked.add(run)
+        setup = self.setup_of(run)
+        return self.store.fetch([(setup.scene, setup.settings)], [self._reader(setup)])[0]
+
+    def _entries(self, acting: Mapping[str, float]) -> dict[str, float | dict[str, float]]:
+        """Amplitudes as a scene has them; the coefficients of a curve as one entry."""
+        entries: dict[str, float | dict[str, float]] = {}
+        for name, amplitude in acting.items():
+            if name.startswith(f"{CURVE}:"):
+                entries[CURVE] = self._curve_entry(name.split(":")[1], acting)
+            elif name in self.numbers:
+                entries[name] = {"amplitude": amplitude, **self.numbers[name]}
+            else:
+                entries[name] = amplitude
+        return entries
+
+    def _curve_entry(self, variable: str, acting: Mapping[str, float]) -> dict[str, float]:
+        (curve,) = [one for one in self.curves if one.variable == variable]
+        return curve_entry(variable, curve.knots, [acting.get(name, 0.0) for name in curve.names])
+
+    def _reader(self, setup: Setup) -> HistoryReader:
+        """Reads what was measured, and what could be, on all frames of a run as it ends."""
+        return history_reader([*self.targets.entries, *self._possible.entries], setup.foot)
+
+    def _read_all(self, states: list[State], targets: Targets) -> dict[State, np.ndarray]:
+        """Measurements or proposals on distinct runs, one vector each."""
+        self._asked.update(states)
+        nothing = np.full(len(targets.names), np.nan)
+        found = {state: nothing for state in states}
+        setups: dict[State, Setup] = {}
+        for state in states:
+            try:
+                setups[state] = self.setup_of(state)
+            except InputError as error:
+                self.failures[state] = str(error)
+        wanted = [(setup.scene, setup.settings) for setup in setups.values()]
+        runs = self.store.fetch(wanted, [self._reader(setup) for setup in setups.values()])
+        for (state, setup), run in zip(setups.items(), runs, strict=True):
+            if run.status == "failed":
+                self.failures[state] = run.reason
+                continue
+            found[state], trouble = read(targets, deposit_of(setup, run), run.readings)
+            if trouble and targets is self.targets:
+                self.failures[state] = trouble
+        return found
+
+    def _moved_by_survey(self, state: State) -> np.ndarray:
+        """What the survey's errors add to a prediction, (m,)."""
+        moved = np.zeros(len(self.targets.names))
+        for name, amplitude in state.effects:
+            if name in self._errors:
+                moved += amplitude * self._errors[name].direction
+        return moved
+
+
+def strength_curves(setup: Setup, run: KeptRun, zones: Sequence[str]) -> list[Curve]:
+    """Unknown curves over the range that the liquefied zones of a section have.
+
+    Args:
+        setup: the section.
+        run: of it; its stress before failure is what counts.
+        zones: that liquefied.
+    """
+    scene = setup.scene
+    places = [number for number, zone in enumerate(scene.zones) if zone.name in zones]
+    member = np.isin(run.zone, places)
+    stress = 1e-3 * np.percentile(run.vertical_stress[member], (5.0, 95.0))
+    x = np.percentile(run.initial[member, 0], (2.0, 98.0))
+    height = float(np.ptp(run.initial[:, 1]))
+    fall = np.sqrt(2.0 * height / setup.settings.gravity_m_per_s2)
+    rate = np.log10(1.0 / fall)
+    ranges = {
+        "strain_rate": ("rate of shear", "log10 of 1/s", (rate + RATES[0], rate + RATES[1])),
+        "strain": ("shear strain so far", "", STRAINS),
+        "time": ("time since the slide began", "s", (0.0, FALLS * fall)),
+        "overburden": ("vertical effective stress before failure", "kPa", stress),
+        "position": ("place before the slide", "m", x),
+    }
+    return [
+        Curve(variable, words, unit, tuple(float(knot) for knot in np.linspace(*ends, KNOTS)))
+        for variable, (words, unit, ends) in ranges.items()
+        if ends[1] > ends[0]
+    ]
+
+
+def acting_candidates(
+    scene: Scene, numbers: Mapping[str, Mapping[str, float]] | None = None
+) -> tuple[list[Candidate], dict[str, str]]:
+    """Effects that can act on a section, and why the others cannot.
+
+    Args:
+        scene: the section.
+        numbers: effect -> further numbers of it that are known.
+    """
+    found, left_out = [], {}
+    for name, effect in effects().items():
+        reason = effect.applies(scene)
+        if scene.effects.get(name):
+            reason = "the base model has it already"
+        if reason:
+            left_out[name] = reason
+        else:
+            found.append(candidate_of(effect, (numbers or {}).get(name, {})))
+    return found, left_out
+
+
+def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:
+    """An effect of the library, or of a user, as a candidate; `numbers` are known of it."""
+    amplitude = effect.amplitude
+    ladder = [*amplitude.ladder]
+    if amplitude.two_signed:
+        ladder += [-rung for rung in ladder]
+    return Candidate(
+        name=effect.name,
+        kind="physics",
+        words=effect.words,
+        unit=amplitude.unit,
+        low=amplitude.low,
+        high=amplitude.high,
+        ladder=tuple(sorted(ladder)),
+        by_chance=bool(effect.realisation) and effect.realisation not in numbers,
+    )

@@ -1,0 +1,66 @@
+"""What a model errs more once it has an effect (steps 1 and 8).
+
+C holds the model's own error where the base model fits. An effect that has been adopted brings an
+error in proportion to its size: what it does hangs on the cells and the transfer scheme, too. At
+the fit with the effect the paired runs of step 1 are made once more, and by what their differences
+have changed, b_t and b, the covariance grows:
+
+    C' = C + b_t b_t' + 0.7 b b' + 0.3 diag b^2
+
+A further effect has to be worth having in C'. In C it would be asked for by what the cells make of
+the first, as softening was beside a large pore pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.adequacy.calibration import Base, paired
+from diagnosis.fitting.covariance import covariance
+from diagnosis.fitting.fit import total_of
+from diagnosis.options import Options
+from diagnosis.selection.refit import Bench, Refitted, weighed
+
+#: Share of the change of the difference to finer cells that counts as bias.
+FACTOR = 1.0
+
+
+def doubting(bench: Bench, base: Base, model: Refitted, options: Options) -> Bench:
+    """The bench at which what is added to a model is judged: with C' in place of C.
+
+    Args:
+        bench: with C.
+        base: the base model; its paired runs are known.
+        model: the adopted model, with effects.
+        options: which parts of the model's own error there are.
+
+    Returns:
+        the bench with C'; with C where the allowance does not cover the runs, or nothing is asked.
+    """
+    ends = (model.fit.space.state(model.fit.x), base.fit.space.state(base.surface.x))
+    kinds = list(paired(ends[0], options))
+    if not options.numerical_covariance or not kinds:
+        return bench
+    states = [state for own in ends for state in (own, *paired(own, options).values())]
+    if not bench.runs.affords(states, f"the error of {' + '.join(model.names)}"):
+        return bench
+    with_effects, without = np.split(bench.runs.predict(states), 2)
+    grown = (with_effects - with_effects[0]) - (without - without[0])
+    change = dict(zip(kinds, grown[1:], strict=True))
+    covered = covariance(
+        bench.data.covariance,
+        transfer=change.get("transfer"),
+        finer=change.get("fine"),
+        factor=FACTOR,
+    )
+    return replace(bench, data=replace(bench.data, covariance=covered.total))
+
+
+def weighed_again(bench: Bench, model: Refitted) -> Refitted:
+    """A model with its misfit and evidence at another bench; its unknowns stay."""
+    fit = model.fit
+    total = total_of(bench.data, fit.space, fit.prediction, fit.x)
+    found = weighed(bench, replace(fit, total=total), model.surface, model.surrogate)
+    return replace(found, judged=model.judged, sloped=model.sloped)

@@ -1,0 +1,438 @@
+"""Steps 7 to 9: effects are added one after another, rivals are kept, needless ones are dropped.
+
+Every model that was refitted stays in the register with its evidence. A round refits the candidates
+with the best scores and whatever cannot be told from the best of them; from the second round on
+also the best pairs, since one effect may have stood for two. The best is adopted if it is accepted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from diagnosis.adequacy.adequacy import Adequacy, Judged, Test, assess, judged
+from diagnosis.adequacy.compare import Comparison
+from diagnosis.fitting.surface import Surface
+from diagnosis.options import Options
+from diagnosis.selection.effect_error import doubting, weighed_again
+from diagnosis.selection.refit import ANCHORED, Bench, Refitted, adopted, judge, refit, weighed
+from diagnosis.selection.unknown_curve import runs_wanted
+from diagnosis.signatures.explain import Explanation
+from diagnosis.signatures.scores import Scores, score_all
+from diagnosis.signatures.signatures import Signature, take_signatures
+
+#: Share of the drop that is asked for which a further effect has to promise before it is refitted:
+#: beside a first, promises are good to a fifth or 3, while a refit takes ten runs.
+PROMISING = 0.5
+#: Pairs that are refitted in a round.
+PAIRS = 2
+#: Runs that are kept for an unknown strength curve, at most.
+LARGEST_RESERVE = 50
+#: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
+NEAR_BEST = 3.0
+#: Models within that of the best that are put on equal terms with it, itself among them.
+CONTENDERS = 4
+
+
+@dataclass
+class Adopted:
+    """A model on the way, with what was found of it.
+
+    Attributes:
+        model: the fit.
+        adequacy: its tests.
+        judged: its residual and noise.
+        scores: of the candidates against it.
+        note: how it came about.
+    """
+
+    model: Refitted
+    adequacy: Adequacy
+    judged: Judged
+    scores: Scores
+    note: str
+
+
+@dataclass
+class Register:
+    """All models that were tried.
+
+    Attributes:
+        models: by their effects.
+        way: adopted models in order, the base model first.
+        first: refits of the first round, by candidate, with the condition each failed.
+        untried: models that were wanted and could not be had: for want of runs, or none succeeded.
+        bench: at which models are compared; once effects were adopted, with the error they bring.
+        within_error: what the current model leaves is no more than its effects err.
+    """
+
+    models: dict[tuple[str, ...], Refitted] = field(default_factory=dict)
+    way: list[Adopted] = field(default_factory=list)
+    first: dict[str, tuple[Refitted, str]] = field(default_factory=dict)
+    untried: list[tuple[str, ...]] = field(default_factory=list)
+    bench: Bench | None = None
+    within_error: bool = False
+
+    @property
+    def current(self) -> Adopted:
+        """The model adopted last."""
+        return self.way[-1]
+
+    def weighed(self, model: Refitted) -> Refitted:
+        """A model with its evidence at the bench at which models are compared now."""
+        return model if self.bench is None else weighed_again(self.bench, model)
+
+
+def why_not(
+    before: Refitted, after: Refitted, options: Options, *, together: float | None = None
+) -> str:
+    """The condition for acceptance that fails; empty if none does.
+
+    Args:
+        before: the model so far.
+        after: the one with an effect more.
+        options: what is asked for.
+        together: ln evidence of all that were tried, in place of that of this model alone.
+    """
+    gain = after.ln_evidence - before.ln_evidence
+    drop = before.fit.total - after.fit.total
+    if drop <= options.least_drop:
+        return f"chi2 falls by {drop:.1f} only; {options.least_drop:g} are asked for"
+    if (gain if together is None else together - before.ln_evidence) <= options.least_gain:
+        return f"ln evidence rises by {gain:.1f} only; {options.least_gain:g} are asked for"
+    held_out = after.held_out
+    worse = before.held_out.ln_density - held_out.ln_density
+    failing = held_out.p is not None and held_out.p < options.suspect
+    if failing and worse > options.worse_held_out * gain:
+        return f"held-out misfit rises from {before.held_out.chi2:.1f} to {held_out.chi2:.1f}"
+    return ""
+
+
+def accepted(now: Refitted, tried: Sequence[Refitted], options: Options) -> Refitted | None:
+    """The model that is adopted: the best by itself, or the best for all that were tried.
+
+    Explanations that look alike share the evidence among them: each by itself may have too little
+    although together they leave no doubt that something is missing. Then the question "is there
+    anything?" is put to their sum, and "what is it?" has several answers.
+    """
+    order = sorted(tried, key=lambda after: -after.ln_evidence)
+    for after in order:
+        if not why_not(now, after, options):
+            return after
+    if not order:
+        return None
+    together = float(np.logaddexp.reduce([after.ln_evidence for after in order]))
+    return None if why_not(now, order[0], options, together=together) else order[0]
+
+
+def _accepted(
+    register: Register, now: Refitted, tried: Sequence[Refitted], options: Options
+) -> Refitted | None:
+    """The model that is adopted, by the bench at which models are compared now.
+
+    It must be worth having without the error of the effects so far, too: where they err much, that
+    error forgives everything.
+    """
+    left = list(tried)
+    while True:
+        best = accepted(register.weighed(now), [register.weighed(model) for model in left], options)
+        if best is None:
+            return None
+        model = register.models[best.names]
+        if model.ln_evidence > now.ln_evidence:
+            return model
+        left = [other for other in left if other.names != best.names]
+
+
+def _within_its_error(
+    register: Register, comparison: Comparison, now: Adopted, options: Options
+) -> bool:
+    """What a model with effects leaves is no more than these effects err."""
+    assert register.bench is not None
+    fit = register.weighed(now.model).fit
+    found = judged(register.bench.data, fit, draws=options.draws, seed=options.seed)
+    return assess(found, comparison.places).p_combined >= options.suspect
+
+
+def run_rounds(comparison: Comparison, explanation: Explanation, options: Options) -> Register:
+    """Add effects until the model is adequate, nothing passes, or the rounds are over."""
+    bench = explanation.bench
+    ladders = {name: signature.ladder for name, signature in explanation.signatures.items()}
+    ground = comparison.base.surface.with_ladders(ladders)
+    base = weighed(bench, comparison.base.fit, ground)
+    register = Register({(): base})
+    register.way.append(
+        Adopted(base, explanation.adequacy, comparison.judged, explanation.scores, "base model")
+    )
+    signatures = dict(explanation.signatures)
+    runs = comparison.base.runs
+    # What fails in the end is to be shown as a curve, and that takes runs, too. They are kept while
+    # a first effect is sought; what settles it, and a second one, may have them.
+    kept = min(runs_wanted(runs.model.curves), LARGEST_RESERVE)
+    for number in range(options.rounds):
+        now = register.current
+        if now.adequacy.p_combined >= options.suspect:
+            break
+        runs.reserve = kept if number == 0 else 0
+        if now.model.names:
+            register.bench = doubting(explanation.bench, comparison.base, now.model, options)
+            register.within_error = _within_its_error(register, comparison, now, options)
+        names = wanted_models(comparison, explanation, now, options, first=number == 0)
+        names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
+        tried = _try(register, comparison, explanation, ground, now, names)
+        runs.reserve = 0
+        tried = _judge_best(register, explanation, now.model, tried, options)
+        best = _accepted(register, now.model, tried, options)
+        if best is not None and number == 0:
+            tried += _try(
+                register, comparison, explanation, ground, now,
+                untried_doubles(register, explanation, best, options),
+            )  # fmt: skip
+            tried = _judge_best(register, explanation, now.model, tried, options)
+        # A first effect has to pass by the slope that its search has learnt: its own comes on top,
+        # so that what is faint stays unnamed. A further one is compared with a model that has one.
+        if best is not None or now.model.names:
+            tried = _on_equal_terms(register, explanation, now.model, tried, options)
+            best = _accepted(register, now.model, tried, options)
+        if number == 0:
+            for after in (register.models[model.names] for model in tried):
+                reason = "" if after is best else why_not(now.model, after, options)
+                register.first[after.names[0]] = (after, reason)
+        if best is None:
+            break
+        _adopt(register, comparison, explanation, best, signatures, options)
+        _drop(register, comparison, explanation, ground, signatures, options)
+        register.within_error = False  # what was found of the model before
+    runs.reserve = 0
+    return register
+
+
+def wanted_models(
+    comparison: Comparison,
+    explanation: Explanation,
+    now: Adopted,
+    options: Options,
+    *,
+    first: bool,
+) -> list[tuple[str, ...]]:
+    """Models worth a refit: best scores, what looks like the best, and from round two on pairs."""
+    least = 0.0 if first else PROMISING * options.least_drop
+    ranked = [name for name in now.scores.ranked if now.scores.best(name).drop > least]
+    chosen = ranked[: options.refitted]
+    if ranked:
+        for name in explanation.alike(ranked[0], options.inseparable):
+            if name not in chosen and name in ranked:
+                chosen.append(name)
+    models = [tuple(sorted((*now.model.names, name))) for name in chosen]
+    if not first:
+        models += best_pairs(comparison, explanation, PAIRS)
+    return models
+
+
+def untried_doubles(
+    register: Register, explanation: Explanation, best: Refitted, options: Options
+) -> list[tuple[str, ...]]:
+    """Effects that are hard to tell from the one that is about to be named, and were not refitted.
+
+    A score is linear: of two effects that look alike the wrong one may promise more.
+    """
+    (name,) = best.names
+    alike = explanation.alike(name, options.hardly_separable)
+    return [(other,) for other in alike if (other,) not in register.models]
+
+
+def best_pairs(
+    comparison: Comparison, explanation: Explanation, count: int
+) -> list[tuple[str, ...]]:
+    """Pairs of candidates whose signatures together take most off the base model's residual.
+
+    Linear in both amplitudes, within their bounds, at all pairs of ladder amplitudes.
+    """
+    residual = comparison.judged.residual
+    scores = explanation.scores
+    every = [(name, score) for name in scores.every for score in scores.every[name]]
+    bounds = {candidate.name: candidate for candidate in explanation.candidates}
+    drops: dict[tuple[str, ...], float] = {}
+    for (first, one), (second, two) in combinations(every, 2):
+        if first == second:
+            continue
+        columns = np.stack([one.projected, two.projected], axis=1)
+        gram = columns.T @ columns
+        if np.linalg.cond(gram) > 1e8:
+            continue
+        most = [
+            (bounds[n].high if s.rung > 0 else bounds[n].low) / s.rung
+            for n, s in ((first, one), (second, two))
+        ]
+        share = np.clip(np.linalg.solve(gram, columns.T @ residual), 0.0, most)
+        drop = float(2.0 * share @ (columns.T @ residual) - share @ gram @ share)
+        key = tuple(sorted((first, second)))
+        drops[key] = max(drops.get(key, 0.0), drop)
+    return sorted(drops, key=lambda key: -drops[key])[:count]
+
+
+def _try(
+    register: Register,
+    comparison: Comparison,
+    explanation: Explanation,
+    ground: Surface,
+    now: Adopted,
+    names: list[tuple[str, ...]],
+) -> list[Refitted]:
+    """Refit models that are not in the register yet; all of them that could be had."""
+    tried = []
+    for key in names:
+        if key not in register.models:
+            within = set(now.model.names) < set(key)
+            surface = now.model.surface if within and now.model.names else ground
+            surface = surface.with_ladders(
+                {n: ground.ladders[n] for n in key if not surface.knows(n)}
+            )
+            seeds = ANCHORED if surface.space.effects else comparison.base.seeds
+            rival = min((model.fit.total for model in tried), default=np.inf)
+            found = refit(explanation.bench, surface, key, seeds=seeds, rival=rival)
+            if found is None:
+                register.untried.append(key)
+                continue
+            register.models[key] = found
+        tried.append(register.models[key])
+    return tried
+
+
+def _near_the_best(
+    register: Register, now: Refitted, tried: Sequence[Refitted], options: Options
+) -> list[tuple[str, ...]]:
+    """Models near the best of those tried and not far below what is asked for, best first."""
+    evidence = {model.names: register.weighed(model).ln_evidence for model in tried}
+    bar = register.weighed(now).ln_evidence + options.least_gain
+    least = max([*evidence.values(), bar]) - NEAR_BEST
+    near = [names for names in evidence if evidence[names] >= least]
+    return sorted(near, key=lambda names: -evidence[names])
+
+
+def _judge_best(
+    register: Register,
+    explanation: Explanation,
+    now: Refitted,
+    tried: list[Refitted],
+    options: Options,
+) -> list[Refitted]:
+    """Judge the best models, and those near them, by fresh jitters, until the best is judged."""
+    found = {model.names: model for model in tried}
+    for _ in range(len(found)):
+        near = _near_the_best(register, now, list(found.values()), options)
+        waiting = [names for names in near if not found[names].judged]
+        if not waiting:
+            break
+        names = waiting[0]
+        # Where the allowance is over it counts as it is.
+        found[names] = replace(judge(explanation.bench, found[names]), judged=True)
+        register.models[names] = found[names]
+    return list(found.values())
+
+
+def _on_equal_terms(
+    register: Register,
+    explanation: Explanation,
+    now: Refitted,
+    tried: list[Refitted],
+    options: Options,
+) -> list[Refitted]:
+    """Give the best and what is near it derivatives of their own, the best first.
+
+    A derivative of its own is worth some ln evidence: were one model alone given one, its rivals
+    would be out of the answer for want of it.
+    """
+    for names in _near_the_best(register, now, tried, options)[:CONTENDERS]:
+        register.models[names] = adopted(explanation.bench, register.models[names])
+    return [register.models[model.names] for model in tried]
+
+
+def _adopt(
+    register: Register,
+    comparison: Comparison,
+    explanation: Explanation,
+    chosen: Refitted,
+    signatures: dict[str, Signature],
+    options: Options,
+) -> None:
+    """Make a model the current one: its own derivative, tests, and scores against it."""
+    bench = explanation.bench
+    model = adopted(bench, chosen)
+    register.models[model.names] = model
+    data = comparison.base.data
+    found = judged(data, model.fit, draws=options.draws, seed=options.seed)
+    others = [c for c in explanation.candidates if c.name not in model.names]
+    known = {c.name: signatures[c.name] for c in others}
+    scores = score_all(found, known, others, projection=options.projection)
+    # Signatures were taken without the effects that are now there: the best are taken anew, if the
+    # measurements could contradict yet another effect.
+    best = [name for name in scores.ranked if scores.best(name).drop > 0.0][: options.refitted]
+    again = [c for c in others if c.name in best]
+    test = Test("score", scores.largest, scores.p_largest) if known else None
+    adequacy = assess(found, comparison.places, score=test)
+    spare = explanation.adequacy.dof - len(model.names) - 1 >= options.spare
+    if adequacy.p_combined < options.suspect and again and spare:
+        fresh = take_signatures(
+            bench.runs, model.surface, found.system, again,
+            finite=options.finite_amplitudes, turns=1,
+        )  # fmt: skip
+        signatures.update(fresh)
+        ladders = {name: signature.ladder for name, signature in fresh.items()}
+        model = replace(model, surface=model.surface.with_ladders(ladders))
+        register.models[model.names] = model
+        known |= fresh
+        scores = score_all(found, known, others, projection=options.projection)
+        test = Test("score", scores.largest, scores.p_largest)
+        adequacy = assess(found, comparison.places, score=test)
+    note = f"with {', '.join(model.names)}"
+    register.way.append(Adopted(model, adequacy, found, scores, note))
+
+
+def _drop(
+    register: Register,
+    comparison: Comparison,
+    explanation: Explanation,
+    ground: Surface,
+    signatures: dict[str, Signature],
+    options: Options,
+) -> None:
+    """Take out an effect that costs little to remove."""
+    now = register.current
+    if len(now.model.names) < 2:
+        return
+    smaller = [tuple(n for n in now.model.names if n != name) for name in now.model.names]
+    for key in smaller:
+        _seek_near(register, explanation, ground, key, now.model)
+    found = [register.weighed(register.models[key]) for key in smaller if key in register.models]
+    less = max(found, key=lambda model: model.ln_evidence, default=None)
+    if less is None:
+        return
+    if register.weighed(now.model).ln_evidence - less.ln_evidence < options.drop_below:
+        less = register.models[less.names]
+        _adopt(register, comparison, explanation, less, signatures, options)
+        register.current.note = f"without what it does not need: {', '.join(less.names)}"
+
+
+def _seek_near(
+    register: Register,
+    explanation: Explanation,
+    ground: Surface,
+    key: tuple[str, ...],
+    whole: Refitted,
+) -> None:
+    """Refit a smaller model from where a larger one fits; the better of the old fit and the new.
+
+    Found from the base model, a large effect may have been stopped in a worse valley: what a second
+    effect then mends is not missing.
+    """
+    bench, space = explanation.bench, explanation.bench.space(key)
+    own = dict(zip(whole.fit.names, whole.fit.x[whole.fit.space.p :], strict=True))
+    near = np.concatenate([whole.fit.x[: space.p], [own[name] for name in space.names]])
+    found = refit(bench, ground, key, seeds=ANCHORED, near=space.clipped(near))
+    known = register.models.get(key)
+    if found is not None and (known is None or found.ln_evidence > known.ln_evidence):
+        register.models[key] = judge(bench, found)

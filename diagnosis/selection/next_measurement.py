@@ -1,0 +1,217 @@
+"""Step 11: the measurement that would tell the surviving explanations apart.
+
+With two explanations A and B, probabilities w, predictions of a new measurement that differ by d,
+their covariances V_A and V_B (what their unknowns still leave open) and the error C_new of the
+measurement, survey and model together,
+
+    gain = sum_AB w_A w_B d' (C_new + V_A + V_B)^-1 d / sum_AB w_A w_B
+
+is the expected separation in squared standard deviations. Measurements are chosen greedily: the
+second is the one that adds most to the first.
+
+Where only the base model survives, the rivals are it and each candidate at the amplitude that would
+just be found: the measurement that would have shown most of what may still hide.
+
+Predictions of what has not been measured are read from runs that were made for other reasons: no
+run is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from diagnosis.adequacy.compare import Comparison
+from diagnosis.fitting.covariance import SYNTHETIC, jitter_covariance
+from diagnosis.fitting.fit import Fit
+from diagnosis.fitting.response_surface import Spreads, Surrogate
+from diagnosis.fitting.space import Space
+from diagnosis.fitting.surface import Surface
+from diagnosis.fitting.whitened import Data, system
+from diagnosis.hypotheses.model import Proposal, Proposing
+from diagnosis.options import Options
+from diagnosis.selection.decide import Decision
+from diagnosis.selection.forward_selection import Register
+from diagnosis.signatures.explain import Explanation
+
+#: Explanations with less probability are not worth telling apart, and no more than so many are.
+LEAST_SHARE, MOST_RIVALS = 0.02, 4
+#: Spreads of a prediction of which nothing is known, in units of the noise of a run: of its mean,
+#: of its slopes, of their products, and of what these do not describe.
+UNKNOWN = (300.0, 60.0, 20.0, 1.5)
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """One measurement.
+
+    Attributes:
+        proposal: what it is.
+        gain: with all that were suggested before it, in squared standard deviations.
+    """
+
+    proposal: Proposal
+    gain: float
+
+
+@dataclass(frozen=True)
+class Rival:
+    """What an explanation predicts of all proposals.
+
+    Attributes:
+        names: its effects.
+        weight: its probability.
+        mean: prediction, (q,).
+        covariance: of the same, by what its unknowns leave open, (q, q).
+    """
+
+    names: tuple[str, ...]
+    weight: float
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+def suggest(
+    model: Proposing,
+    comparison: Comparison,
+    explanation: Explanation,
+    register: Register,
+    decision: Decision,
+    options: Options,
+    *,
+    count: int,
+) -> list[Suggestion]:
+    """The next measurements, best first; none where the model proposes none.
+
+    Args:
+        model: what was diagnosed; says what proposals would have read.
+        comparison: of the base model.
+        explanation: of its misfit.
+        register: models that were tried.
+        decision: with the probability of each.
+        options: whether data are synthetic.
+        count: how many measurements at most.
+    """
+    if not model.proposals:
+        return []
+    rivals = _survivors(model, comparison, register, decision)
+    if len(rivals) < 2:
+        rivals = _hidden(model, comparison, explanation, options)
+    error = proposal_error(model, comparison, options)
+    return greedy(model.proposals, rivals, error, count)
+
+
+def proposal_error(model: Proposing, comparison: Comparison, options: Options) -> np.ndarray:
+    """C_new of all proposals, (q, q): the survey's, and the noise of the model's runs."""
+    base = comparison.base
+    states = [base.surface.space.state(base.surface.x, seed=seed) for seed in range(base.seeds)]
+    jitter = jitter_covariance(model.propose(states))
+    error = jitter * (SYNTHETIC if options.synthetic else 1.0)
+    for proposal in model.proposals:
+        own = np.ix_(proposal.index, proposal.index)
+        error[own] += proposal.covariance
+    return error
+
+
+def greedy(
+    proposals: Sequence[Proposal], rivals: Sequence[Rival], error: np.ndarray, count: int
+) -> list[Suggestion]:
+    """Choose measurements one after another, each with those before it."""
+    chosen: list[Suggestion] = []
+    index: list[int] = []
+    left = list(proposals)
+    while left and len(chosen) < count:
+        gains = [separation(rivals, error, [*index, *proposal.index]) for proposal in left]
+        best = int(np.argmax(gains))
+        chosen.append(Suggestion(left[best], float(gains[best])))
+        index += left[best].index
+        left.pop(best)
+    return chosen
+
+
+def separation(rivals: Sequence[Rival], error: np.ndarray, index: Sequence[int]) -> float:
+    """Expected separation of the rivals by some numbers together, in squared std."""
+    own = np.ix_(index, index)
+    total, weights = 0.0, 0.0
+    for one, two in combinations(rivals, 2):
+        apart = (one.mean - two.mean)[list(index)]
+        spread = error[own] + one.covariance[own] + two.covariance[own]
+        weight = one.weight * two.weight
+        total += weight * float(apart @ np.linalg.solve(spread, apart))
+        weights += weight
+    return total / weights if weights > 0.0 else 0.0
+
+
+def _survivors(
+    model: Proposing, comparison: Comparison, register: Register, decision: Decision
+) -> list[Rival]:
+    """Explanations that still have some probability."""
+    found = []
+    for names, weight in decision.probability.items():
+        if weight < LEAST_SHARE or len(found) == MOST_RIVALS:
+            break
+        fit = register.models[names].fit
+        reading = read_at(model, comparison, fit.space, fit.x)
+        mean, slope = reading
+        found.append(Rival(names, weight, mean, _open(comparison.base.data, fit, slope)))
+    return found
+
+
+def read_at(
+    model: Proposing, comparison: Comparison, space: Space, x: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Proposals (q,) at x of a model, and their derivative, from the runs made so far."""
+    runs = comparison.base.runs
+    states = [state for state, _ in runs.every if state.numerics == "own"]
+    readings = model.propose(states)
+    q = readings.shape[1]
+    empty = Surface(space, x, np.zeros(q), np.zeros((q, space.size)))
+    mean, slope, product, local = UNKNOWN
+    n = space.size
+    known = Spreads(mean, np.full(n, slope), np.full((n, n), product), local)
+    surrogate = Surrogate(empty, space, known)
+    centre = readings[np.all(np.isfinite(readings), axis=1)].mean(axis=0)
+    surrogate.recall_from(
+        [(state, row - centre) for state, row in zip(states, readings, strict=True)], also_here=True
+    )
+    return surrogate.predict(x) + centre, surrogate.slope(x)
+
+
+def _open(data: Data, fit: Fit, slope: np.ndarray) -> np.ndarray:
+    """What the unknowns of a fit leave open of the proposals, (q, q)."""
+    linear = system(data, fit.space, fit.derivative, fit.x)
+    return slope @ linear.posterior @ slope.T
+
+
+def _hidden(
+    model: Proposing, comparison: Comparison, explanation: Explanation, options: Options
+) -> list[Rival]:
+    """The base model, and each candidate at the amplitude that would just be found.
+
+    Beyond the top of its ladder no amplitude is believed. The base model's weight is large against
+    theirs, so that each is compared with it and not with the others.
+    """
+    base = comparison.base
+    fit = base.fit
+    mean, slope = read_at(model, comparison, fit.space, fit.x)
+    covariance = _open(base.data, fit, slope)
+    rivals = [Rival((), 1.0, mean, covariance)]
+    anchor = base.surface.space.state(base.surface.x)
+    linear = comparison.judged.system
+    ladders = {candidate.name: candidate.ladder for candidate in explanation.candidates}
+    for name in explanation.names:
+        amplitude, change = explanation.signatures[name].plain
+        states = [anchor, anchor.with_effects({name: amplitude})]
+        before, after = model.propose(states)
+        if not np.all(np.isfinite(after)):
+            continue
+        size = float(np.linalg.norm(linear.project(linear.augmented(change))))
+        share = options.detectable / max(size, 1e-9)
+        most = max(abs(rung) for rung in ladders[name]) / abs(amplitude)
+        met = -linear.imitating(linear.augmented(change))
+        apart = min(share, most) * (after - before + slope @ met)
+        rivals.append(Rival((name,), 1e-3, mean + apart, np.zeros_like(covariance)))
+    return rivals

@@ -1,0 +1,272 @@
+"""Step 7: models with effects, calibrated anew.
+
+The signatures have been run at finite amplitudes, so the response surface knows about where a model
+with an effect fits: its two deepest valleys are run, each with two jitters of the points, and a few
+runs more correct it. That costs a fraction of a calibration from nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from diagnosis.adequacy.adequacy import HeldOutMisfit, held_out_misfit
+from diagnosis.fitting.differences import central_differences, steps_above_noise
+from diagnosis.fitting.fit import JITTERS, SEEN, Fit, best_of, least, run_points, search, settled
+from diagnosis.fitting.response_surface import Surrogate, anchor_of, spreads
+from diagnosis.fitting.runs import Runs
+from diagnosis.fitting.space import Amplitude, Space
+from diagnosis.fitting.surface import Surface
+from diagnosis.fitting.whitened import Data, system
+from diagnosis.selection.evidence import ln_evidence
+
+#: Turns of a refit, two runs each.
+TURNS = 4
+#: Sum of squares by which a model may be worse than a rival and still be worth them.
+FAR = 15.0
+#: Combinations of ladder amplitudes that are tried as first guesses.
+MOST_GUESSES = 100
+#: Jitters of the points that judge a refit; the second set where the first has moved it.
+JUDGES = ((11, 12, 13, 14), (15, 16, 17))
+#: Amplitudes beyond the top of a ladder, in units of it.
+BEYOND = (1.6, 2.5, 4.0)
+#: Rise of the sum of squares at which a walk ends on a ladder; differences that count as none.
+HILL, LEVEL = 9.0, 3.0
+#: Runs that the prediction of a refit is worth, its noise averaged.
+ANCHORED = 4
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What every refit needs.
+
+    Attributes:
+        runs: the model.
+        data: measurements with C.
+        base: unknowns without effects.
+        amplitudes: candidate -> its amplitude as an unknown.
+        jitter: covariance of one run's noise, (m, m).
+        count: K, candidates that are tested, for the prior odds.
+    """
+
+    runs: Runs
+    data: Data
+    base: Space
+    amplitudes: dict[str, Amplitude]
+    jitter: np.ndarray
+    count: int
+
+    def space(self, names: Sequence[str]) -> Space:
+        """Unknowns of a model with these effects."""
+        return self.base.with_effects([self.amplitudes[name] for name in sorted(names)])
+
+
+@dataclass(frozen=True)
+class Refitted:
+    """A model with effects at its fit.
+
+    Attributes:
+        fit: the fit.
+        ln_evidence: of the fitted data, with prior odds, and of the held-out data as predicted.
+        held_out: misfit of the held-out numbers.
+        surface: around the fit, for what comes after.
+        surrogate: that its search has taught; None where there was none.
+        judged: by jitters that it was not sought with.
+        sloped: its derivative is its own, by central differences.
+    """
+
+    fit: Fit
+    ln_evidence: float
+    held_out: HeldOutMisfit
+    surface: Surface
+    surrogate: Surrogate | None = None
+    judged: bool = False
+    sloped: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its effects, sorted."""
+        return self.fit.names
+
+
+def first_guesses(surface: Surface, space: Space) -> list[np.ndarray]:
+    """Every combination of ladder amplitudes, with the anchor's parameters and own effects.
+
+    A surface of bent signatures has several valleys; these lead to all of them. Where there are too
+    many combinations the anchor alone.
+    """
+    own = surface.space.amplitudes(surface.x)
+    choices = []
+    for effect in space.effects:
+        known = effect.name in surface.ladders
+        rungs = surface.ladders[effect.name].rungs if known else [own[effect.name]]
+        choices.append([rung / effect.unit for rung in rungs])
+    if np.prod([len(choice) for choice in choices]) > MOST_GUESSES or len(choices) > 3:
+        return [space.clipped(anchor_of(surface, space))]
+    return [
+        space.clipped(np.concatenate([surface.x[: space.p], rungs])) for rungs in product(*choices)
+    ]
+
+
+def walk_the_valley(
+    bench: Bench, surrogate: Surrogate, guesses: Sequence[np.ndarray], what: str
+) -> list[np.ndarray]:
+    """Run several amplitudes, each with the parameters that go with it; the surrogate learns.
+
+    While an effect grows the parameters give way to it, and what it does changes with them. The
+    surface knows its signature for the anchor's parameters alone, so each step is proposed by what
+    the one before has taught. For one new effect these are the amplitudes of its ladder, of the
+    sign that fits better, and on beyond the ladder's top while that fits better still; and the
+    middle of the other sign. For several new effects, the deepest valleys, two at most.
+
+    Args:
+        bench: the model and its measurements.
+        surrogate: of the model; learns.
+        guesses: combinations of ladder amplitudes, (q,) each.
+        what: words for what is left out where the allowance ends.
+
+    Returns:
+        where it was run, (q,) each.
+    """
+    data, space = bench.data, surrogate.space
+    new = [
+        space.p + place
+        for place, effect in enumerate(space.effects)
+        if effect.name in surrogate.surface.ladders
+    ]
+    seeds = [seed for pair in JITTERS for seed in pair]
+    # Of many effects there is one first guess, without the new one: nothing to walk along.
+    if len(new) != 1 or all(x[new[0]] == 0.0 for x in guesses):
+        points = [x for x, _ in best_of(data, surrogate, guesses, 2)]
+        return run_points(bench.runs, surrogate, list(zip(points, seeds, strict=False)), what)
+    place = new[0]
+    found = [least(data, surrogate, x, held=new)[0] for x in guesses]
+    best = min(found, key=lambda x: surrogate.total(data, x))[place]
+    other = sorted((x for x in found if x[place] * best < 0.0), key=lambda x: abs(x[place]))
+    ladder = sorted((x[place] for x in found if x[place] * best > 0.0), key=abs)
+    seen = run_points(bench.runs, surrogate, [(x, 5) for x in other[len(other) // 2 :][:1]], what)
+    x, totals = surrogate.anchor, [surrogate.total(data, surrogate.anchor)]
+    for number, amplitude in enumerate([*ladder, *(ladder[-1] * k for k in BEYOND)]):
+        rise = HILL if number < len(ladder) else LEVEL
+        if (
+            totals[-1] > min(totals) + rise
+            or not space.low[place] <= amplitude <= space.high[place]
+        ):
+            break
+        start = x.copy()
+        start[place] = amplitude
+        x, _ = least(data, surrogate, start, held=new)
+        for turn in range(2):
+            seed = seeds[(number + turn) % len(seeds)]
+            ran = run_points(bench.runs, surrogate, [(x, seed)], what)
+            if not ran:
+                return seen
+            seen += ran
+            better, total = least(data, surrogate, x, held=new)
+            if surrogate.total(data, x) - total < LEVEL:
+                break
+            x = better
+        totals.append(total)
+    return seen
+
+
+def refit(
+    bench: Bench,
+    surface: Surface,
+    names: Sequence[str],
+    *,
+    seeds: int,
+    near: np.ndarray | None = None,
+    rival: float = np.inf,
+) -> Refitted | None:
+    """Calibrate a model with some effects.
+
+    Args:
+        bench: the model and its measurements.
+        surface: knows every effect of the model, by a ladder or as its own.
+        names: effects.
+        seeds: runs whose mean the surface's anchor is.
+        near: unknowns (q,) to start from; None: along the valley of the new effect.
+        rival: sum of squares of the best of its rivals; a model that is far from it once the valley
+            has been walked is not sought any further.
+
+    Returns:
+        the model at its fit; None where no run succeeded or none was allowed.
+    """
+    space = bench.space(names)
+    known = spreads(bench.data, surface, space, bench.jitter, anchored_by=seeds)
+    surrogate = Surrogate(surface, space, known)
+    surrogate.recall(bench.runs)
+    guesses = first_guesses(surface, space)
+    what = f"refit of {' + '.join(space.names)}"
+    if near is None:
+        first = walk_the_valley(bench, surrogate, guesses, what)
+    else:
+        first = run_points(bench.runs, surrogate, [(near, seed) for seed in JITTERS[0]], what)
+    starts = [*first, *guesses]
+    hopeless = near is None and settled(bench.data, surrogate, starts).total > rival + FAR
+    fit = search(
+        bench.runs, bench.data, surrogate, starts, first=[], turns=0 if hopeless else TURNS,
+        what=what,
+    )  # fmt: skip
+    return None if fit is None else weighed(bench, fit, around(fit), surrogate)
+
+
+def judge(bench: Bench, model: Refitted) -> Refitted:
+    """A refit judged by jitters of the points that it was not sought with.
+
+    A search ends where surrogate and noise agree with the data; fresh noise does not. Where it
+    moves the fit, it is judged there once more.
+    """
+    surrogate, fit = model.surrogate, model.fit
+    if surrogate is None or model.judged:
+        return model
+    for jitters in JUDGES:
+        states = [fit.space.state(fit.x, seed=seed) for seed in jitters]
+        if not bench.runs.affords(states, f"fresh jitters for {' + '.join(fit.names)}"):
+            break
+        for row in bench.runs.predict(states):
+            surrogate.learn(fit.x, row)
+        before, fit = fit.x, settled(bench.data, surrogate, [fit.x, *surrogate.points])
+        if np.max(np.abs(fit.x - before)) < SEEN:
+            break
+    return replace(weighed(bench, fit, around(fit), surrogate), judged=True)
+
+
+def around(fit: Fit) -> Surface:
+    """The surface of a fit, linear."""
+    return Surface(fit.space, fit.x, fit.prediction, fit.derivative)
+
+
+def weighed(
+    bench: Bench, fit: Fit, surface: Surface, surrogate: Surrogate | None = None
+) -> Refitted:
+    """A fit with its evidence and its misfit on held-out data."""
+    linear = system(bench.data, fit.space, fit.derivative, fit.x)
+    held_out = held_out_misfit(fit, linear)
+    evidence = ln_evidence(bench.data, fit, bench.count) + held_out.ln_density
+    return Refitted(fit, evidence, held_out, surface, surrogate)
+
+
+def adopted(bench: Bench, chosen: Refitted) -> Refitted:
+    """A refit with a derivative of its own, by central differences at its fit.
+
+    What a search has learnt of the slope by the way is enough to rank models, not to judge one, nor
+    to choose between two that are near each other: with its own slope ln Z rises by 0.7 to 2.6.
+    """
+    if chosen.sloped:
+        return chosen
+    fit = chosen.fit
+    what = f"derivative of {' + '.join(fit.names)}"
+    steps = steps_above_noise(fit.space, bench.data, fit.derivative, bench.jitter)
+    slope = central_differences(bench.runs, fit.space, fit.x, fit.prediction, steps, what)
+    if slope is None:
+        return chosen
+    surface = Surface(fit.space, fit.x, fit.prediction, slope)
+    known = spreads(bench.data, surface, fit.space, bench.jitter, anchored_by=ANCHORED)
+    surrogate = Surrogate(surface, fit.space, known)
+    found = weighed(bench, settled(bench.data, surrogate, [fit.x]), surface)
+    return replace(found, judged=True, sloped=True)

@@ -1,0 +1,150 @@
+"""Step 10: the strength curve that would explain a misfit which no candidate explains.
+
+    S = S_r exp(sum_j c_j phi_j(u)),    phi_j: hat functions over 4 to 7 knots in one variable u
+
+The calibrated strengths stay where they are: level and shape are the curve's. Each coefficient is
+run once; the variables are ranked by what their curves promise, linear in the coefficients; the
+best two are calibrated like any model with effects. A coefficient that the measurements do not see
+stays at its prior, multiplier 1 within a factor of exp(0.6), and its band says so. The curve is a
+clue to what is missing. No strength is ever reported from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.fitting.fit import settled
+from diagnosis.fitting.response_surface import Surrogate, anchor_of, spreads
+from diagnosis.fitting.space import Amplitude, Space
+from diagnosis.fitting.surface import Ladder, Surface
+from diagnosis.fitting.whitened import system
+from diagnosis.hypotheses.model import Curve
+from diagnosis.selection.refit import ANCHORED, Bench, Refitted, judge, refit, weighed
+from diagnosis.signatures.signatures import run_moved
+
+#: Standard deviation of a coefficient beforehand, in the logarithm of the strength.
+PRIOR_STD = 0.6
+#: Variables whose curves are calibrated, the others are only estimated.
+CALIBRATED = 2
+
+
+@dataclass(frozen=True)
+class FoundCurve:
+    """The best curve, and how the others did.
+
+    Attributes:
+        curve: variable and knots.
+        coefficients: ln multiplier at the knots, (k,).
+        std: of the same, (k,).
+        chi2: variable -> sum of squares with its curve.
+        ln_evidence: variable -> gain over the model before, without prior odds.
+        calibrated: variables whose curve was calibrated by runs; the others are linear estimates.
+        model: the calibrated model with the curve.
+    """
+
+    curve: Curve
+    coefficients: np.ndarray
+    std: np.ndarray
+    chi2: dict[str, float]
+    ln_evidence: dict[str, float]
+    calibrated: tuple[str, ...]
+    model: Refitted
+
+    @property
+    def multiplier(self) -> np.ndarray:
+        """Of the calibrated strength at the knots, (k,)."""
+        return np.exp(self.coefficients)
+
+    @property
+    def band(self) -> tuple[np.ndarray, np.ndarray]:
+        """16 % and 84 % limits of the multiplier, (k,) each."""
+        return np.exp(self.coefficients - self.std), np.exp(self.coefficients + self.std)
+
+
+def runs_wanted(curves: Sequence[Curve]) -> int:
+    """Forward runs that seeking a curve takes about."""
+    return sum(len(curve.knots) for curve in curves) + 1 + 12 * CALIBRATED
+
+
+def find_curve(bench: Bench, before: Refitted, curves: Sequence[Curve]) -> FoundCurve | None:
+    """Seek the variable whose strength curve explains the misfit best.
+
+    Args:
+        bench: the model and its measurements.
+        before: the model that still fails; its effects stay in.
+        curves: variables that may be tried.
+
+    Returns:
+        the best curve; None where no strength is calibrated, no run succeeded or none was allowed.
+    """
+    strengths = tuple(int(place) for place in np.flatnonzero(bench.base.parameters.strengths))
+    if not strengths:
+        return None
+    base = Space(bench.base.parameters, bench.base.targets, (), strengths)
+    amplitudes = {
+        name: Amplitude(name, -curve.limit, curve.limit, curve.step, 0.0, PRIOR_STD)
+        for curve in curves
+        for name in curve.names
+    }
+    # One curve is one hypothesis, however many coefficients it has: no odds for each.
+    bench = replace(bench, base=base, amplitudes={**bench.amplitudes, **amplitudes}, count=1)
+    own = weighed(bench, before.fit, before.surface)
+    surface = _with_coefficients(bench, before, curves)
+    estimates = {}
+    for curve in curves:
+        if all(name in surface.ladders for name in curve.names):
+            names = (*before.names, *curve.names)
+            found = _estimated(bench, surface, names)
+            estimates[curve.variable] = (curve, names, found)
+    order = sorted(estimates, key=lambda variable: -estimates[variable][2].ln_evidence)
+    fits = {variable: estimates[variable][2] for variable in order}
+    calibrated = []
+    for variable in order[:CALIBRATED]:
+        found = refit(bench, surface, estimates[variable][1], seeds=ANCHORED)
+        if found is not None:
+            fits[variable] = judge(bench, found)
+            calibrated.append(variable)
+    if not calibrated:
+        return None
+    best = max(calibrated, key=lambda variable: fits[variable].ln_evidence)
+    fit, curve = fits[best].fit, estimates[best][0]
+    places = [fit.space.p + fit.space.names.index(name) for name in curve.names]
+    linear = system(bench.data, fit.space, fit.derivative, fit.x)
+    # Of the strength as calibrated before; the fit holds the strengths where its first guess, a
+    # run, had them.
+    moved = fit.x[list(strengths)] - before.fit.x[list(strengths)]
+    level = float(np.mean(moved * bench.base.parameters.prior_std[list(strengths)]))
+    return FoundCurve(
+        curve=curve,
+        coefficients=level + fit.x[places] * curve.step,
+        std=np.sqrt(np.diag(linear.posterior)[places]) * curve.step,
+        chi2={variable: fits[variable].fit.total for variable in order},
+        ln_evidence={v: fits[v].ln_evidence - own.ln_evidence for v in order},
+        calibrated=tuple(calibrated),
+        model=fits[best],
+    )
+
+
+def _with_coefficients(bench: Bench, before: Refitted, curves: Sequence[Curve]) -> Surface:
+    """The surface of the model before, with a run of every coefficient, all in one batch."""
+    surface = before.surface
+    stay = np.zeros(surface.space.size)
+    wanted = [(name, curve.step, stay) for curve in curves for name in curve.names]
+    changes = run_moved(bench.runs, surface, wanted)
+    ladders = {
+        name: Ladder(np.array([0.0, step]), np.stack([np.zeros_like(change), change]))
+        for (name, step, _), change in zip(wanted, changes, strict=True)
+        if change is not None
+    }
+    return surface.with_ladders(ladders)
+
+
+def _estimated(bench: Bench, surface: Surface, names: Sequence[str]) -> Refitted:
+    """A model as the surface expects it, without a run."""
+    space = bench.space(names)
+    known = spreads(bench.data, surface, space, bench.jitter, anchored_by=ANCHORED)
+    fit = settled(bench.data, Surrogate(surface, space, known), [anchor_of(surface, space)])
+    return weighed(bench, fit, surface)

@@ -1,0 +1,145 @@
+"""Explain: which effects would explain the misfit, which look alike, and what could hide?
+
+    explanation = explain(model, comparison, options)
+
+runs the ladder of every candidate at the base model's fit, three amplitudes of each sign, and those
+that score best once more with another jitter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.adequacy.adequacy import Adequacy, Test, assess
+from diagnosis.adequacy.compare import Comparison
+from diagnosis.fitting.space import amplitude_of
+from diagnosis.hypotheses.model import Candidate, Model
+from diagnosis.options import Options
+from diagnosis.selection.refit import Bench
+from diagnosis.signatures.confounding import (
+    Visibility,
+    cosines,
+    look_alike,
+    representative,
+    visibility,
+)
+from diagnosis.signatures.scores import Scores, score_all
+from diagnosis.signatures.signatures import Signature, check_by_second_seed, take_signatures
+from pipeline.cli import InputError
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Candidates against the residual of the base model.
+
+    Attributes:
+        candidates: those that were tested.
+        left_out: candidate -> why it was not tested.
+        signatures: by candidate.
+        scores: of the round.
+        names: candidates in the order of `cosine`, best score first.
+        cosine: of projected signatures, (n, n).
+        visible: how well each could be seen.
+        adequacy: of the base model, the largest score among its tests.
+        bench: for refits.
+    """
+
+    candidates: list[Candidate]
+    left_out: dict[str, str]
+    signatures: dict[str, Signature]
+    scores: Scores
+    names: list[str]
+    cosine: np.ndarray
+    visible: dict[str, Visibility]
+    adequacy: Adequacy
+    bench: Bench
+
+    @property
+    def by_chance(self) -> frozenset[str]:
+        """Candidates that are one random pattern of many."""
+        return frozenset(one.name for one in self.candidates if one.by_chance)
+
+    def alike(self, name: str, least: float) -> list[str]:
+        """Candidates that these data cannot tell from one."""
+        return look_alike(self.names, self.cosine, name, least)
+
+
+def tested_candidates(model: Model, options: Options) -> tuple[list[Candidate], dict[str, str]]:
+    """Candidates to test, and why the others are not.
+
+    Raises:
+        InputError: options name an effect that the model does not know.
+    """
+    known = [candidate.name for candidate in model.candidates]
+    for key, names in (
+        ("forbid", options.forbidden),
+        ("effects", options.effects or ()),
+        ("priors", tuple(options.priors)),
+    ):
+        for name in names:
+            if name not in known:
+                raise InputError(f"{key}: no effect {name!r} here; there are {', '.join(known)}")
+    left_out = {}
+    for name in known:
+        if name in options.forbidden:
+            left_out[name] = "ruled out by the engineer"
+        elif options.effects is not None and name not in options.effects:
+            left_out[name] = "not asked for"
+    return [c for c in model.candidates if c.name not in left_out], left_out
+
+
+def explain(model: Model, comparison: Comparison, options: Options) -> Explanation:
+    """Score every candidate against the residual of the base model.
+
+    Args:
+        model: what is diagnosed.
+        comparison: of `compare` with the same model and options.
+        options: vetoes, priors.
+
+    Raises:
+        InputError: an effect is named that the model does not know.
+    """
+    base = comparison.base
+    candidates, left_out = tested_candidates(model, options)
+    amplitudes = {c.name: amplitude_of(c, options.priors.get(c.name)) for c in candidates}
+    bench = Bench(
+        base.runs, base.data, base.fit.space, amplitudes, base.jitter, max(len(candidates), 1)
+    )
+    linear = comparison.judged.system
+    taken = take_signatures(
+        base.runs, base.surface, linear, candidates, finite=options.finite_amplitudes
+    )
+    for candidate in candidates:
+        if candidate.name not in taken:
+            left_out[candidate.name] = "none of its runs could be read"
+    candidates = [c for c in candidates if c.name in taken]
+    first = score_all(comparison.judged, taken, candidates, projection=options.projection)
+    taken = check_by_second_seed(
+        base.runs, base.surface, linear, taken, worth_checking(first, options)
+    )
+    scores = score_all(comparison.judged, taken, candidates, projection=options.projection)
+    names = scores.ranked
+    matrix = cosines(scores, names)
+    visible = {
+        name: visibility(
+            linear,
+            base.fit.space,
+            base.fit.x,
+            scores.every[name],
+            taken[name],
+            options.detectable,
+        )
+        for name in names
+    }
+    test = Test("score", scores.largest, scores.p_largest) if names else None
+    adequacy = assess(comparison.judged, comparison.places, score=test)
+    return Explanation(candidates, left_out, taken, scores, names, matrix, visible, adequacy, bench)
+
+
+def worth_checking(scores: Scores, options: Options) -> dict[str, float]:
+    """Candidates that may be refitted, with the amplitude that counts of each."""
+    chosen = [name for name in scores.ranked if scores.best(name).drop > 0.0]
+    chosen = chosen[: 2 * options.refitted]
+    return {name: representative(scores, name).rung for name in chosen}

@@ -1,0 +1,256 @@
+"""Step 4: what each effect changes, at finite amplitudes.
+
+Each candidate is run at the amplitudes of its ladder, with the anchor's jitter, so that what both
+runs share cancels: d = f(theta, a) - f(theta, 0). A slope at zero would not do: shaking goes with
+the square of its amplitude, softening and water bend.
+
+A large effect is met by other parameters: with drag a slide fits with less strength, and what it
+does to that slide is not what it does to the stronger one. So the middle amplitude is run with the
+parameters of the anchor, and once more, like the others, with parameters theta + e that undo what
+it does as far as they can. Then d = f(theta + e, a) - f(theta, 0) - J e, of which the parameters
+imitate the same share. What a ladder calls large may hardly be seen by these data, while an effect
+that has caused a misfit was seen: then the ladder is drawn out upwards.
+
+A second jitter must give the same direction after projection, or the
+signature is marked unresolved: what it shows may be the points' positions. The mean of both then
+stands for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from diagnosis.fitting.runs import Runs
+from diagnosis.fitting.surface import Ladder, Surface
+from diagnosis.fitting.whitened import System
+from diagnosis.hypotheses.model import Candidate
+
+#: Farthest that a parameter is moved to meet an effect.
+FARTHEST = 1.5
+#: A top rung of which less is seen, |s|, is raised, to at most so many times itself.
+TOP_SEEN, TOP_RAISED = 8.0, 4.0
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Changes of all predictions by one candidate at an anchor.
+
+    Attributes:
+        name: of the candidate.
+        changes: amplitude -> d of all m predictions (m,), mean over the jitters that were run.
+        moves: amplitude -> e, by which the anchor's unknowns were moved for its run, (q,).
+        plain: an amplitude that was run with the anchor's own unknowns, and its change (m,).
+        cosines: amplitude -> cosine between two jitters, after projection, where a second was run.
+    """
+
+    name: str
+    changes: Mapping[float, np.ndarray]
+    moves: Mapping[float, np.ndarray]
+    plain: tuple[float, np.ndarray]
+    cosines: Mapping[float, float] = field(default_factory=dict)
+
+    @property
+    def amplitudes(self) -> list[float]:
+        """Amplitudes that were run, ascending."""
+        return sorted(self.changes)
+
+    @property
+    def ladder(self) -> Ladder:
+        """The same with its zero, for the response surface."""
+        rungs = sorted([0.0, *self.changes])
+        nothing = np.zeros_like(next(iter(self.changes.values())))
+        return Ladder(np.array(rungs), np.array([self.changes.get(a, nothing) for a in rungs]))
+
+
+def take_signatures(
+    runs: Runs,
+    surface: Surface,
+    linear: System,
+    candidates: Sequence[Candidate],
+    *,
+    finite: bool = True,
+    turns: int = 2,
+) -> dict[str, Signature]:
+    """Run every candidate's ladder at an anchor, in four batches, drawn out where little is seen.
+
+    Where the allowance does not cover all, the largest come before the smallest. A candidate all of
+    whose runs failed is not among the answers.
+
+    Args:
+        runs: the model.
+        surface: of the model without the candidates; its anchor is where they are run.
+        linear: its system, which knows what the parameters imitate.
+        candidates: what is tried.
+        finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
+        turns: amplitudes of each sign beside the middle one; of one, the largest.
+    """
+    bench = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
+    stay = np.zeros(surface.space.size)
+    bench.run([(c.name, _first(c, finite), stay) for c in candidates])
+    raw = {name: next(iter(changes.items())) for name, changes in bench.changes.items()}
+    if finite:
+        middles = [(c.name, a) for c in candidates for a in _middles(c)]
+        bench.run([(name, a, bench.meeting(name, a)) for name, a in middles])
+        others = [(c.name, bench.others(c.name, sign)) for c in candidates for sign in (1.0, -1.0)]
+        if turns == 1:
+            others = [(name, [max(rungs, key=abs)] if rungs else []) for name, rungs in others]
+        for turn in range(turns):
+            wanted = [(name, rungs[turn]) for name, rungs in others if len(rungs) > turn]
+            bench.run([(name, a, bench.meeting(name, a)) for name, a in wanted])
+    return {
+        c.name: Signature(c.name, bench.changes[c.name], bench.moves[c.name], raw[c.name])
+        for c in candidates
+        if c.name in bench.changes
+    }
+
+
+@dataclass
+class _Ladders:
+    """Ladders on the way: what was run so far, by candidate and amplitude."""
+
+    runs: Runs
+    surface: Surface
+    linear: System
+    candidates: Mapping[str, Candidate]
+    changes: dict[str, dict[float, np.ndarray]] = field(default_factory=dict)
+    moves: dict[str, dict[float, np.ndarray]] = field(default_factory=dict)
+
+    def meeting(self, name: str, amplitude: float) -> np.ndarray:
+        """Move of the unknowns (q,) that undoes what an amplitude does, as far as is known.
+
+        From the nearest amplitude of the same sign that was run, in proportion; where none was,
+        the mirror image of the other sign's.
+        """
+        known = self.changes.get(name, {})
+        nothing = np.zeros(self.surface.space.size)
+        if self.candidates[name].free or not known:
+            return nothing
+        near = min(known, key=lambda a: (a * amplitude < 0, abs(abs(a) - abs(amplitude))))
+        # d already has J e taken off: what the unknowns imitate of d is all they would have to do.
+        wanted = -self.linear.imitating(self.linear.augmented(known[near])) * (amplitude / near)
+        space, x = self.surface.space, self.surface.x
+        wanted[: space.p] = np.clip(wanted[: space.p], -FARTHEST, FARTHEST)
+        return space.clipped(x + wanted) - x
+
+    def others(self, name: str, sign: float) -> list[float]:
+        """Amplitudes of one sign beside the middle one, in the order in which they are run.
+
+        The top rung, then the lowest; where too little would be seen at the top rung, one between
+        the middle and a raised top, then that top.
+        """
+        candidate = self.candidates[name]
+        side = _side(candidate, sign)
+        if len(side) < 2:
+            return []
+        middle, top = side[len(side) // 2], side[-1]
+        seen = self._seen(name, middle)
+        if candidate.free or seen is None or seen * (top / middle) >= TOP_SEEN:
+            return [*reversed(side[len(side) // 2 + 1 :]), *side[: len(side) // 2]]
+        share = min(TOP_RAISED, TOP_SEEN / max(seen * (top / middle), 1e-6))
+        high = candidate.high if sign > 0 else -candidate.low
+        raised = sign * min(abs(top) * share, max(high, abs(top)))
+        return [sign * float(np.sqrt(middle * raised)), raised]
+
+    def _seen(self, name: str, amplitude: float) -> float | None:
+        """|s| of an amplitude that was run; None where its run failed."""
+        change = self.changes.get(name, {}).get(amplitude)
+        if change is None:
+            return None
+        return float(np.linalg.norm(self.linear.project(self.linear.augmented(change))))
+
+    def run(self, wanted: Sequence[tuple[str, float, np.ndarray]]) -> None:
+        """Run amplitudes with moves, as far as the allowance goes; a later run replaces another."""
+        changes = run_moved(self.runs, self.surface, wanted)
+        for (name, amplitude, move), change in zip(wanted, changes, strict=True):
+            if change is not None:
+                self.changes.setdefault(name, {})[amplitude] = change
+                self.moves.setdefault(name, {})[amplitude] = move
+
+
+def _first(candidate: Candidate, finite: bool) -> float:
+    """The middle amplitude of the first sign; for the ablation the smallest."""
+    side = _side(candidate, 1.0) or _side(candidate, -1.0)
+    return side[len(side) // 2 if finite else 0]
+
+
+def _middles(candidate: Candidate) -> list[float]:
+    """The middle amplitude of each sign."""
+    sides = [side for sign in (1.0, -1.0) if (side := _side(candidate, sign))]
+    return [side[len(side) // 2] for side in sides]
+
+
+def _side(candidate: Candidate, sign: float) -> list[float]:
+    return sorted((a for a in candidate.ladder if a * sign > 0), key=abs)
+
+
+def run_moved(
+    runs: Runs, surface: Surface, wanted: Sequence[tuple[str, float, np.ndarray]], seed: int = 0
+) -> list[np.ndarray | None]:
+    """Changes d (m,) of amplitudes with moved unknowns; None where a run failed or was not allowed.
+
+    Args:
+        runs: the model.
+        surface: its anchor is where they are run.
+        wanted: (candidate, amplitude, move of the unknowns (q,)).
+        seed: jitter of both runs of each pair.
+    """
+    states = [surface.space.state(surface.x, seed=seed)]
+    places: list[int | None] = []
+    for name, amplitude, move in wanted:
+        moved = surface.space.state(surface.x + move, seed=seed).with_effects({name: amplitude})
+        if runs.affords([*states, moved], f"signature of {name} at {amplitude:g}"):
+            places.append(len(states))
+            states.append(moved)
+        else:
+            places.append(None)
+    if not runs.affords(states, "signatures"):
+        return [None] * len(wanted)
+    rows = runs.predict(states)
+    found: list[np.ndarray | None] = []
+    for (_, _, move), place in zip(wanted, places, strict=True):
+        change = None if place is None else rows[place] - rows[0] - surface.derivative @ move
+        found.append(change if change is not None and np.all(np.isfinite(change)) else None)
+    return found
+
+
+def check_by_second_seed(
+    runs: Runs,
+    surface: Surface,
+    linear: System,
+    signatures: Mapping[str, Signature],
+    amplitudes: Mapping[str, float],
+) -> dict[str, Signature]:
+    """Run one amplitude of some candidates with another jitter and compare directions.
+
+    Args:
+        runs: the model.
+        surface: as for `take_signatures`.
+        linear: its system.
+        signatures: as taken with jitter seed 0.
+        amplitudes: candidate -> the amplitude of its ladder that is run again.
+
+    Returns:
+        all signatures, those that were checked with their cosine and the mean of both jitters.
+    """
+    wanted = [(n, a, signatures[n].moves[a]) for n, a in amplitudes.items()]
+    second = run_moved(runs, surface, wanted, seed=1)
+    found = dict(signatures)
+    for (name, amplitude), again in zip(amplitudes.items(), second, strict=True):
+        if again is None:
+            continue
+        old = signatures[name]
+        first = old.changes[amplitude]
+        cosine = _cosine(
+            linear.project(linear.augmented(first)), linear.project(linear.augmented(again))
+        )
+        changes = {**old.changes, amplitude: 0.5 * (first + again)}
+        found[name] = replace(old, changes=changes, cosines={**old.cosines, amplitude: cosine})
+    return found
+
+
+def _cosine(first: np.ndarray, second: np.ndarray) -> float:
+    size = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return float(first @ second) / size if size > 0.0 else 0.0

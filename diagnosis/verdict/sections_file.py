@@ -1,0 +1,141 @@
+"""The section before and after the slide, for the pictures: `sections.npz` beside a verdict.
+
+In: the points of three kept runs. Out: surfaces by the one definition of
+`geometry.survey.observables`. The page is whole without this file; its profile then lacks the
+outline of the section.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from geometry.survey.observables import ground_elevation, surface_profile
+from inversion.engines.run_store import write_arrays
+from pipeline.cli import InputError
+
+FILE_NAME = "sections.npz"
+LEAST_HEIGHT = 0.05
+"""Where less soil than this stands [m] no surface is drawn."""
+PLACES = 400
+
+
+@dataclass(frozen=True)
+class Toe:
+    """Where a runout is counted from.
+
+    Attributes:
+        foot: x of the initial toe [m].
+        outward: -1 to the left, +1 to the right.
+    """
+
+    foot: float
+    outward: float
+
+    def place(self, runout: float) -> float:
+        """X of the toe [m] after a runout [m]."""
+        return self.foot + self.outward * runout
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Surfaces along the section, at K places.
+
+    Attributes:
+        x: places (K,) [m].
+        ground: elevation of the rigid base (K,) [m].
+        initial: surface before the slide (K,) [m]; NaN where no soil is.
+        base: after it, by the base model (K,) [m].
+        final: after it, by the model of the answer (K,) [m].
+        toes: measurement of a runout -> where it counts from.
+    """
+
+    x: np.ndarray
+    ground: np.ndarray
+    initial: np.ndarray
+    base: np.ndarray
+    final: np.ndarray
+    toes: Mapping[str, Toe]
+
+
+def save_sections(
+    folder: str | Path,
+    *,
+    initial: np.ndarray,
+    base: np.ndarray,
+    final: np.ndarray,
+    spacing: float,
+    ground: np.ndarray,
+    toes: Mapping[str, tuple[float, float]],
+) -> Path:
+    """Write `sections.npz`; the same points give the same bytes.
+
+    Args:
+        folder: of the diagnosis.
+        initial: points before the slide (N, 2) [m].
+        base: after it, by the base model (N, 2) [m].
+        final: after it, by the model of the answer (N, 2) [m]; that of the base where it is.
+        spacing: between material points [m].
+        ground: rigid base, a polyline (P, 2) [m].
+        toes: measurement of a runout -> (x of the initial toe [m], -1 left or +1 right).
+    """
+    path = Path(folder) / FILE_NAME
+    write_arrays(
+        path,
+        {
+            "initial": np.asarray(initial, np.float32),
+            "base": np.asarray(base, np.float32),
+            "final": np.asarray(final, np.float32),
+            "spacing": np.array(float(spacing)),
+            "ground": np.asarray(ground, float),
+            "toe_names": np.array(list(toes), dtype=np.str_),
+            "toes": np.array(list(toes.values()), float).reshape(-1, 2),
+        },
+    )
+    return path
+
+
+def load_sections(folder: str | Path) -> Sections | None:
+    """Read the surfaces; None where the file is not there.
+
+    Raises:
+        InputError: the file is damaged; one line.
+    """
+    path = Path(folder) / FILE_NAME
+    if not path.is_file():
+        return None
+    try:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            kept = {name: file[name] for name in file.files}
+        spacing, ground = float(kept["spacing"]), kept["ground"]
+        points = {name: kept[name].astype(float) for name in ("initial", "base", "final")}
+        toes = {
+            str(name): Toe(float(foot), float(outward))
+            for name, (foot, outward) in zip(kept["toe_names"], kept["toes"], strict=True)
+        }
+    except (
+        OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error
+    ) as error:  # fmt: skip
+        raise InputError(
+            f"{path}: cannot be read ({error}); delete it and ask for the diagnosis again"
+        ) from None
+    everything = np.concatenate(list(points.values()))
+    margin = 0.03 * np.ptp(everything[:, 0])
+    x = np.linspace(everything[:, 0].min() - margin, everything[:, 0].max() + margin, PLACES)
+    bottom = ground_elevation(ground, x)
+    surfaces = {
+        name: _surface(one, spacing, ground, x, bottom) for name, one in points.items()
+    }  # fmt: skip
+    return Sections(x=x, ground=bottom, toes=toes, **surfaces)
+
+
+def _surface(
+    points: np.ndarray, spacing: float, ground: np.ndarray, x: np.ndarray, bottom: np.ndarray
+) -> np.ndarray:
+    surface = np.asarray(surface_profile(points, spacing**2, x, spacing=spacing, ground=ground))
+    return np.where(surface > bottom + LEAST_HEIGHT, surface, np.nan)

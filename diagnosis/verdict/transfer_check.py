@@ -1,0 +1,67 @@
+"""The transfer check: does the answer hold on a second section or event of the same site?
+
+In: the verdict's models and another case. Out: the misfit there by the base model and by
+that of the answer. Nothing is fitted: parameters of the same name take the values that were found,
+others keep what the other case knows of them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diagnosis.fitting.covariance import covariance
+from diagnosis.fitting.fit import Fit
+from diagnosis.hypotheses.model import State, state
+from diagnosis.hypotheses.mpm_model import MPMModel
+from diagnosis.verdict.verdict import TransferCheck
+from diagnosis.verdict.verdict_document import Diagnosed
+
+if TYPE_CHECKING:
+    from diagnosis.session import Session
+
+#: Jitters whose mean is the prediction, and whose spread its noise.
+SEEDS = 4
+
+
+def transfer_check(session: Session, found: Diagnosed) -> TransferCheck | None:
+    """Judge the answer on the case that `transfer_check` names; None where there is none."""
+    other = session.case.transfer
+    if other is None:
+        return None
+    model = other.model(session.store)
+    base = found.comparison.base.fit
+    final = found.decision.final.model.fit
+    chi2 = []
+    for fit in (base, final):
+        rows = model.predict([_there(model, fit, seed) for seed in range(SEEDS)])
+        chi2.append(misfit(model, rows))
+    used = _used(model)
+    return TransferCheck(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
+
+
+def misfit(model: MPMModel, rows: np.ndarray) -> float:
+    """chi2 of all measured numbers, predicted by the mean of replicates (n, m); nothing fitted."""
+    targets, used = model.targets, _used(model)
+    total = covariance(targets.covariance, replicates=rows).total[np.ix_(used, used)]
+    good = rows[np.all(np.isfinite(rows[:, used]), axis=1)]
+    if not len(good):
+        return float("inf")
+    off = (targets.measured - good.mean(axis=0))[used]
+    return float(off @ np.linalg.solve(total, off))
+
+
+def _used(model: MPMModel) -> np.ndarray:
+    """(m,) bool: measured and not constructed; what the other case holds out counts too."""
+    return np.array([role in ("fitted", "held out") for role in model.targets.roles])
+
+
+def _there(model: MPMModel, fit: Fit, seed: int) -> State:
+    """A fit as a state of the other case."""
+    found = fit.space.parameters.as_mapping(fit.space.values(fit.x))
+    own = model.parameters.as_mapping(model.parameters.prior_mean)
+    values = [found.get(name, own[name]) for name in model.parameters.names]
+    acting = {c.name for c in model.candidates if c.kind == "physics"}
+    effects = {n: a for n, a in fit.space.amplitudes(fit.x).items() if n in acting}
+    return state(values, effects, seed=seed)

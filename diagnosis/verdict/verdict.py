@@ -1,0 +1,356 @@
+"""The verdict as a document: `verdict.json`, with its JSON schema, and the shorter ones before it.
+
+Lengths in m, strengths in kPa, angles in degrees; amplitudes in the unit that is named. What
+depends on the clock, the machine or what was kept before (`seconds`, `runs.computed`) is null in a
+file and stands in `timing.json`: a file is the same when a diagnosis is repeated, or continued
+after it was killed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from inversion.back_analysis.result import Part, Role
+from pipeline.config import validate_settings
+from pipeline.files import read_json, write_json
+from pipeline.schemas import document_schema
+
+FILE_NAME = "verdict.json"
+COMPARE_FILE = "compare.json"
+EXPLAIN_FILE = "explain.json"
+SCHEMA_FILE = Path("config/verdict.schema.json")
+
+Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
+
+
+class ParameterWords(Part):
+    """A calibrated parameter in words; its values stand in the stages, by name."""
+
+    name: str = Field(description="name of the parameter")
+    words: str = Field(description="what it is")
+    unit: str = Field(description="kPa, deg or kg/m3")
+    strength: bool = Field(description="a cohesion: S_r where friction is 0")
+    low: float = Field(description="lower bound")
+    high: float = Field(description="upper bound")
+
+
+class EffectAnswer(Part):
+    """An effect of the answer with its amplitude."""
+
+    name: str = Field(description="name of the effect")
+    amplitude: float = Field(description="best amplitude")
+    std: float = Field(description="its standard deviation, parameters unknown too")
+    interval_95: tuple[float, float] = Field(description="cut at the bounds")
+    unit: str = Field(description="of the amplitude; empty: a pure number")
+    words: str = Field(description="what the effect is")
+
+
+class NamedSet(Part):
+    """One explanation: effects that together explain the measurements."""
+
+    names: list[str] = Field(description="effects; empty: none, the base model")
+    probability: float = Field(description="among all explanations that were tried")
+
+
+class Answer(Part):
+    """What the diagnosis answers."""
+
+    effects: list[EffectAnswer] = Field(description="of the best explanation; empty: none")
+    set_90: list[NamedSet] = Field(
+        description="most probable explanations, together 90 % at least; ascending in rank"
+    )
+
+
+class Check(Part):
+    """One test of adequacy."""
+
+    name: str = Field(description="chi2, autocorrelation, group <name>, score, held_out")
+    statistic: float = Field(description="value")
+    p: float = Field(description="share of simulated noise that is at least as far out")
+
+
+class Group(Part):
+    """How far one measurement as a whole is from the prediction."""
+
+    name: str = Field(description="name of the measurement")
+    z: float = Field(description="standardised excess of its sum of squares; noise: about 0 +- 1")
+    chi2: float = Field(description="its sum of squared whitened residuals")
+    expected: float = Field(description="of noise, the fitted parameters taken into account")
+    n: int = Field(description="fitted numbers in it")
+
+
+class Window(Part):
+    """The contiguous stretch of one measurement with the worst disagreement."""
+
+    measurement: str = Field(description="name of the measurement")
+    axis: Literal["x_m", "time_s", "none"] = Field(description="what the stretch is measured in")
+    first: str = Field(description="name of the first number in it")
+    last: str = Field(description="name of the last number in it")
+    x_from: float | None = Field(description="where it begins, in the unit of `axis`")
+    x_to: float | None = Field(description="where it ends")
+    n: int = Field(description="numbers in it")
+    chi2: float = Field(description="sum of squared whitened residuals in it")
+    p: float = Field(description="that noise has anywhere a stretch as bad")
+
+
+class HeldOut(Part):
+    """Data that no fit has seen."""
+
+    chi2: float = Field(description="misfit of the prediction conditional on the fitted residuals")
+    n: int = Field(description="held-out numbers")
+    p: float | None = Field(description="of noise; null: nothing was held out")
+
+
+class Stage(Part):
+    """One model, calibrated and judged."""
+
+    effects: dict[str, float] = Field(description="amplitudes by name; empty: the base model")
+    values: dict[str, float] = Field(description="parameters by name, outside units")
+    std: dict[str, float] = Field(description="standard deviations of the same")
+    interval_95: dict[str, tuple[float, float]] = Field(description="cut at the bounds")
+    chi2: float = Field(description="of the fitted data and the priors")
+    dof: int = Field(description="degrees of freedom: the noise level of chi2")
+    p_combined: float = Field(description="min(1, number of tests x least p)")
+    tests: list[Check] = Field(description="tests of adequacy")
+    groups: list[Group] = Field(description="by measurement")
+    window: Window | None = Field(description="where it fails worst; null: no series was measured")
+    held_out: HeldOut = Field(description="on held-out data")
+
+
+class Step(Part):
+    """One model on the way, for the waterfall of the error."""
+
+    round: int = Field(description="0: the base model")
+    model: str = Field(description="name of the model, as of its file")
+    effects: dict[str, float] = Field(description="amplitudes by name")
+    values: dict[str, float] = Field(description="parameters by name")
+    std: dict[str, float] = Field(description="standard deviations of the same")
+    chi2: float = Field(description="fitted data and priors")
+    dof: int = Field(description="degrees of freedom: the noise level of chi2")
+    held_out_chi2: float | None = Field(description="null: nothing was held out")
+    held_out_n: int = Field(description="held-out numbers: the noise level of held_out_chi2")
+    ln_evidence: float | None = Field(description="relative to the base model, odds included")
+    note: str = Field(description="what was done")
+
+
+class Refit(Part):
+    """The model with this effect, calibrated anew."""
+
+    effects: dict[str, float] = Field(description="all amplitudes, earlier effects included")
+    amplitude: float = Field(description="of this effect")
+    std: float = Field(description="its standard deviation")
+    values: dict[str, float] = Field(description="parameters by name")
+    chi2: float = Field(description="fitted data and priors")
+    drop: float = Field(description="fall of chi2 below the model before")
+    ln_evidence: float = Field(description="gain over the model before, odds included")
+    held_out_chi2: float | None = Field(description="null: nothing was held out")
+    accepted: bool = Field(description="passes every condition")
+    why_not: str = Field(description="the condition that failed; empty if accepted")
+
+
+class CandidateVerdict(Part):
+    """What was found of one candidate, against the base model."""
+
+    name: str = Field(description="name of the effect")
+    kind: Literal["physics", "survey"] = Field(description="of the soil, or of the survey")
+    words: str = Field(description="what it is")
+    unit: str = Field(description="of the amplitude; empty: a pure number")
+    z: float | None = Field(description="score of the residual along its signature")
+    expected_drop: float | None = Field(description="of chi2, by the score: max(z, 0)^2")
+    p_family: float | None = Field(
+        description="that noise gives any candidate at any amplitude a score as large"
+    )
+    amplitude_by_score: float | None = Field(description="amplitude that the score suggests")
+    visible_fraction: float | None = Field(
+        description="share of its signature that no change of the parameters imitates"
+    )
+    smallest_detectable: float | None = Field(description="amplitude found with near certainty")
+    strength_bias_if_missed: dict[str, float] = Field(
+        description="parameter -> change [%] that it hides while it remains undetected"
+    )
+    resolved: bool | None = Field(description="a second seed has the same signature; null: untried")
+    refit: Refit | None = Field(description="of the first round; null: it was not refitted")
+    left_out: str = Field(description="why it was not tested: forbidden, ...; else empty")
+
+
+class Confounding(Part):
+    """Which candidates look alike to these measurements."""
+
+    names: list[str] = Field(description="candidates, in the order of rows and columns")
+    cosine: list[list[float]] = Field(
+        description="of the signatures after the parameters have done what they can; |1|: the same"
+    )
+
+
+class Signature(Part):
+    """What an effect of one amplitude changes, parameters unchanged and refitted."""
+
+    name: str = Field(description="name of the effect")
+    amplitude: float = Field(description="signed")
+    change: list[float] = Field(description="of each measured number, in its unit")
+    standardised: list[float] = Field(description="the same in total standard deviations")
+    left_after_refit: list[float] = Field(
+        description="what remains once the parameters have imitated it, in the same units"
+    )
+
+
+class Signatures(Part):
+    """Fingerprints of the candidates at the base model's fit."""
+
+    names: list[str] = Field(description="candidates")
+    measurements: list[str] = Field(description="measured numbers, as the lists that follow")
+    entries: list[Signature] = Field(description="one for each candidate and amplitude")
+
+
+class MeasurementVerdict(Part):
+    """One measured number against the base and the final model."""
+
+    name: str = Field(description="name of the number")
+    measurement: str = Field(description="name of the measurement it belongs to")
+    axis: Literal["x_m", "time_s", "none"] = Field(description="what `place` is")
+    place: float | None = Field(description="where or when along its series")
+    unit: str = Field(description="m, or m/s")
+    measured: float = Field(description="value")
+    std_total: float = Field(description="survey and model error together")
+    std_survey: float = Field(description="of the survey, and what the model was granted")
+    predicted_base: float | None = Field(description="by the base model")
+    predicted_final: float | None = Field(description="by the final model")
+    residual_base: float | None = Field(description="(measured - predicted) / std_total")
+    residual_final: float | None = Field(description="the same for the final model")
+    role: Role = Field(description="fitted, held out, compared or constructed")
+
+
+class UnknownCurve(Part):
+    """The strength curve that would explain the misfit. No strength is reported from it."""
+
+    variable: str = Field(description="what the strength is made a function of")
+    words: str = Field(description="the same in words")
+    unit: str = Field(description="of the variable")
+    knots: list[float] = Field(description="places of the coefficients")
+    multiplier: list[float] = Field(description="of the strength, at the knots")
+    low: list[float] = Field(description="16 % limit of the same")
+    high: list[float] = Field(description="84 % limit of the same")
+    chi2: dict[str, float] = Field(description="variable -> chi2 of its curve")
+    ln_evidence: dict[str, float] = Field(description="variable -> gain over the model before")
+
+
+class NextMeasurement(Part):
+    """A measurement that would tell the surviving explanations apart."""
+
+    name: str = Field(description="name of the number")
+    words: str = Field(description="what, where or when, how well")
+    gain: float = Field(description="expected separation, in squared standard deviations")
+
+
+class TransferCheck(Part):
+    """The answer on a second section or event, which no fit has seen."""
+
+    case: str = Field(description="name of the other case")
+    n: int = Field(description="its measured numbers: the noise level of the chi2")
+    chi2_base: float = Field(description="by the base model with the parameters found here")
+    chi2_final: float = Field(description="by the model of the answer")
+
+
+class Runs(Part):
+    """Forward runs."""
+
+    asked: int = Field(description="all that the diagnosis needed, kept ones included")
+    computed: int | None = Field(
+        description="of these, simulated now; null in a file, which is the same however often its "
+        "making was interrupted: timing.json has it"
+    )
+    allowed: int = Field(description="the allowance")
+    cut_short: list[str] = Field(description="what was left out because the allowance ran out")
+
+
+class CompareDocument(Part):
+    """`compare.json`: is the base model adequate, and where does it fail?"""
+
+    case: str = Field(description="name of the case")
+    title: str = Field(description="name in words")
+    sentence: str = Field(description="the finding")
+    alarm: Literal["adequate", "suspect", "alarm"] = Field(description="by the combined p")
+    parameters: list[ParameterWords] = Field(
+        default_factory=list, description="what is calibrated, in words"
+    )
+    base: Stage = Field(description="the base model, calibrated")
+    measurements: list[MeasurementVerdict] = Field(description="number by number")
+    runs: Runs = Field(description="forward runs")
+
+
+class ExplainDocument(Part):
+    """`explain.json`: ranked candidates, what looks alike, what could hide."""
+
+    case: str = Field(description="name of the case")
+    title: str = Field(description="name in words")
+    sentence: str = Field(description="the finding")
+    parameters: list[ParameterWords] = Field(
+        default_factory=list, description="what is calibrated, in words"
+    )
+    base: Stage = Field(description="the base model, calibrated")
+    candidates: list[CandidateVerdict] = Field(description="best score first")
+    confounding: Confounding = Field(description="which look alike")
+    signatures: Signatures = Field(description="fingerprints")
+    hidden: dict[str, dict[str, float]] = Field(
+        description="parameter -> effect -> change [%] that it hides while undetected"
+    )
+    runs: Runs = Field(description="forward runs")
+
+
+class Verdict(Part):
+    """The whole of `verdict.json`."""
+
+    case: str = Field(description="name of the case")
+    title: str = Field(description="name in words")
+    sentence: str = Field(description="the verdict in one sentence")
+    verdict: Verdicts = Field(description="among the effects tested")
+    tested: list[str] = Field(description="effects that were tested")
+    forbidden: list[str] = Field(description="effects that the engineer ruled out")
+    answer: Answer = Field(description="effects of the answer, and the 90 % set")
+    parameters: list[ParameterWords] = Field(
+        default_factory=list, description="what is calibrated, in words"
+    )
+    base: Stage = Field(description="the base model")
+    final: Stage = Field(description="the model of the answer; the base model where there is none")
+    steps: list[Step] = Field(description="every model that was adopted, in order")
+    candidates: list[CandidateVerdict] = Field(description="best score first")
+    confounding: Confounding = Field(description="which candidates look alike")
+    signatures: Signatures = Field(description="fingerprints at the base model's fit")
+    measurements: list[MeasurementVerdict] = Field(description="number by number")
+    hidden: dict[str, dict[str, float]] = Field(
+        description="parameter -> effect -> change [%] that it hides while undetected"
+    )
+    unknown_curve: UnknownCurve | None = Field(description="only where nothing in the list passes")
+    next_measurement: list[NextMeasurement] = Field(description="best first")
+    transfer_check: TransferCheck | None = Field(
+        None, description="on a second section or event; null: none was given"
+    )
+    runs: Runs = Field(description="forward runs")
+    seconds: float | None = Field(description="wall time; null in a file: timing.json has it")
+    hashes: dict[str, str] = Field(description="of what went in")
+    manifest: dict[str, Any] = Field(description="settings, versions, seeds, machine, time")
+
+
+def load_verdict(path: str | Path) -> Verdict:
+    """Read a `verdict.json`, or the one in a folder.
+
+    Raises:
+        InputError: no such file, not JSON, or not of this schema; one line.
+    """
+    path = Path(path)
+    path = path / FILE_NAME if path.is_dir() else path
+    return validate_settings(Verdict, read_json(path), origin=str(path))
+
+
+def save_document(document: Part, path: str | Path) -> Path:
+    """Write a verdict, a comparison or an explanation; the file appears when whole."""
+    write_json(Path(path), document.model_dump(mode="json"))
+    return Path(path)
+
+
+def schema_text() -> str:
+    """The JSON schema of a verdict, as the text of `config/verdict.schema.json`."""
+    return document_schema(Verdict, "flowslide diagnosis")

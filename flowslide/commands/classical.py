@@ -1,0 +1,143 @@
+"""`python -m inversion classical CASE`: Kinetics, ZIF and IMM on one case.
+
+Prints a table and writes `classical.json` and one picture per slide. Judgement calls come from the
+case's `classical.yaml`; an option given here replaces the same call of every slide.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from geometry.scenes.scene import document_error
+from inversion.back_analysis.load import case_folder
+from inversion.classical.analysis import Analysis, analyse
+from inversion.classical.document import document, table
+from inversion.classical.judgement import FILE_NAME, Judgement, load_judgements
+from inversion.classical.sections_of_case import CaseSections, load_sections
+from pipeline.cli import InputError, add_common
+from pipeline.config import load_config
+from pipeline.files import write_json
+
+RESULT = "classical.json"
+
+#: Options of the command that replace a judgement call: option, field, what argparse needs.
+CALLS: list[tuple[str, str, dict[str, Any]]] = [
+    ("--water", "water", {"choices": ("buoyant", "boundary", "none")}),
+    ("--water-line", "water_line", {"choices": ("level", "phreatic")}),
+    ("--slip-surface", "slip_surface", {"metavar": "FILE"}),
+    ("--base-strength", "base_strength", {"choices": ("weaker", "place", "carried")}),
+    ("--unit-weight-factor", "unit_weight_factor", {"type": float, "metavar": "F"}),
+    ("--method", "method", {"choices": ("spencer", "force", "ordinary")}),
+    ("--zif-share", "zif_share", {"type": float, "metavar": "F"}),
+    ("--sections", "sections", {"type": int, "metavar": "N"}),
+    ("--path-end", "path_end", {"choices": ("slip", "level")}),
+    ("--path-stages", "path_stages", {"choices": ("varying", "before", "after")}),
+    ("--time-step", "time_step_s", {"type": float, "metavar": "S"}),
+]
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:
+    """Add the command `classical` with its options."""
+    parser = subparsers.add_parser(
+        "classical",
+        help="S_r by Kinetics, ZIF and IMM",
+        description="Find S_r by the classical methods on the sections before and after a slide. "
+        "Each reports a value and a range over the judgement calls.",
+    )
+    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder of the results; default: RESULTS/CASE/classical"
+    )
+    parser.add_argument(
+        "--run", metavar="FILE", help="take the deposit of this trajectory as the section after"
+    )
+    parser.add_argument("--slide", metavar="NAME", help="one slide of the case alone")
+    calls = parser.add_argument_group("judgement calls (see docs/classical.md)")
+    for option, name, kind in CALLS:
+        words = Judgement.model_fields[name].description
+        calls.add_argument(option, dest=name, default=None, help=words, **kind)
+    calls.add_argument(
+        "--liquefied-alone",
+        action="store_true",
+        help="leave the strength of soil that did not liquefy out",
+    )
+    return add_common(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; 0 when done."""
+    config = load_config(arguments.config, arguments.overrides)
+    case = load_sections(case_folder(arguments.case), run=arguments.run)
+    name = case.folder.resolve().name
+    out = Path(arguments.out or Path(config.results_folder) / name / "classical")
+    analyses, refused = analyse_all(case, arguments)
+    from report.pictures.classical import save_picture  # matplotlib takes its time
+
+    for analysis in analyses:
+        print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")
+        save_picture(case, analysis, out / f"{_file_name(analysis.judgement.name)}.png")
+    for reason in refused:
+        print(f"Not analysed: {reason}")
+    write_json(out / RESULT, document(case, analyses, refused))
+    print(f"wrote {out / RESULT} and {len(analyses)} picture{'' if len(analyses) == 1 else 's'}")
+    return 0
+
+
+def analyse_all(
+    case: CaseSections, arguments: argparse.Namespace
+) -> tuple[list[Analysis], list[str]]:
+    """Every slide of a case, and why others could not be analysed.
+
+    Without a `classical.yaml` nobody has said that these sections make a slide, so sections that do
+    not belong together are a finding and no error.
+
+    Raises:
+        InputError: what the file or the options ask for cannot be.
+    """
+    asked = (case.folder / FILE_NAME).is_file() or arguments.slide is not None
+    analyses, refused = [], []
+    try:
+        judgements = _judgements(case, arguments)
+    except InputError as problem:
+        if asked or _changes(arguments):
+            raise
+        return [], [str(problem)]
+    for judgement in judgements:
+        try:
+            analyses.append(analyse(case, judgement))
+        except InputError as problem:
+            if asked or _changes(arguments):
+                raise
+            refused.append(str(problem))
+    return analyses, refused
+
+
+def _judgements(case: CaseSections, arguments: argparse.Namespace) -> list[Judgement]:
+    """The judgements of the case with the options given on the command line."""
+    changes = _changes(arguments)
+    judgements = load_judgements(case.folder, case.measurements)
+    if arguments.slide is not None:
+        names = [judgement.name for judgement in judgements]
+        if arguments.slide not in names:
+            raise InputError(f"--slide {arguments.slide}: the case has {', '.join(names)}")
+        judgements = [j for j in judgements if j.name == arguments.slide]
+    try:
+        return [Judgement.model_validate(j.model_dump() | changes) for j in judgements]
+    except ValidationError as error:
+        raise InputError(document_error(error, f"{FILE_NAME} with the options given")) from None
+
+
+def _changes(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Judgement calls given on the command line."""
+    changes = {
+        name: value for _, name, _ in CALLS if (value := getattr(arguments, name)) is not None
+    }
+    return changes | ({"count_others": False} if arguments.liquefied_alone else {})
+
+
+def _file_name(name: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)

@@ -1,0 +1,94 @@
+"""`python -m inversion show CASE|FOLDER`: a back-analysis told again, and its page made anew."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from inversion.back_analysis.result import FILE_NAME, Result, load_result
+from pipeline.cli import InputError, add_common
+from pipeline.config import load_config
+from report.back_analysis.summary import summary
+
+
+def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
+    """Add the command."""
+    parser = commands.add_parser(
+        "show",
+        help="print a back-analysis again and rewrite its page",
+        description="Print the tables of a back-analysis that is done, and write its report.html "
+        "and pictures anew. Nothing is simulated.",
+    )
+    parser.add_argument(
+        "case",
+        metavar="CASE|FOLDER",
+        help=f"name or folder of a case, or a folder with a {FILE_NAME}",
+    )
+    parser.add_argument(
+        "--case",
+        dest="case_folder",
+        metavar="DIR",
+        help="folder of the case, where it is not in case_histories",
+    )
+    parser.add_argument(
+        "--report",
+        choices=("film", "page", "none"),
+        default="page",
+        help="film: page with a new film; page: with the film that is there; none; default: page",
+    )
+    return add_common(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the tables; write the page."""
+    results = load_config(arguments.config, arguments.overrides).results_folder
+    folder, case = folders(arguments.case, results)
+    result = load_result(folder)
+    if arguments.case_folder is not None:
+        check_case(arguments.case_folder, result)
+    print(summary(result))
+    if arguments.report != "none":
+        from report.back_analysis.page import write_report  # matplotlib takes its time
+
+        page = write_report(folder, arguments.case_folder or case, film=arguments.report == "film")
+        if not arguments.quiet:
+            print(f"wrote {page}")
+    return 0
+
+
+def check_case(given: str, result: Result) -> None:
+    """The folder of --case is that of the case which a result answers, told by its name.
+
+    Raises:
+        InputError: there is no such folder, or it is of another case.
+    """
+    folder = Path(given)
+    if not folder.is_dir():
+        raise InputError(f"--case {given}: no such folder")
+    if folder.resolve().name != result.case:
+        raise InputError(
+            f"--case {given}: the result answers {result.case!r}; its measurements are in a folder "
+            "of that name"
+        )
+
+
+def folders(text: str, results: str | Path = "results") -> tuple[Path, Path | None]:
+    """The folder of a result, and that of its case where the text names it.
+
+    Args:
+        text: a folder with a result, a case folder, or the name of a case.
+        results: where results are kept.
+
+    Raises:
+        InputError: nothing of that name has been back-analysed.
+    """
+    path = Path(text)
+    if (path / FILE_NAME).is_file():
+        return path, None
+    found = Path(results) / path.resolve().name / "inversion"
+    if not (found / FILE_NAME).is_file():
+        raise InputError(
+            f"{text}: neither a folder with a {FILE_NAME} nor a case that has {found}/{FILE_NAME}; "
+            f"ask first: python -m inversion invert {text}"
+        )
+    return found, path if (path / "scene.yaml").is_file() else None

@@ -1,0 +1,106 @@
+"""`python -m inversion predict CASE --residual-strength 18+-5`: how far such a slide would run."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from inversion.back_analysis.load import case_folder
+from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.run_store import RunStore
+from inversion.prediction.known_strength import KINDS, OPTION, parse_strength, placed
+from inversion.prediction.prediction_case import PredictionCase, load_prediction_case
+from mpm_taichi.effects import add_effects_option, load_given_effects
+from pipeline.batch_bar import BatchBar
+from pipeline.cli import InputError, add_common
+from pipeline.config import load_config
+from pipeline.files import write_json
+
+FILE_NAME, PICTURE = "prediction.json", "prediction.png"
+
+
+def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
+    """Add the command."""
+    parser = commands.add_parser(
+        "predict",
+        help="how far a slide with such a strength would run",
+        description="The distribution of the runout that follows from the distribution of the "
+        "residual strength: exceedance curve, envelope of the final sections, table.",
+    )
+    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
+    parser.add_argument(
+        OPTION, dest="strengths", metavar="MEAN+-STD", action="append", required=True,
+        help="kPa, such as 18+-5; of some zones: 1,6=4+-1; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--zones", metavar="NAMES", help="zones of a single strength, such as 1,6; default: those "
+        "whose strength inversion.yaml seeks, else the liquefied ones",
+    )  # fmt: skip
+    parser.add_argument("--distribution", choices=KINDS, default=KINDS[0])
+    parser.add_argument("--samples", type=int, default=20_000, metavar="N", help="default: 20000")
+    parser.add_argument(
+        "--seeds", type=int, default=3, metavar="N",
+        help="jitter seeds that measure the numerical noise; 0: none. Default: 3",
+    )  # fmt: skip
+    parser.add_argument("--spacing", type=float, metavar="M", help="of material points, m")
+    parser.add_argument("--out", metavar="DIR", help="default: results/<case>/prediction")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
+    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+    add_effects_option(parser)
+    return add_common(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Predict, write, print."""
+    from inversion.prediction.predict import envelope, predict  # scipy.optimize takes its time
+    from inversion.prediction.prediction_document import document_of, summary
+
+    load_given_effects(arguments)
+    _check(arguments)
+    config = load_config(arguments.config, arguments.overrides)
+    read = [parse_strength(text, arguments.distribution) for text in arguments.strengths]
+    case = load_prediction_case(case_folder(arguments.case), config, arguments.spacing)
+    if arguments.zones is not None and read[0].zones:
+        raise InputError(f"--zones: {OPTION} names its zones already")
+    given = [name.strip() for name in (arguments.zones or "").split(",") if name.strip()]
+    strengths = placed(read, given or case.default_zones, case.scene)
+    folder = Path(arguments.out or Path(config.results_folder) / case.name / "prediction")
+    store = RunStore(
+        folder / "runs",
+        device=arguments.device,
+        threads=arguments.threads,
+        on_run=BatchBar(quiet=arguments.quiet),
+    )
+    found = predict(
+        MPMEngine(case.setup(strengths), store),
+        strengths,
+        jittered=[
+            MPMEngine(case.setup(strengths, jitter_seed=seed), store)
+            for seed in range(1, arguments.seeds + 1)
+        ],
+        samples=arguments.samples,
+    )
+    sections = envelope(found, spacing=case.scene.spacing, ground=case.ground)
+    document = document_of(case, strengths, found, sections)
+    write_json(folder / FILE_NAME, document)
+    _draw(case, document, folder)
+    print(summary(document))
+    if not arguments.quiet:
+        print(f"wrote {folder}", file=sys.stderr)
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    for name, least in (("samples", 100), ("seeds", 0), ("threads", 1)):
+        value = getattr(arguments, name)
+        if value is not None and value < least:
+            raise InputError(f"--{name} {value}: at least {least}")
+    if arguments.spacing is not None and not arguments.spacing > 0:
+        raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
+
+
+def _draw(case: PredictionCase, document: dict, folder: Path) -> None:
+    from report.charts.prediction import save_prediction_picture
+
+    save_prediction_picture(case.scene, document, folder / PICTURE)

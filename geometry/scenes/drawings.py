@@ -1,0 +1,366 @@
+"""Sections drawn elsewhere: CSV, GeoJSON and DXF become scenes.
+
+All three give zones (closed outlines with a name) and, by the names `ground` and `water`, the base
+and the water table. Strengths come with the zones (CSV columns, GeoJSON properties) or from a file
+of materials. Nothing is made up: a zone without a strength is refused.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from geometry.scenes.scene import Material, Scene, scene_from_mapping
+from pipeline.cli import InputError
+from pipeline.files import read_json, read_yaml
+
+Point = tuple[float, float]
+
+GROUND, WATER = "ground", "water"
+#: Metres in a unit of length.
+UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048}
+#: DXF header code $INSUNITS -> unit.
+DXF_UNITS = {2: "ft", 4: "mm", 5: "cm", 6: "m"}
+FORMATS = (".csv", ".geojson", ".json", ".dxf")
+MATERIAL_FIELDS = tuple(name for name in Material.model_fields if name != "pre_failure")
+
+
+@dataclass
+class Section:
+    """What a drawing holds, in its own unit of length."""
+
+    zones: dict[str, list[Point]] = field(default_factory=dict)
+    properties: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Zone name -> `material` and fields of `Material`, as far as the drawing gives them."""
+    ground: list[Point] | None = None
+    water: list[Point] | None = None
+    unit: str | None = None
+    """Unit that the file itself names."""
+
+
+def read_section(path: str | Path, kind: str | None = None) -> Section:
+    """Read the outlines of a CSV, GeoJSON or DXF file.
+
+    Args:
+        path: the drawing.
+        kind: csv, geojson or dxf; None: as its suffix says.
+
+    Raises:
+        InputError: unknown suffix, unreadable file, or a row or shape that is no zone.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower() if kind is None else f".{kind}"
+    if suffix not in FORMATS:
+        raise InputError(f"{path}: sections end in {', '.join(FORMATS)}")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    reader = {".csv": _read_csv, ".dxf": _read_dxf}.get(suffix, _read_geojson)
+    section = reader(path)
+    if not section.zones:
+        raise InputError(f"{path}: no closed outline was found, so there is no zone")
+    return section
+
+
+def section_scene(
+    section: Section,
+    *,
+    source: str,
+    name: str,
+    spacing: float,
+    unit: str | None = None,
+    materials: Mapping[str, Any] | None = None,
+    snap: float = 0.0,
+) -> Scene:
+    """Make a scene of a section.
+
+    Args:
+        section: from `read_section`.
+        source: the file's name, for messages and for the description.
+        name: name of the scene.
+        spacing: distance between material points [m].
+        unit: unit of the coordinates; None = the file's own, or metres.
+        materials: material name, or zone name where the zone names no material -> fields.
+        snap: vertices nearer than this become one [m].
+
+    Returns:
+        A scene with open walls, room for a slide on both sides and, unless the drawing has a
+        ground, a level base at its lowest vertex.
+    """
+    factor = UNITS[unit or section.unit or "m"]
+    snapped = _Snap(snap)
+    zones = {
+        zone: [snapped((factor * x, factor * y)) for x, y in ring]
+        for zone, ring in section.zones.items()
+    }
+    chosen, definitions = _materials(section, materials or {}, source)
+    lowest = min(y for ring in zones.values() for _, y in ring)
+    left, right, top = _room(zones, lowest, 2.0 * spacing)
+    ground = _scaled(section.ground, factor) or [(left, lowest), (right, lowest)]
+    water = _scaled(section.water, factor)
+    document = {
+        "name": name,
+        "description": f"Imported from {Path(source).name}.",
+        "domain": {"x_min": left, "x_max": right, "y_max": top, "walls": "open"},
+        "ground": {"points": ground},
+        "zones": [
+            {"name": zone, "polygon": _open(ring), "material": chosen[zone]}
+            for zone, ring in zones.items()
+        ],
+        "materials": definitions,
+        "water_level": max(y for _, y in water) if water else None,
+        "phreatic_line": water if water and len({y for _, y in water}) > 1 else None,
+        "spacing": spacing,
+    }
+    return scene_from_mapping(document, source)
+
+
+def read_materials(path: str | Path) -> dict[str, Any]:
+    """Read a YAML file: name -> fields of `Material`, at top level or under the key `materials`."""
+    document = read_yaml(path)
+    if isinstance(document, Mapping) and isinstance(document.get("materials"), Mapping):
+        document = document["materials"]
+    if not isinstance(document, Mapping) or not all(
+        isinstance(value, Mapping) for value in document.values()
+    ):
+        raise InputError(f"{path}: must hold materials (name: {{friction_deg: ..., ...}})")
+    return {str(key): dict(value) for key, value in document.items()}
+
+
+def _materials(
+    section: Section, given: Mapping[str, Any], source: str
+) -> tuple[dict[str, str], dict[str, dict[str, Any]]]:
+    """Material name of every zone, and the fields of every material that is used."""
+    chosen: dict[str, str] = {}
+    definitions: dict[str, dict[str, Any]] = {}
+    for zone in section.zones:
+        properties = dict(section.properties.get(zone, {}))
+        material = str(properties.pop("material", zone))
+        fields = {**given.get(material, {}), **properties}
+        missing = [key for key in ("friction_deg", "cohesion_kpa") if key not in fields]
+        if missing:
+            raise InputError(
+                f"{source}: zone {zone!r} (material {material!r}) has no {missing[0]}; give it in "
+                "the drawing or with --materials FILE"
+            )
+        if material in definitions and definitions[material] != fields:
+            raise InputError(
+                f"{source}: zone {zone!r} gives material {material!r} other values than a zone "
+                "before; use two names"
+            )
+        chosen[zone], definitions[material] = material, fields
+    return chosen, definitions
+
+
+def _room(
+    zones: Mapping[str, Sequence[Point]], lowest: float, cell: float
+) -> tuple[float, float, float]:
+    """Walls and top of the domain, whole cells: a slide may run twice the height to either side."""
+    x_values = [x for ring in zones.values() for x, _ in ring]
+    height = max(y for ring in zones.values() for _, y in ring) - lowest
+    left = cell * math.floor((min(x_values) - 2.0 * height) / cell)
+    right = cell * math.ceil((max(x_values) + 2.0 * height) / cell)
+    return left, right, lowest + cell * math.ceil(1.3 * height / cell)
+
+
+class _Snap:
+    """Gives a vertex the place of an earlier one that is nearer than `reach`."""
+
+    def __init__(self, reach: float) -> None:
+        self._reach = reach
+        self._known: list[Point] = []
+
+    def __call__(self, point: Point) -> Point:
+        for known in self._known:
+            if math.dist(known, point) <= self._reach:
+                return known
+        self._known.append(point)
+        return point
+
+
+def _scaled(line: list[Point] | None, factor: float) -> list[Point] | None:
+    return None if line is None else sorted((factor * x, factor * y) for x, y in line)
+
+
+def _open(ring: list[Point]) -> list[Point]:
+    """Without repeated neighbours, the closing vertex among them."""
+    following = [*ring[1:], ring[0]]
+    return [point for point, after in zip(ring, following, strict=True) if point != after]
+
+
+def _add(section: Section, name: str, line: list[Point], where: str, closed: bool = True) -> None:
+    """Put a line in its place by its name."""
+    if name.lower() in (GROUND, WATER):
+        if getattr(section, name.lower()) is not None:
+            raise InputError(f"{where}: two lines are called {name!r}; join them into one")
+        setattr(section, name.lower(), line)
+    elif not closed:
+        raise InputError(
+            f"{where}: the line {name!r} is not closed; zones are closed, other lines are called "
+            f"{GROUND!r} or {WATER!r}"
+        )
+    elif name in section.zones:
+        raise InputError(f"{where}: two outlines are called {name!r}; names must be unique")
+    else:
+        section.zones[name] = line
+
+
+def _read_csv(path: Path) -> Section:
+    """One vertex a row: zone, x, y, and optionally material and fields of `Material`."""
+    section = Section()
+    lines: dict[str, list[Point]] = {}
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not text in UTF-8") from None
+    uncommented = (line for line in text.splitlines() if not line.lstrip().startswith("#"))
+    rows = csv.DictReader(uncommented)
+    columns = [name.strip() for name in rows.fieldnames or []]
+    _check_columns(columns, path)
+    rows.fieldnames = columns
+    for number, row in enumerate(rows, start=2):
+        where = f"{path}: row {number}"
+        if row.get(None):
+            raise InputError(f"{where}: has more values than there are columns ({len(columns)})")
+        name = (row["zone"] or "").strip()
+        if not name:
+            raise InputError(f"{where}: the zone has no name")
+        point = (_number(row["x"], "x", where), _number(row["y"], "y", where))
+        lines.setdefault(name, []).append(point)
+        _note_properties(section, name, row, where)
+    for name, line in lines.items():
+        _add(section, name, line, str(path))
+    return section
+
+
+def _check_columns(columns: list[str], path: Path) -> None:
+    known = ("zone", "x", "y", "material", *MATERIAL_FIELDS)
+    for column in ("zone", "x", "y"):
+        if column not in columns:
+            raise InputError(f"{path}: no column {column!r}; needed are zone, x, y")
+        if columns.count(column) > 1:
+            raise InputError(f"{path}: two columns are called {column!r}")
+    for column in columns:
+        if column not in known:
+            raise InputError(f"{path}: unknown column {column!r}; allowed are {', '.join(known)}")
+
+
+def _note_properties(section: Section, name: str, row: Mapping[str, Any], where: str) -> None:
+    """Keep a row's material and strengths; empty cells say nothing, others must agree."""
+    for key in ("material", *MATERIAL_FIELDS):
+        text = (row.get(key) or "").strip()
+        if not text:
+            continue
+        value = _value(key, text, where)
+        kept = section.properties.setdefault(name, {}).setdefault(key, value)
+        if kept != value:
+            raise InputError(f"{where}: {key} is {text}, but {kept} in a row before of {name!r}")
+
+
+def _value(key: str, text: str, where: str) -> str | bool | float:
+    if key == "material":
+        return text
+    if key == "liquefied":
+        if text.lower() not in ("true", "false"):
+            raise InputError(f"{where}: liquefied is {text!r}; allowed are true and false")
+        return text.lower() == "true"
+    return _number(text, key, where)
+
+
+def _number(text: Any, what: str, where: str) -> float:
+    try:
+        value = float(text)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: {what} is {text!r}, not a number") from None
+    if not math.isfinite(value):
+        raise InputError(f"{where}: {what} is {text}; numbers must be finite")
+    return value
+
+
+def _read_geojson(path: Path) -> Section:
+    """A FeatureCollection: polygons with the property `name`; lines named ground or water."""
+    document = read_json(path)
+    features = document.get("features") if isinstance(document, Mapping) else None
+    if not isinstance(features, list):
+        raise InputError(f"{path}: not a GeoJSON FeatureCollection (no list of features)")
+    section = Section()
+    for number, feature in enumerate(features):
+        where = f"{path}: feature {number}"
+        geometry = feature.get("geometry") if isinstance(feature, Mapping) else None
+        if not isinstance(geometry, Mapping):
+            raise InputError(f"{where}: has no geometry")
+        properties = feature.get("properties") or {}
+        if not isinstance(properties, Mapping):
+            raise InputError(f"{where}: properties must be a mapping")
+        properties = dict(properties)
+        name = str(properties.pop("name", properties.pop("zone", f"zone_{number + 1}")))
+        line, closed = _geojson_line(geometry, where)
+        _add(section, name, line, where, closed)
+        if name in section.zones:
+            section.properties[name] = _geojson_properties(properties, where)
+    return section
+
+
+def _geojson_line(geometry: Mapping[str, Any], where: str) -> tuple[list[Point], bool]:
+    kind, coordinates = geometry.get("type"), geometry.get("coordinates")
+    if kind not in ("Polygon", "LineString"):
+        raise InputError(f"{where}: is a {kind}; allowed are Polygon and LineString")
+    places = coordinates
+    if kind == "Polygon" and isinstance(coordinates, list) and coordinates:
+        if len(coordinates) > 1:
+            raise InputError(f"{where}: has a hole; cut the zone so that it needs none")
+        places = coordinates[0]
+    if (
+        not isinstance(places, list)
+        or not places
+        or not all(isinstance(place, list) and len(place) >= 2 for place in places)
+    ):
+        raise InputError(f"{where}: coordinates must be a list of [x, y]")
+    line = [(_number(place[0], "x", where), _number(place[1], "y", where)) for place in places]
+    return line, kind == "Polygon"
+
+
+def _geojson_properties(properties: Mapping[str, Any], where: str) -> dict[str, Any]:
+    kept = {key: value for key, value in properties.items() if value is not None}
+    for key in kept:
+        if key not in ("material", *Material.model_fields):
+            known = ", ".join(("name", "material", *Material.model_fields))
+            raise InputError(f"{where}: unknown property {key!r}; allowed are {known}")
+    return kept
+
+
+def _read_dxf(path: Path) -> Section:
+    """Closed polylines are zones, named by their layer; layers ground and water hold open lines."""
+    try:
+        import ezdxf
+    except ImportError:
+        raise InputError(
+            f"{path}: reading DXF needs the extra: pip install 'flowslide[dxf]'"
+        ) from None
+    try:
+        drawing = ezdxf.readfile(path)
+    except (OSError, ezdxf.DXFError) as error:
+        raise InputError(f"{path}: no readable DXF file: {error}") from None
+    section = Section(unit=DXF_UNITS.get(drawing.header.get("$INSUNITS", 0)))
+    for shape in drawing.modelspace().query("LWPOLYLINE POLYLINE LINE"):
+        name, where = shape.dxf.layer, f"{path}: layer {shape.dxf.layer}"
+        if shape.dxftype() == "LINE":
+            line, closed = [tuple(shape.dxf.start)[:2], tuple(shape.dxf.end)[:2]], False
+        else:
+            line, closed = _dxf_polyline(shape, where)
+        points = [(_number(x, "x", where), _number(y, "y", where)) for x, y in line]
+        _add(section, name, points, where, closed)
+    return section
+
+
+def _dxf_polyline(shape: Any, where: str) -> tuple[list[Point], bool]:
+    if shape.has_arc:
+        raise InputError(f"{where}: has an arc; draw zones with straight edges")
+    if shape.dxftype() == "LWPOLYLINE":
+        line = [(x, y) for x, y in shape.get_points("xy")]
+    else:
+        line = [tuple(vertex.dxf.location)[:2] for vertex in shape.vertices]
+    return line, bool(shape.is_closed) or (len(line) > 2 and line[0] == line[-1])

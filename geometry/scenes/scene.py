@@ -1,0 +1,394 @@
+"""The scene document: domain, ground, zones, materials, water.
+
+A scene drawn at random and a case history written by hand are the same document, so everything
+behind this file sees one kind of input. Keys carry the units people use (kPa, MPa, degrees); the
+properties of `Material` give SI. The checks on polygons live in `geometry.scenes.polygon_checks`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from geometry.scenes.limits import check_density, check_level, extent
+from geometry.scenes.polygon_checks import check_ground, check_zones
+from pipeline.cli import InputError
+from pipeline.files import read_json, read_yaml, write_text
+from pipeline.strict_numbers import StrictNumbers
+
+Point = tuple[float, float]
+
+#: A pair of numbers that the JSON writer has spread over four lines.
+_PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
+
+
+class Document(StrictNumbers):
+    """Base of every part of a scene: unknown keys and numbers that are not finite are refused."""
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, frozen=True, coerce_numbers_to_str=True
+    )
+
+
+class Strength(Document):
+    """A Mohr-Coulomb strength."""
+
+    friction_deg: float = Field(ge=0, lt=89, description="friction angle [degrees]")
+    cohesion_kpa: float = Field(ge=0, description="cohesion, or S_r where friction is 0 [kPa]")
+
+    @property
+    def friction_rad(self) -> float:
+        """Friction angle [rad]."""
+        return math.radians(self.friction_deg)
+
+    @property
+    def cohesion_pa(self) -> float:
+        """Cohesion [Pa]."""
+        return 1e3 * self.cohesion_kpa
+
+
+class Material(Strength):
+    """One soil: strength during the flow, stiffness, density."""
+
+    density: float = Field(1800.0, gt=0, description="total density of the soil [kg/m3]")
+    youngs_modulus_mpa: float = Field(30.0, gt=0, description="Young's modulus [MPa]")
+    poisson_ratio: float = Field(0.3, ge=0, lt=0.5, description="Poisson's ratio")
+    liquefied: bool = Field(False, description="true where the cohesion is a residual strength")
+    tension_cap_kpa: float | None = Field(
+        None, ge=0, description="tension cut-off [kPa]; null = c cot(phi), none for phi = 0"
+    )
+    saturated_density: float | None = Field(
+        None, gt=0, description="density below the phreatic line [kg/m3]; null = density"
+    )
+    pre_failure: Strength | None = Field(
+        None, description="strength while the initial stress settles; null = elastic"
+    )
+
+    @property
+    def youngs_modulus_pa(self) -> float:
+        """Young's modulus [Pa]."""
+        return 1e6 * self.youngs_modulus_mpa
+
+    @property
+    def tension_cap_pa(self) -> float | None:
+        """Tension cut-off [Pa], or None where the rule in the field's description holds."""
+        return None if self.tension_cap_kpa is None else 1e3 * self.tension_cap_kpa
+
+    @model_validator(mode="after")
+    def _saturated_not_lighter(self) -> Material:
+        check_density("density", self.density)
+        if self.saturated_density is not None:
+            check_density("saturated_density", self.saturated_density)
+        if self.saturated_density is not None and self.saturated_density < self.density:
+            raise ValueError(
+                f"saturated_density {self.saturated_density:g} is below density "
+                f"{self.density:g}; water adds weight"
+            )
+        return self
+
+
+class Domain(Document):
+    """The box in which the scene lies; its lower edge follows from the ground."""
+
+    x_min: float = Field(description="left wall [m]")
+    x_max: float = Field(description="right wall [m]")
+    y_max: float = Field(description="top [m]")
+    walls: Literal["closed", "open"] = Field(
+        "closed",
+        description="closed: the walls are part of the scene; open: enlarged until nothing touches",
+    )
+
+    @model_validator(mode="after")
+    def _has_width(self) -> Domain:
+        if self.x_max <= self.x_min:
+            raise ValueError(f"x_max {self.x_max:g} must be greater than x_min {self.x_min:g}")
+        return self
+
+    @property
+    def width(self) -> float:
+        """Distance between the side walls [m]."""
+        return self.x_max - self.x_min
+
+
+class Ground(Document):
+    """The rigid base: a polyline from left to right, level beyond its ends."""
+
+    points: list[Point] = Field(min_length=1, description="(x, y), x ascending [m]")
+    contact: Literal["rough", "no_slip", "coulomb"] = Field(
+        "rough",
+        description="rough: slip where the soil's own strength is exceeded; no_slip: bonded; "
+        "coulomb: with a coefficient",
+    )
+    friction_coefficient: float | None = Field(
+        None, ge=0, description="Coulomb coefficient; for contact: coulomb only"
+    )
+
+    @field_validator("points")
+    @classmethod
+    def _ascending(cls, points: list[Point]) -> list[Point]:
+        for left, right in zip(points, points[1:], strict=False):
+            if right[0] <= left[0]:
+                raise ValueError(f"x must ascend, but {right[0]:g} follows {left[0]:g}")
+        return points
+
+    @model_validator(mode="after")
+    def _coefficient_belongs_to_coulomb(self) -> Ground:
+        if self.contact == "coulomb" and self.friction_coefficient is None:
+            raise ValueError("contact: coulomb needs a friction_coefficient")
+        if self.contact != "coulomb" and self.friction_coefficient is not None:
+            raise ValueError(
+                f"friction_coefficient has no effect with contact: {self.contact}; remove it"
+            )
+        return self
+
+    def height(self, x: np.ndarray | float) -> np.ndarray:
+        """Elevation of the base [m] at `x` [m], any shape."""
+        line = np.asarray(self.points, dtype=float)
+        return np.interp(x, line[:, 0], line[:, 1])
+
+    @property
+    def lowest(self) -> float:
+        """Lowest elevation of the base [m]; the filling lattice counts from here."""
+        return min(y for _, y in self.points)
+
+
+class Zone(Document):
+    """A polygon of one material."""
+
+    name: str = Field(min_length=1, description="unique in the scene")
+    polygon: list[Point] = Field(min_length=3, description="(x, y) in order, not closed [m]")
+    material: str = Field(description="a key of materials")
+    initial_velocity: Point = Field((0.0, 0.0), description="(vx, vy) at t = 0 [m/s]")
+    kinematic: bool = Field(False, description="true: the points keep their initial velocity")
+
+    @field_validator("polygon")
+    @classmethod
+    def _open_ring(cls, polygon: list[Point]) -> list[Point]:
+        if len(polygon) > 3 and polygon[0] == polygon[-1]:
+            return polygon[:-1]
+        return polygon
+
+
+class Origin(Document):
+    """Where a generated scene comes from; it can be drawn again from this alone."""
+
+    template: str = Field(description="letter of the template, a to e")
+    scale: str = Field(description="name of the scale in the configuration")
+    index: int = Field(ge=0, description="number of the scene")
+    draws: int = Field(ge=1, description="draws until a valid scene came; 1 = the first was valid")
+    materials: str = Field(description="name of the material ranges")
+
+
+class Scene(Document):
+    """One scene, complete: everything the solver needs but its own settings."""
+
+    name: str = Field(min_length=1)
+    description: str = Field("", description="free text; sources and assumptions")
+    origin: Origin | None = Field(None, description="filled in generated scenes")
+    domain: Domain
+    ground: Ground
+    zones: list[Zone] = Field(min_length=1)
+    materials: dict[str, Material] = Field(min_length=1)
+    water_level: float | None = Field(
+        None, description="pool level [m]; null = no water anywhere, phreatic_line included"
+    )
+    phreatic_line: list[Point] | None = Field(
+        None, description="(x, y), x ascending [m]; null = water_level everywhere"
+    )
+    spacing: float = Field(gt=0, description="distance between material points [m]")
+    points_per_cell: int = Field(4, ge=1, description="a square number")
+    jitter: float = Field(
+        0.0, ge=0, lt=1, description="each point moves by up to jitter x spacing / 2 in x and y"
+    )
+    seed: int = Field(0, ge=0, lt=2**63, description="seed of the jitter")
+    effects: dict[str, float | dict[str, float]] = Field(
+        default_factory=dict,
+        description="name -> amplitude, or amplitude and parameters; 0 is off; the solver refuses "
+        "unknown names",
+    )
+
+    @field_validator("effects", mode="before")
+    @classmethod
+    def _numbers(cls, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            raise ValueError("is a mapping, effect: amplitude or effect: {amplitude: 1, ...}")
+        for name, entry in value.items():
+            numbers = entry if isinstance(entry, Mapping) else {"": entry}
+            for key, number in numbers.items():
+                if isinstance(number, bool) or not isinstance(number, int | float):
+                    where = f"{name}.{key}" if key else name
+                    raise ValueError(f"{where}: {number!r} is not a number")
+        return value
+
+    @field_validator("points_per_cell")
+    @classmethod
+    def _square(cls, value: int) -> int:
+        if math.isqrt(value) ** 2 != value:
+            raise ValueError(f"{value} is not a square number (1, 4, 9, 16, ...)")
+        return value
+
+    @field_validator("phreatic_line")
+    @classmethod
+    def _line_ascends(cls, line: list[Point] | None) -> list[Point] | None:
+        if line is not None:
+            if len(line) < 2:
+                raise ValueError("needs at least two points")
+            for left, right in zip(line, line[1:], strict=False):
+                if right[0] <= left[0]:
+                    raise ValueError(f"x must ascend, but {right[0]:g} follows {left[0]:g}")
+        return line
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scene:
+        names = [zone.name for zone in self.zones]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"zones: two zones are called {name!r}; names must be unique")
+        for zone in self.zones:
+            if zone.material not in self.materials:
+                known = ", ".join(self.materials)
+                raise ValueError(
+                    f"zones: zone {zone.name!r} has material {zone.material!r}; known are {known}"
+                )
+        unused = sorted(set(self.materials) - {zone.material for zone in self.zones})
+        if unused:
+            raise ValueError(f"materials: {unused[0]!r} is used by no zone; remove it")
+        if self.water_level is not None:
+            check_level("water_level", self.water_level, *self.extent)
+        for x, y in self.phreatic_line or ():
+            check_level(f"phreatic_line at x {x:g}: y", y, *self.extent)
+        polygons = {zone.name: zone.polygon for zone in self.zones}
+        check_ground(self.ground.points, self.domain.y_max)
+        check_zones(
+            polygons,
+            box=(self.domain.x_min, self.domain.x_max, self.domain.y_max),
+            ground=self.ground.points,
+            spacing=self.spacing,
+        )
+        return self
+
+    @property
+    def material_names(self) -> list[str]:
+        """Names of the materials; the place in the list is the material's number."""
+        return list(self.materials)
+
+    @property
+    def cell_size(self) -> float:
+        """Edge of a grid cell [m]."""
+        return math.isqrt(self.points_per_cell) * self.spacing
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Lowest and highest elevation of the section's outline [m]."""
+        return extent(zone.polygon for zone in self.zones)
+
+    def foot(self, side: Literal["left", "right"]) -> float:
+        """Place x [m] of the foot of the section: where its outline ends on one side."""
+        x = [place for zone in self.zones for place, _ in zone.polygon]
+        return min(x) if side == "left" else max(x)
+
+    @property
+    def has_water(self) -> bool:
+        """True where there is a pool or groundwater."""
+        return self.water_level is not None
+
+    def phreatic_level(self, x: np.ndarray | float) -> np.ndarray:
+        """Elevation [m] below which pores are full of water, at `x` [m]; -inf without water."""
+        x = np.asarray(x, dtype=float)
+        if self.water_level is None:
+            return np.full(x.shape, -np.inf)
+        if self.phreatic_line is None:
+            return np.full(x.shape, self.water_level)
+        line = np.asarray(self.phreatic_line, dtype=float)
+        return np.interp(x, line[:, 0], line[:, 1])
+
+    def changed(self, **fields: Any) -> Scene:
+        """Return a checked copy with `fields` replaced, e.g. ``changed(water_level=None)``."""
+        return Scene.model_validate({**self.model_dump(), **fields})
+
+    def with_strength(
+        self,
+        material: str,
+        *,
+        friction_deg: float | None = None,
+        cohesion_kpa: float | None = None,
+    ) -> Scene:
+        """Return a checked copy in which one material has another strength."""
+        if material not in self.materials:
+            known = ", ".join(self.materials)
+            raise InputError(f"{self.name}: no material {material!r}; known are {known}")
+        document = self.model_dump()
+        if friction_deg is not None:
+            document["materials"][material]["friction_deg"] = friction_deg
+        if cohesion_kpa is not None:
+            document["materials"][material]["cohesion_kpa"] = cohesion_kpa
+        return Scene.model_validate(document)
+
+
+def scene_hash(scene: Scene) -> str:
+    """SHA-256 (hex) of the scene's canonical JSON: sorted keys, shortest exact numbers."""
+    text = json.dumps(scene.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def scene_from_mapping(document: Mapping[str, Any], source: str = "scene") -> Scene:
+    """Check a mapping and make a scene of it.
+
+    Raises:
+        InputError: one line with source, field, value and what is allowed.
+    """
+    try:
+        return Scene.model_validate(document)
+    except ValidationError as error:
+        raise InputError(document_error(error, source)) from None
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene from YAML or JSON (told by the suffix).
+
+    Raises:
+        InputError: no such file, no YAML or JSON, or a scene that does not hold together.
+    """
+    path = Path(path)
+    document = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path)
+    if not isinstance(document, Mapping):
+        raise InputError(f"{path}: a scene is a mapping of keys, not {type(document).__name__}")
+    return scene_from_mapping(document, str(path))
+
+
+def save_scene(scene: Scene, path: str | Path) -> None:
+    """Write a scene as JSON or, with the suffix .yaml, as YAML; the file appears when whole."""
+    write_text(path, scene_text(scene, Path(path).suffix))
+
+
+def scene_text(scene: Scene, suffix: str = ".json") -> str:
+    """The text of a scene's file: JSON, or YAML where the suffix says so."""
+    if suffix.lower() == ".json":
+        text = json.dumps(scene.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
+        return _PAIR.sub(r"[\1, \2]", text)
+    document = scene.model_dump(mode="json", exclude_none=True)
+    return yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+
+
+def document_error(error: ValidationError, source: str) -> str:
+    """The first problem of a document in one line: source, field, value, what is allowed."""
+    first = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    value = first.get("input")
+    shown = f" (got {value!r})" if isinstance(value, (str, int, float, bool)) else ""
+    if first["type"] == "extra_forbidden":
+        message = "unknown key; the keys are listed in docs/geometry.md"
+        shown = ""
+    more = error.error_count() - 1
+    tail = f"; and {more} more" if more else ""
+    return f"{source}: {where + ': ' if where else ''}{message}{shown}{tail}"

@@ -1,0 +1,269 @@
+"""What the learned simulator is told of a scene, beside where its points are.
+
+In: a scene and the settings of its simulation, or a run of packed data. Out: `SceneFacts`, plain
+arrays in SI units. Packing, training, rollout and back-analysis all go through this one type, so a
+model sees at inference what it saw in training.
+
+Shapes: N material points, P vertices of the ground, L of the phreatic line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geometry.scenes.fill import fill
+from mpm_taichi.effects import effects_on
+from pipeline.cli import InputError
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
+    from pipeline.config import SimulationSettings
+
+WATER_DENSITY = 1000.0
+"""Density of fresh water [kg/m3], as in `mpm_taichi.solver.boundary`."""
+
+SOIL, KINEMATIC = 0, 1
+"""Types of points: moved by the simulator; moved as told."""
+
+PROPERTIES = ("tan_friction", "cohesion", "density", "body_force_factor")
+"""Columns of `SceneFacts.properties`: -, Pa, kg/m3, - (the last at t = 0)."""
+
+CONTACTS = ("rough", "no_slip", "coulomb")
+"""What the number `ground_contact` stands for: the place in this list."""
+
+NUMBERS = (
+    "spacing",  # between material points [m]
+    "cell",  # of the simulation's grid [m]
+    "frame_time",  # between two frames [s]
+    "gravity",  # [m/s2]
+    "x_min",  # left wall [m]
+    "x_max",  # right wall [m]
+    "y_max",  # top of the domain [m]
+    "walls_open",  # 1: the domain grows, there are no walls
+    "walls_bonded",  # 1: soil sticks to the side walls
+    "ground_contact",  # place in CONTACTS
+    "ground_friction",  # Coulomb coefficient; 0 for other contacts
+    "youngs_modulus",  # mean over the soil points [Pa]
+    "poisson_ratio",  # mean over the soil points
+)
+"""Names of `SceneFacts.numbers`, in the order in which they are stored."""
+
+
+@dataclass(frozen=True)
+class SceneFacts:
+    """All that is known of a scene before it moves.
+
+    Attributes:
+        type: (N,) int8, SOIL or KINEMATIC.
+        properties: (N, 4) float32, columns as in PROPERTIES.
+        initial_velocity: (N, 2) float32 [m/s]; kinematic points keep theirs.
+        zone: (N,) int16, place in the scene's zones; of no use to the simulator.
+        ground: (P, 2) float64 [m], level beyond its ends.
+        phreatic_line: (L, 2) float64 [m], level beyond its ends; (0, 2) without water.
+        numbers: by the names of NUMBERS.
+    """
+
+    type: np.ndarray
+    properties: np.ndarray
+    initial_velocity: np.ndarray
+    zone: np.ndarray
+    ground: np.ndarray
+    phreatic_line: np.ndarray
+    numbers: Mapping[str, float]
+
+    @property
+    def points(self) -> int:
+        """Number of material points N."""
+        return len(self.type)
+
+    @property
+    def spacing(self) -> float:
+        """Distance between material points d [m]: the unit of length."""
+        return self.numbers["spacing"]
+
+    @property
+    def gravity(self) -> float:
+        """Gravity g [m/s2]."""
+        return self.numbers["gravity"]
+
+    @property
+    def frame_time(self) -> float:
+        """Time between two frames [s]."""
+        return self.numbers["frame_time"]
+
+    @property
+    def time_unit(self) -> float:
+        """The unit of time sqrt(d / g) [s]."""
+        return float(np.sqrt(self.spacing / self.gravity))
+
+    @property
+    def frame_interval(self) -> float:
+        """Time between two frames in units of sqrt(d / g)."""
+        return self.frame_time / self.time_unit
+
+    @property
+    def has_water(self) -> bool:
+        """True where there is a pool or groundwater."""
+        return len(self.phreatic_line) > 0
+
+    def ground_height(self, x: np.ndarray) -> np.ndarray:
+        """Elevation of the base [m] at `x` [m], any shape."""
+        return np.interp(x, self.ground[:, 0], self.ground[:, 1])
+
+    def submerged(self, positions: np.ndarray) -> np.ndarray:
+        """Share of the water's lift that acts at `positions` (..., 2) [m], from 0 to 1, (...).
+
+        It sets in over one cell around the phreatic line, as in
+        `mpm_taichi.solver.boundary.water_force`.
+        """
+        if not self.has_water:
+            return np.zeros(positions.shape[:-1])
+        x, y = positions[..., 0], positions[..., 1]
+        level = np.interp(x, self.phreatic_line[:, 0], self.phreatic_line[:, 1])
+        return np.clip((level - y) / self.numbers["cell"] + 0.5, 0.0, 1.0)
+
+    def body_force_factor(self, positions: np.ndarray) -> np.ndarray:
+        """Weight under water over weight in air, 1 - submerged rho_w / rho.
+
+        Args:
+            positions: of all points, (..., N, 2) [m].
+
+        Returns:
+            (..., N); multiplies gravity.
+        """
+        return 1.0 - self.submerged(positions) * WATER_DENSITY / self.properties[:, 2]
+
+    def stored_numbers(self) -> np.ndarray:
+        """`numbers` as (len(NUMBERS),) float64."""
+        return np.array([self.numbers[name] for name in NUMBERS], dtype=np.float64)
+
+
+def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np.ndarray]:
+    """What is known of a scene, and where its points are before it moves.
+
+    Args:
+        scene: the scene.
+        settings: of its simulation: gravity, frame interval, walls, water.
+
+    Returns:
+        the facts; positions (N, 2) float64 [m].
+
+    Raises:
+        InputError: the scene holds what no learned simulator of ours has been shown.
+    """
+    _check_known(scene, settings)
+    points = fill(scene)
+    materials = list(scene.materials.values())
+    number = points.material
+    soaked = points.position[:, 1] < scene.phreatic_level(points.position[:, 0])
+    density = np.where(
+        soaked,
+        np.array([m.saturated_density or m.density for m in materials])[number],
+        np.array([m.density for m in materials])[number],
+    )
+    properties = np.column_stack(
+        [
+            np.array([np.tan(m.friction_rad) for m in materials])[number],
+            np.array([m.cohesion_pa for m in materials])[number],
+            density,
+            np.ones(len(points)),
+        ]
+    ).astype(np.float32)
+    facts = SceneFacts(
+        type=np.where(points.kinematic, KINEMATIC, SOIL).astype(np.int8),
+        properties=properties,
+        initial_velocity=points.velocity.astype(np.float32),
+        zone=points.zone.astype(np.int16),
+        ground=np.array(scene.ground.points, dtype=np.float64),
+        phreatic_line=_phreatic_line(scene),
+        numbers=_numbers(scene, settings, points.material, points.kinematic),
+    )
+    properties[:, 3] = facts.body_force_factor(points.position)
+    return facts, points.position
+
+
+def before(
+    positions: np.ndarray, initial_velocity: np.ndarray, frame_time: float, frames: int
+) -> np.ndarray:
+    """Frames before t = 0: equal ones at rest, else the initial velocity extrapolated backwards.
+
+    Args:
+        positions: at t = 0, (N, 2) [m].
+        initial_velocity: (N, 2) [m/s].
+        frame_time: between two frames [s].
+        frames: how many.
+
+    Returns:
+        (frames, N, 2) float32 [m], the last of them one frame before t = 0.
+    """
+    back = np.arange(frames, 0, -1)[:, None, None]
+    return (positions - back * frame_time * initial_velocity).astype(np.float32)
+
+
+def first_window(positions: np.ndarray, facts: SceneFacts, history: int = 6) -> np.ndarray:
+    """The window from which a rollout starts: `before` t = 0 and t = 0 itself.
+
+    Args:
+        positions: at t = 0, (N, 2) [m].
+        facts: of the scene.
+        history: frames of the window, 6 in the paper (5 velocities).
+
+    Returns:
+        (history, N, 2) float32 [m], the last at t = 0.
+    """
+    earlier = before(positions, facts.initial_velocity, facts.frame_time, history - 1)
+    return np.concatenate([earlier, np.asarray(positions, np.float32)[None]])
+
+
+def _check_known(scene: Scene, settings: SimulationSettings) -> None:
+    """Refuse what the features cannot carry."""
+    if on := effects_on(scene):
+        raise InputError(
+            f"{scene.name}: effects: {on[0].effect.name} is on; the learned simulator knows the "
+            "base physics alone"
+        )
+    line = scene.phreatic_line
+    slopes = scene.has_water and line is not None and len({y for _, y in line}) > 1
+    if slopes and settings.water == "pore_pressure":
+        raise InputError(
+            f"{scene.name}: simulation.water: pore_pressure with a phreatic line that is not "
+            "level; the learned simulator knows water as reduced weight: allowed is buoyant"
+        )
+
+
+def _phreatic_line(scene: Scene) -> np.ndarray:
+    if not scene.has_water:
+        return np.zeros((0, 2))
+    line = scene.phreatic_line
+    if line is None:
+        ends = (scene.domain.x_min, scene.domain.x_max)
+        line = [(x, scene.water_level) for x in ends]
+    return np.array(line, dtype=np.float64)
+
+
+def _numbers(
+    scene: Scene, settings: SimulationSettings, material: np.ndarray, kinematic: np.ndarray
+) -> dict[str, float]:
+    gravity = settings.gravity_m_per_s2
+    materials = list(scene.materials.values())
+    soil = material if kinematic.all() else material[~kinematic]
+    numbers = {
+        "spacing": scene.spacing,
+        "cell": scene.cell_size,
+        "frame_time": settings.frame_interval * np.sqrt(scene.spacing / gravity),
+        "gravity": gravity,
+        "x_min": scene.domain.x_min,
+        "x_max": scene.domain.x_max,
+        "y_max": scene.domain.y_max,
+        "walls_open": scene.domain.walls == "open",
+        "walls_bonded": settings.wall_contact == "no_slip",
+        "ground_contact": CONTACTS.index(scene.ground.contact),
+        "ground_friction": scene.ground.friction_coefficient or 0.0,
+        "youngs_modulus": np.mean(np.array([m.youngs_modulus_pa for m in materials])[soil]),
+        "poisson_ratio": np.mean(np.array([m.poisson_ratio for m in materials])[soil]),
+    }
+    return {name: float(numbers[name]) for name in NUMBERS}

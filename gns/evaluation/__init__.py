@@ -1,0 +1,4 @@
+"""How good a model is: metrics, baselines, tables and the card.
+
+In: rollouts and the runs they stand for. Out: scores and `card.yaml`.
+"""

@@ -1,0 +1,465 @@
+"""The whole back-analysis of a case, stage by stage, into a `Result`.
+
+answer -> other starts -> equally good answers -> jitter seeds -> variants -> sensitivities. Each
+stage is a method that leaves what it found; runs come from a store that keeps them by content, so a
+killed back-analysis goes through the finished stages again in seconds.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+import geometry
+import mpm_taichi
+from inversion import PHYSICS_VERSION
+from inversion.back_analysis import result_builder
+from inversion.back_analysis.equivalent_answers import Stop, walk
+from inversion.back_analysis.load import LoadedCase
+from inversion.back_analysis.perturbed_answers import Problem, resolve
+from inversion.back_analysis.result import (
+    Noise,
+    Result,
+    SeedAnswer,
+    SensitivityAnswer,
+    Side,
+    Start,
+    VariantAnswer,
+)
+from inversion.back_analysis.variants import Changed
+from inversion.engines.mpm_engine import MPMEngine, Setup
+from inversion.engines.run_store import RunStore
+from inversion.estimation.calibrate import calibrate, further_starts
+from inversion.estimation.finite_steps import FiniteSteps, measured_noise
+from inversion.estimation.objective import Objective
+from inversion.estimation.search import Found, Look, Search
+from inversion.estimation.uncertainty import Posterior, posterior, root_mean_square
+from inversion.problem.forward import Forward
+from inversion.problem.question import Sensitivity
+from pipeline.cli import WorkFailed
+from pipeline.manifest import manifest
+
+
+@dataclass
+class BackAnalysis:
+    """A case under back-analysis.
+
+    Attributes:
+        case: the case.
+        store: where runs of the material point method are kept.
+        say: told in a line what is happening.
+    """
+
+    case: LoadedCase
+    store: RunStore
+    say: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True)
+    found: Found | None = None
+    spread: Posterior | None = None
+    stops: list[Stop] = field(default_factory=list)
+    starts: list[Start] = field(default_factory=list)
+    variants: list[VariantAnswer] = field(default_factory=list)
+    sensitivities: list[SensitivityAnswer] = field(default_factory=list)
+    ratio_changes: dict[str, dict[str, float]] = field(default_factory=dict)
+    noise: Noise | None = None
+    more_sources: dict[str, dict[str, float]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    timings: dict[str, float] = field(default_factory=dict)
+    runs: int = 0
+
+    #: The engine's name in the result.
+    engine_name: ClassVar[str] = "mpm"
+
+    def __post_init__(self) -> None:
+        self.engine = self.engine_of(self.case.setup)
+        self.objective = self.objective_of(self.case.setup)
+        self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
+        self.least_m = 2.0 * self.case.scene.spacing
+
+    def run(self) -> Result:
+        """All stages."""
+        settings = self.case.config.inversion
+        stages: list[tuple[str, Callable[[], None]]] = [
+            *self.stages_to_answer(),
+            ("starts", self.search_from_elsewhere),
+            ("equally good", self.find_equally_good),
+            ("seeds", self.measure_noise),
+        ]
+        if settings.variants:
+            stages.append(("variants", self.solve_variants))
+        if settings.sensitivities:
+            stages.append(("sensitivities", self.solve_sensitivities))
+        for name, stage in stages:
+            with self._timed(name):
+                stage()
+        return self.result()
+
+    # --- what an engine decides ---
+
+    def engine_of(self, setup: Setup) -> Forward:
+        """The forward engine of a reading of the question."""
+        return MPMEngine(setup, self.store)
+
+    def objective_of(self, setup: Setup) -> Objective:
+        """What is made small for a reading of the question."""
+        return self.case.objective(setup)
+
+    def stages_to_answer(self) -> list[tuple[str, Callable[[], None]]]:
+        """The stages that leave `found` and `spread`, by name."""
+        return [("answer", self.search)]
+
+    def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
+        """The sensitivities that the engine can tell, and lines about those left out."""
+        return self.case.sensitivities
+
+    # --- stages ---
+
+    def search(self) -> None:
+        """Find the answer from the question's first guess."""
+        settings = self.case.config.inversion
+        seeds = [
+            self.engine_of(self.case.jittered(self.case.setup, seed))
+            for seed in range(1, settings.step_seeds + 1)
+        ]
+        search = self._search(self.engine, self.steps, seeds=seeds, tell=True)
+        start = self.case.parameters.start
+        self.found = calibrate(search, start, method=settings.method, least_m=self.least_m)
+        self.runs += self.found.runs
+        self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
+        if seeds:  # runs that the stage `seeds` asks for again: they cost nothing
+            mask = self.objective.targets.fitted
+            self.steps.noise, _ = measured_noise(seeds, self.found.values, mask)
+        self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
+        self.tell_doubts()
+
+    def tell_doubts(self) -> None:
+        """What a reader of the answer must know."""
+        for line in result_builder.doubts(self.found.look.prediction, self.case.setup.settings):
+            self.remark(line)
+        for line in result_builder.unknown_derivatives(
+            self.case.parameters, self.found.look.derivative
+        ):
+            self.remark(line)
+
+    def search_from_elsewhere(self) -> None:
+        """Ask again from other first guesses; the answer should not depend on them."""
+        self.starts = [result_builder.start_of(self.found, self.objective)]
+        number = self.case.config.inversion.starts - 1
+        for place, start in enumerate(further_starts(self.case.parameters, number)):
+            found = self._calibrated(f"start {place + 2}", self.case.setup, start)
+            if found is not None:
+                self.starts.append(result_builder.start_of(found, self.objective))
+                self.say(f"start {place + 2}: {self._told(found)}")
+
+    def find_equally_good(self) -> None:
+        """Walk along what the data do not determine."""
+        if len(self.spread.flat):
+            before = self.engine.runs
+            self.stops = walk(
+                self.engine, self.objective, self.found.values, self.slope,
+                self.spread.flat, self.found.look.loss,
+            )  # fmt: skip
+            self.runs += self.engine.runs - before
+            self.say(f"other answers that fit as well: {len(self.stops)}")
+
+    def measure_noise(self) -> None:
+        """Find the answer again on jittered points."""
+        seeds = list(range(1, self.case.config.inversion.noise_seeds + 1))
+        if not seeds:
+            return
+        problems = [self._problem(self.case.jittered(self.case.setup, seed)) for seed in seeds]
+        self._resolve(problems)
+        kept = [(s, p) for s, p in zip(seeds, problems, strict=True) if np.isfinite(p.loss)]
+        if len(kept) < 2:
+            self.remark("noise: fewer than two of the jittered runs finished; not measured")
+            return
+        targets, parameters = self.objective.targets, self.case.parameters
+        before = np.array([problem.before.values for _, problem in kept])
+        values = np.array([problem.refined for _, problem in kept])
+        self.noise = Noise(
+            jitter=self.case.config.inversion.noise_jitter,
+            seeds=[seed for seed, _ in kept],
+            std=targets.named(before.std(axis=0, ddof=1)),
+            mean=targets.named(before.mean(axis=0)),
+            answers=[
+                SeedAnswer(
+                    seed=seed,
+                    values=parameters.as_mapping(problem.refined),
+                    predicted_before=targets.named(problem.before.values, targets.fitted),
+                    loss=problem.loss,
+                    reached=problem.reached,
+                )
+                for seed, problem in kept
+            ],
+            answer_std=parameters.as_mapping(values.std(axis=0, ddof=1)),
+        )
+        self.say(
+            "answers on jittered points scatter by "
+            + ", ".join(f"{name} {std:.2g}" for name, std in self.noise.answer_std.items())
+        )
+
+    def solve_variants(self) -> None:
+        """Search under every other reading of the question."""
+        for variant in self.case.question.variants:
+            changed = self.case.variant(variant)
+            found = self._calibrated(variant.name, changed.setup, self.found.values)
+            if found is None:
+                continue
+            self.say(f"{variant.name}: {self._told(found)}")
+            targets, parameters = changed.setup.targets, self.case.parameters
+            self.variants.append(
+                VariantAnswer(
+                    name=variant.name,
+                    words=changed.words,
+                    values=parameters.as_mapping(found.values),
+                    ratios=result_builder.ratios(
+                        found.look.prediction, found.values, parameters.names
+                    ),
+                    loss=found.look.loss,
+                    reached=found.reached,
+                    predicted=targets.named(found.look.prediction.values),
+                    measured=targets.named(targets.measured, targets.fitted),
+                    at_bound=result_builder.bounded(
+                        parameters.names, parameters.at_bound(found.values)
+                    ),
+                    words_end=found.words,
+                )
+            )
+
+    def solve_sensitivities(self) -> None:
+        """Solve again under every changed assumption, all of them side by side."""
+        entries, left_out = self.known_sensitivities()
+        for line in left_out:
+            self.remark(line)
+        asked = [(entry, changed) for entry, changes in entries for changed in changes]
+        problems = [self._problem(changed.setup) for _, changed in asked]
+        self._resolve(problems)
+        for entry, _ in entries:
+            own = [
+                (changed, problem)
+                for (other, changed), problem in zip(asked, problems, strict=True)
+                if other is entry
+            ]
+            self._keep_sensitivity(entry, own)
+
+    def _keep_sensitivity(self, entry: Sensitivity, own: list[tuple[Changed, Problem]]) -> None:
+        names = self.case.parameters.names
+        answered = [self._side(changed, problem) for changed, problem in own
+                    if problem.before is not None and np.isfinite(problem.loss)]  # fmt: skip
+        if not answered:
+            self.remark(f"{entry.name}: the simulation failed; not among the sensitivities")
+            return
+        if not all(side.reached for side in answered):
+            self.remark(
+                f"{entry.name}: not fitted to the tolerance; its change is a linear estimate"
+            )
+        changes = [side.change for side in answered]
+        first = names[0]
+        worst = max(answered, key=lambda side: abs(side.change[first]))
+        self.sensitivities.append(
+            SensitivityAnswer(
+                name=entry.name,
+                kind=entry.kind,
+                words="; ".join(side.words for side in answered),
+                change=worst.change,
+                std={name: root_mean_square(changes, name) for name in names},
+                sides=answered,
+            )
+        )
+        if entry.kind != "target":
+            moved = [side.ratio_change for side in answered]
+            self.ratio_changes[entry.name] = {
+                name: root_mean_square(moved, name) for name in moved[0]
+            }
+        self.say(f"{entry.name}: " + ", ".join(
+            f"{side.words}: {first} {side.change[first]:+.2f}" for side in answered
+        ))  # fmt: skip
+
+    def _side(self, changed: Changed, problem: Problem) -> Side:
+        parameters, targets = self.case.parameters, changed.setup.targets
+        here, there = self._refined, problem.refined
+        sigma, new_sigma = self.found.look.prediction.sigma_v0_kpa, problem.prediction.sigma_v0_kpa
+        new_sigma = np.where(np.isnan(new_sigma), sigma, new_sigma)  # the engine does not know it
+        with np.errstate(invalid="ignore"):
+            ratio_change = there / new_sigma - here / sigma
+        return Side(
+            words=changed.words,
+            values=parameters.as_mapping(there),
+            change=parameters.as_mapping(there - here),
+            ratio_change={
+                name: float(change)
+                for name, change in zip(parameters.names, ratio_change, strict=True)
+                if np.isfinite(change)
+            },
+            predicted_before=targets.named(problem.before.values, targets.fitted),
+            predicted=targets.named(problem.prediction.values, targets.fitted),
+            loss=problem.loss,
+            reached=problem.reached,
+        )
+
+    def _told_derivative(self) -> np.ndarray:
+        """The derivative at the answer without what is noise: that tells nothing."""
+        look, mask = self.found.look, self.objective.targets.fitted
+        signal = self.steps.signal(look.derivative[mask], look.steps)
+        return look.derivative * signal[None, :]
+
+    # --- the result ---
+
+    def result(self) -> Result:
+        """All that was found."""
+        case, found = self.case, self.found
+        mask = self.objective.targets.fitted
+        resolved = self.steps.resolved(found.look.derivative[mask], found.look.steps)
+        noise_std = dict(self.noise.answer_std) if self.noise else {}
+        changes = dict(self.ratio_changes)
+        if noise_std:
+            sigma = dict(
+                zip(case.parameters.names, found.look.prediction.sigma_v0_kpa, strict=True)
+            )
+            changes[result_builder.NOISE_SOURCE] = {
+                name: noise_std[name] / sigma[name]
+                for name in result_builder.ratios(
+                    found.look.prediction, found.values, case.parameters.names
+                )
+            }
+        return Result(
+            case=case.name,
+            title=case.title,
+            measurement_set=case.measurement_set,
+            engine=self.engine_name,
+            spacing_m=case.scene.spacing,
+            manifest=self._manifest(),
+            question=case.question,
+            answer=result_builder.answer(
+                case, self.objective, found, self.spread, self.stops, resolved,
+                self.sensitivities, changes, noise_std, self.more_sources,
+            ),
+            iterations=result_builder.iterations(found.looks, self.objective),
+            starts=self.starts,
+            variants=self.variants,
+            sensitivities=self.sensitivities,
+            measurements=result_builder.measurements(self.objective, found.look.prediction),
+            noise=self.noise,
+            classical=[],
+            remarks=self.remarks,
+            published=case.measurements.strength_published_kpa,
+            timings={name: round(seconds, 3) for name, seconds in self.timings.items()},
+            runs=self.runs,
+            runs_to_answer=found.runs,
+        )  # fmt: skip
+
+    # --- what the stages share ---
+
+    def remark(self, line: str) -> None:
+        """Something a reader of the result should know: said, and kept."""
+        self.remarks.append(line)
+        self.say(line)
+
+    @property
+    def slope(self) -> np.ndarray:
+        """Derivative of the fitted numbers by the scaled parameters at the answer, (k, p)."""
+        return self.objective.fitted_derivative(self.found.look.derivative, self.found.values)
+
+    @cached_property
+    def _refined(self) -> np.ndarray:
+        """The answer with the linear step that would be next; changes are told from it, (p,)."""
+        own = self._problem(self.case.setup)
+        own.prediction = self.found.look.prediction
+        return own.refined
+
+    def _manifest(self) -> dict[str, Any]:
+        seeds = {"jitter_of_the_answer": self.case.scene.seed}
+        made = manifest(self.case.config, seeds)
+        versions = {
+            "geometry": geometry.PHYSICS_VERSION,
+            "mpm_taichi": mpm_taichi.PHYSICS_VERSION,
+            "inversion": PHYSICS_VERSION,
+        }
+        return {**made, "physics_versions": versions}
+
+    def _steps(self, noise: np.ndarray, objective: Objective) -> FiniteSteps:
+        return FiniteSteps(
+            self.case.parameters,
+            noise,
+            self.case.config.inversion.step_to_noise,
+            whitener=objective.survey_whitener if objective.loss == "misfit" else None,
+        )
+
+    def _search(
+        self,
+        engine: Forward,
+        steps: FiniteSteps,
+        *,
+        seeds: list[Forward] | tuple = (),
+        tell: bool = False,
+    ) -> Search:
+        settings = self.case.config.inversion
+        return Search(
+            engine,
+            self.objective_of(engine.setup),
+            steps,
+            seeds=seeds,
+            max_iterations=settings.max_iterations,
+            max_runs=settings.max_runs,
+            on_look=self._tell_look if tell else None,
+        )
+
+    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> Found | None:
+        """Another search with the noise that is known; None, and a line, where there is none."""
+        engine = self.engine_of(setup)
+        noise = self.steps.noise
+        if int(setup.targets.fitted.sum()) != len(noise):
+            noise = np.full(int(setup.targets.fitted.sum()), float(np.max(noise)))
+        search = self._search(engine, self._steps(noise, self.objective_of(setup)))
+        try:
+            found = calibrate(
+                search, start, method=self.case.config.inversion.method, least_m=self.least_m
+            )
+        except WorkFailed as error:
+            self.remark(f"{name}: no answer: {error}")
+            found = None
+        self.runs += engine.runs
+        return found
+
+    def _problem(self, setup: Setup) -> Problem:
+        """A question a little beside the answer's."""
+        return Problem(
+            self.engine_of(setup), self.objective_of(setup), self.found.values, self.slope
+        )
+
+    def _resolve(self, problems: list[Problem]) -> None:
+        resolve(problems)
+        self.runs += sum(problem.engine.runs for problem in problems)
+
+    def _tell_look(self, look: Look) -> None:
+        parameters, targets = self.case.parameters, self.objective.targets
+        values = ", ".join(
+            f"{spec.name} {value:.4g} {spec.unit}"
+            for spec, value in zip(parameters.specs, look.values, strict=True)
+        )
+        predicted = ", ".join(
+            f"{name} {value:.1f} m"
+            for name, value in targets.named(look.prediction.values, targets.fitted).items()
+        )
+        name = {"scan": "scan", "start": "start"}.get(look.kind, f"iteration {look.iteration}")
+        loss = f"loss {look.loss:.3g}" if np.isfinite(look.loss) else look.prediction.reason
+        self.say(f"{name}: {values}: {predicted}: {loss} ({look.runs} simulations)")
+
+    def _told(self, found: Found) -> str:
+        values = ", ".join(
+            f"{spec.name} {value:.4g}"
+            for spec, value in zip(self.case.parameters.specs, found.values, strict=True)
+        )
+        return f"{values}: {found.words} ({found.runs} simulations)"
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        began = time.perf_counter()
+        yield
+        self.timings[name] = time.perf_counter() - began

@@ -1,0 +1,337 @@
+"""The answer of a back-analysis as a document: `result.json`, with its JSON schema.
+
+Lengths in m, strengths in kPa, angles in degrees, times in s. Whatever depends on the clock or the
+machine stands in `manifest`, `timings` and `iterations[].seconds`; all else is the same when a
+question is asked again, or when a killed run is continued.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from inversion.back_analysis.result_checks import check_whole
+from inversion.problem.question import Question
+from pipeline.config import validate_settings
+from pipeline.files import read_json, write_json
+from pipeline.schemas import document_schema
+from pipeline.strict_numbers import StrictNumbers
+
+FILE_NAME = "result.json"
+SCHEMA_FILE = Path("config/result.schema.json")
+
+Role = Literal["fitted", "held out", "compared", "constructed"]
+
+
+class Part(StrictNumbers):
+    """Base of every part: unknown keys and numbers that are not finite are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ParameterAnswer(Part):
+    """One sought number."""
+
+    name: str = Field(description="name in the question")
+    label: str = Field(description="in words")
+    zones: list[str] = Field(description="zones that share it")
+    property: str = Field(description="cohesion_kpa, friction_deg, density or water_level")
+    unit: str = Field(description="kPa, deg, kg/m3 or m")
+    value: float = Field(description="the answer")
+    start: float = Field(description="first guess")
+    low: float = Field(description="lower bound")
+    high: float = Field(description="upper bound")
+    std_data: float = Field(
+        description="standard deviation from the survey's error, the other parameters unknown too"
+    )
+    std_by_source: dict[str, float] = Field(
+        description="change for one standard deviation of everything else that was tried, by name"
+    )
+    std_total: float = Field(description="root of the sum of the squares of all of them")
+    interval_95: tuple[float, float] = Field(description="95 % of the total, cut at the bounds")
+    equally_good_range: tuple[float, float] | None = Field(
+        description="least and largest value among the equally good answers; null: none were sought"
+    )
+    at_bound: Literal["low", "high"] | None = Field(description="the bound it rests on")
+    determined: bool = Field(description="False: the data leave it as wide as it was before them")
+    prior_std: float = Field(
+        description="standard deviation beforehand: the prior's, or the bounds' width / sqrt(12)"
+    )
+    has_prior: bool = Field(description="the question gives a prior")
+    sigma_v0_kpa: float | None = Field(
+        description="mean vertical effective stress of its zones before failure; null: no strength"
+    )
+    sigma_v0_std_kpa: float | None = Field(description="spread of it within the zones")
+    ratio: float | None = Field(description="value / sigma_v0_kpa")
+    ratio_std: float | None = Field(
+        description="standard deviation of the ratio; an assumption that moves both is applied to "
+        "both"
+    )
+
+
+class Correlation(Part):
+    """Correlation of the parameters' errors given the data."""
+
+    names: list[str] = Field(description="parameters, in the order of rows and columns")
+    matrix: list[list[float]] = Field(description="1 on the diagonal")
+
+
+class Undetermined(Part):
+    """A direction in which the parameters can move without the data noticing."""
+
+    direction: dict[str, float] = Field(
+        description="components by parameter, in units of the standard deviation beforehand"
+    )
+    words: str = Field(description="the same in words")
+    remaining: float = Field(
+        description="standard deviation along it after the data / before; 1: they say nothing"
+    )
+
+
+class EquallyGood(Part):
+    """Another set of values that fits as well."""
+
+    along: int = Field(description="number of the direction in `undetermined` it was found along")
+    values: dict[str, float] = Field(description="parameters by name")
+    predicted: dict[str, float] = Field(description="fitted measurements by name")
+    loss: float = Field(description="m2 for the paper's loss, else standardised")
+    at_bound: list[str] = Field(description="parameters that rest on a bound there")
+
+
+class Answer(Part):
+    """What was found."""
+
+    parameters: list[ParameterAnswer] = Field(description="in the question's order")
+    loss: float = Field(description="at the answer")
+    loss_unit: Literal["m2", "standardised"] = Field(
+        description="m2: the paper's loss; standardised: sum of squared standard deviations"
+    )
+    tolerance: float = Field(description="loss at which the search may end")
+    reached: bool = Field(description="the loss is below the tolerance")
+    method: Literal["gauss_newton", "lbfgsb"] = Field(description="of the search")
+    words: str = Field(description="how the search ended")
+    correlation: Correlation = Field(description="of the parameters, given the data")
+    undetermined: list[Undetermined] = Field(description="directions the data say nothing of")
+    equally_good: list[EquallyGood] = Field(description="other values that fit as well")
+    derivative: dict[str, dict[str, float]] = Field(
+        description="measurement -> parameter -> derivative at the answer, m per outside unit"
+    )
+    derivative_resolved: dict[str, bool] = Field(
+        description="parameter -> its steps changed some fitted measurement by 5 times the noise"
+    )
+    steps: dict[str, float] = Field(description="parameter -> finite-difference step, outside unit")
+
+
+class Iteration(Part):
+    """One look at the engine: a forward run with its derivative, or a run of the scan."""
+
+    iteration: int = Field(description="0: the start, and the scan where there was one")
+    kind: Literal["start", "scan", "lbfgsb", "gauss_newton"] = Field(
+        description="what asked for it"
+    )
+    accepted: bool = Field(description="False: a step that made it worse and was taken back")
+    values: dict[str, float] = Field(description="parameters by name")
+    loss: float | None = Field(description="null: the run failed")
+    predicted: dict[str, float] = Field(description="all measured quantities by name")
+    runs_so_far: int = Field(description="simulations asked for up to here, noise seeds included")
+    seconds: float = Field(description="since the beginning; near 0 where runs were kept")
+
+
+class Start(Part):
+    """The same question from another first guess."""
+
+    start: dict[str, float] = Field(description="first guess")
+    answer: dict[str, float] = Field(description="where its search ended")
+    loss: float = Field(description="there")
+    reached: bool = Field(description="the loss is below the tolerance")
+    iterations: int = Field(description="after the start")
+    runs: int = Field(description="simulations asked for")
+    words: str = Field(description="how the search ended")
+
+
+class VariantAnswer(Part):
+    """The answer under another reading of the question."""
+
+    name: str = Field(description="as in the question")
+    words: str = Field(description="what is different")
+    values: dict[str, float] = Field(description="parameters by name")
+    ratios: dict[str, float] = Field(description="strength / sigma'_v0 there, by name")
+    loss: float = Field(description="at `values`")
+    reached: bool = Field(description="the loss is below the tolerance")
+    predicted: dict[str, float] = Field(description="measured quantities by name")
+    measured: dict[str, float] = Field(description="fitted targets by name")
+    at_bound: list[str] = Field(description="parameters that rest on a bound")
+    words_end: str = Field(description="how its search ended")
+
+
+class Side(Part):
+    """One of the changes of a sensitivity, and the answer with it."""
+
+    words: str = Field(description="what was changed, and by how much")
+    values: dict[str, float] = Field(description="with the linear step that would be next")
+    change: dict[str, float] = Field(
+        description="values minus the answer's, each first corrected for what its fit still lacks"
+    )
+    ratio_change: dict[str, float] = Field(description="change of strength / sigma'_v0")
+    predicted_before: dict[str, float] = Field(
+        description="fitted measurements with the change, at the answer's values"
+    )
+    predicted: dict[str, float] = Field(description="fitted measurements after the last run")
+    loss: float = Field(description="of the last run")
+    reached: bool = Field(description="False: only the linear estimate is known")
+
+
+class SensitivityAnswer(Part):
+    """What one assumption does to the answer."""
+
+    name: str = Field(description="as in the question")
+    kind: str = Field(description="as in the question")
+    words: str = Field(description="what was changed")
+    change: dict[str, float] = Field(description="of the side that changes the answer most")
+    std: dict[str, float] = Field(description="root mean square over the sides: its contribution")
+    sides: list[Side] = Field(description="each of the changes")
+
+
+class MeasurementAnswer(Part):
+    """Measured against predicted, one number."""
+
+    name: str = Field(description="as in the engine; a profile has one line for each place")
+    group: str = Field(description="name of the measurement it belongs to")
+    type: str = Field(description="as in measurements.yaml")
+    unit: str = Field(description="m, m/s or s")
+    measured: float | None = Field(description="null for a reading without a measurement")
+    low: float | None = Field(description="lower end of the stated range")
+    high: float | None = Field(description="upper end of the stated range")
+    std: float | None = Field(
+        description="of the survey, with what the model is granted, and the error of the engine gns"
+    )
+    predicted: float = Field(description="at the answer")
+    predicted_at_start: float = Field(description="before anything moved; nothing is subtracted")
+    difference_in_std: float | None = Field(description="(predicted - measured) / std")
+    role: Role = Field(description="what the search did with it")
+    confidence: str = Field(description="how far the measured value may be trusted")
+    source: str = Field(description="where it is written")
+    by_eye: float | None = Field(description="the toe by the naked eye, for a toe")
+
+
+class SeedAnswer(Part):
+    """The answer on points that were jittered with another seed."""
+
+    seed: int = Field(description="of the jitter")
+    values: dict[str, float] = Field(description="with the linear step that would be next")
+    predicted_before: dict[str, float] = Field(description="at the answer's values")
+    loss: float = Field(description="of the last run")
+    reached: bool = Field(description="the loss is below the tolerance")
+
+
+class Noise(Part):
+    """How much the numbers depend on where exactly the material points lie."""
+
+    jitter: float = Field(description="each point moved by up to jitter x spacing / 2")
+    seeds: list[int] = Field(description="whose runs finished")
+    std: dict[str, float] = Field(description="standard deviation of each prediction at the answer")
+    mean: dict[str, float] = Field(description="mean over the seeds")
+    answers: list[SeedAnswer] = Field(description="the answer on each")
+    answer_std: dict[str, float] = Field(description="scatter of the re-solved answers")
+
+
+class EngineAnswer(Part):
+    """The answer to the same question as one engine gives it, for comparison."""
+
+    name: str = Field(description="in words")
+    engine: Literal["mpm", "gns"] = Field(description="what simulated")
+    note: str = Field(description="what it is")
+    spacing_m: float = Field(description="between material points")
+    values: dict[str, float] = Field(description="parameters by name")
+    std: dict[str, float] = Field(description="std_total by name; empty: not the engine's answer")
+    predicted: dict[str, float] = Field(description="measured quantities by name")
+    loss: float | None = Field(description="at `values`; null: the run failed")
+
+
+class SurrogatePair(Part):
+    """One state at which both engines ran."""
+
+    values: dict[str, float] = Field(description="parameters by name")
+    surrogate: dict[str, float] = Field(description="learned simulator, uncorrected, by name")
+    mpm: dict[str, float] = Field(description="material point method, by name")
+
+
+class Surrogate(Part):
+    """What the learned simulator's error is, and what was done about it."""
+
+    model: str = Field(description="name of the model's folder")
+    model_sha256: str = Field(description="of its weights")
+    outside: list[str] = Field(description="what of the section its training had not")
+    pairs: list[SurrogatePair] = Field(description="the answer's first")
+    mean_difference: dict[str, float] = Field(
+        description="material point method minus learned simulator, added to every prediction"
+    )
+    std: dict[str, float] = Field(
+        description="root of the diagonal of 1.2 cov + 0.1 diag of the differences, which is in "
+        "the covariance of the fit"
+    )
+    answer_std: dict[str, float] = Field(
+        description="parameter -> its standard deviation from that covariance"
+    )
+    runs_mpm: int = Field(description="runs of the material point method, cached ones included")
+
+
+class Result(Part):
+    """The whole of `result.json`."""
+
+    case: str = Field(description="name of the folder")
+    title: str = Field(description="name in words")
+    measurement_set: str = Field(description="the set that was fitted")
+    engine: str = Field(description="mpm, or gns: a learned simulator")
+    spacing_m: float = Field(description="between material points")
+    manifest: dict[str, Any] = Field(description="settings, versions, seeds, machine, time")
+    question: Question = Field(description="as asked")
+    answer: Answer = Field(description="what was found")
+    iterations: list[Iteration] = Field(description="the way to it")
+    starts: list[Start] = Field(description="the same from other first guesses, its own first")
+    variants: list[VariantAnswer] = Field(description="under other readings of the question")
+    sensitivities: list[SensitivityAnswer] = Field(description="under changed assumptions")
+    measurements: list[MeasurementAnswer] = Field(description="measured against predicted")
+    noise: Noise | None = Field(description="on jittered points; null: not measured")
+    classical: list[dict[str, Any]] = Field(description="as the classical methods write them")
+    engines: list[EngineAnswer] = Field(
+        default_factory=list, description="the engines side by side; empty: one alone has answered"
+    )
+    surrogate: Surrogate | None = Field(
+        None, description="of the engine gns; null: the material point method answered"
+    )
+    remarks: list[str] = Field(description="what could not be had, and why")
+    published: dict[str, dict[str, Any]] = Field(description="strengths found by others, kPa")
+    timings: dict[str, float] = Field(description="wall time by stage, s")
+    runs: int = Field(description="simulations asked for, cached ones included")
+    runs_to_answer: int = Field(description="of these, until the search for the answer ended")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Result:
+        check_whole(self)
+        return self
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a `result.json`, or the one in a folder.
+
+    Raises:
+        InputError: no such file, not JSON, or not of this schema; one line.
+    """
+    path = Path(path)
+    path = path / FILE_NAME if path.is_dir() else path
+    return validate_settings(Result, read_json(path), origin=str(path))
+
+
+def save_result(result: Result, folder: str | Path) -> Path:
+    """Write `result.json` into a folder; the file appears when whole."""
+    path = Path(folder) / FILE_NAME
+    write_json(path, result.model_dump(mode="json"))
+    return path
+
+
+def schema_text() -> str:
+    """The JSON schema of a result, as the text of `config/result.schema.json`."""
+    return document_schema(Result, "flowslide back-analysis")

@@ -1,0 +1,281 @@
+"""What was found, in the form of `result.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from geometry.survey.measured_numbers import SingleLength, ToeRunout
+from inversion.back_analysis.equivalent_answers import Stop
+from inversion.back_analysis.load import LoadedCase
+from inversion.back_analysis.result import (
+    Answer,
+    Correlation,
+    EquallyGood,
+    Iteration,
+    MeasurementAnswer,
+    ParameterAnswer,
+    SensitivityAnswer,
+    Start,
+    Undetermined,
+)
+from inversion.estimation.objective import Objective
+from inversion.estimation.search import Found, Look
+from inversion.estimation.uncertainty import Posterior, direction_in_words, interval
+from inversion.problem.forward import Prediction
+from inversion.problem.parameters import Parameters
+from pipeline.config import SimulationSettings
+
+#: Source of the scatter over jitter seeds among the sources of uncertainty.
+NOISE_SOURCE = "place of the material points"
+
+
+def ratios(prediction: Prediction, values: np.ndarray, names: Sequence[str]) -> dict[str, float]:
+    """Strength / sigma'_v0 by name, for the parameters that are strengths."""
+    if not len(prediction.sigma_v0_kpa):
+        return {}
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = values / prediction.sigma_v0_kpa
+    return {
+        name: float(ratio) for name, ratio in zip(names, found, strict=True) if np.isfinite(ratio)
+    }
+
+
+def iterations(looks: Sequence[Look], objective: Objective) -> list[Iteration]:
+    """The history."""
+    return [
+        Iteration(
+            iteration=look.iteration,
+            kind=look.kind,
+            accepted=look.accepted,
+            values=objective.parameters.as_mapping(look.values),
+            loss=look.loss if np.isfinite(look.loss) else None,
+            predicted=objective.targets.named(look.prediction.values),
+            runs_so_far=look.runs,
+            seconds=round(look.seconds, 3),
+        )
+        for look in looks
+    ]
+
+
+def start_of(found: Found, objective: Objective) -> Start:
+    """One of several starts."""
+    parameters = objective.parameters
+    return Start(
+        start=parameters.as_mapping(found.looks[0].values),
+        answer=parameters.as_mapping(found.values),
+        loss=found.look.loss,
+        reached=found.reached,
+        iterations=found.iterations,
+        runs=found.runs,
+        words=found.words,
+    )
+
+
+def measurements(objective: Objective, prediction: Prediction) -> list[MeasurementAnswer]:
+    """Measured against predicted, one line for each number."""
+    targets = objective.targets
+    lines = []
+    for place, group in enumerate(targets.groups):
+        entry, value = targets.entries[group], prediction.values[place]
+        if not np.isfinite(value):
+            continue
+        ends = (entry.low_m, entry.high_m) if isinstance(entry, SingleLength) else (None, None)
+        lines.append(
+            MeasurementAnswer(
+                name=targets.names[place],
+                group=entry.name,
+                type=entry.type,
+                unit=entry.unit,
+                measured=float(targets.measured[place]),
+                low=ends[0],
+                high=ends[1],
+                std=float(np.sqrt(targets.covariance[place, place])),
+                predicted=float(value),
+                predicted_at_start=float(np.nan_to_num(prediction.at_start[place])),
+                difference_in_std=float(
+                    (value - targets.measured[place]) / np.sqrt(targets.covariance[place, place])
+                ),
+                role=targets.roles[place],
+                confidence=entry.confidence,
+                source=entry.source,
+                by_eye=(
+                    prediction.by_eye.get(entry.name) if isinstance(entry, ToeRunout) else None
+                ),
+            )
+        )
+    return lines
+
+
+def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:
+    """What a reader of the answer's run must know: that it was cut off, what could not be read."""
+    lines = []
+    if not prediction.at_rest:
+        lines.append(
+            f"the slide still moved after {settings.duration_s:g} s, where the simulation ends; "
+            "give the question a longer duration_s"
+        )
+    if prediction.status != "failed" and prediction.reason:
+        lines.append(f"not read on the answer, and left out of the comparison: {prediction.reason}")
+    return lines
+
+
+def unknown_derivatives(parameters: Parameters, derivative: np.ndarray) -> list[str]:
+    """Of each parameter without which no run came through that the data do not count for it."""
+    return [
+        f"{spec.words}: simulations beside the answer failed, so what the data say of it is not "
+        "known; its standard deviation is the one before the data"
+        for spec, column in zip(parameters.specs, derivative.T, strict=True)
+        if np.isnan(column).all()
+    ]
+
+
+def answer(
+    case: LoadedCase,
+    objective: Objective,
+    found: Found,
+    spread: Posterior,
+    stops: Sequence[Stop],
+    resolved: np.ndarray,
+    sensitivities: Sequence[SensitivityAnswer],
+    ratio_changes: Mapping[str, Mapping[str, float]],
+    noise_std: Mapping[str, float],
+    more_sources: Mapping[str, Mapping[str, float]] | None = None,
+) -> Answer:
+    """Put the answer together.
+
+    Args:
+        case: the case.
+        objective: of the question.
+        found: the search.
+        spread: covariance from the survey's errors.
+        stops: equally good answers.
+        resolved: (p,) bool, the finite differences stood out of the noise.
+        sensitivities: what else moves the answer.
+        ratio_changes: source -> parameter -> change of strength / sigma'_v0 for one standard
+            deviation.
+        noise_std: parameter -> scatter over jitter seeds; empty: not measured.
+        more_sources: source -> parameter -> standard deviation from it.
+    """
+    parameters, targets = objective.parameters, objective.targets
+    sources = {
+        name: {
+            **{entry.name: entry.std[name] for entry in sensitivities if entry.kind != "target"},
+            **({NOISE_SOURCE: noise_std[name]} if noise_std else {}),
+            **{source: std[name] for source, std in (more_sources or {}).items()},
+        }
+        for name in parameters.names
+    }
+    total = np.array(
+        [
+            np.sqrt(std**2 + sum(value**2 for value in sources[name].values()))
+            for name, std in zip(parameters.names, spread.std, strict=True)
+        ]
+    )
+    look = found.look
+    return Answer(
+        parameters=_parameters(
+            case,
+            found,
+            spread,
+            total,
+            sources,
+            interval(parameters, found.values, total),
+            ratio_changes,
+            stops,
+        ),  # fmt: skip
+        loss=look.loss,
+        loss_unit=objective.unit,
+        tolerance=objective.tolerance,
+        reached=found.reached,
+        method=case.config.inversion.method,
+        words=found.words,
+        correlation=Correlation(
+            names=parameters.names, matrix=np.round(spread.correlation, 6).tolist()
+        ),
+        undetermined=[
+            Undetermined(
+                direction=parameters.as_mapping(direction),
+                words=direction_in_words(parameters, direction),
+                remaining=float(remaining),
+            )
+            for direction, remaining in zip(spread.flat, spread.remaining, strict=True)
+        ],
+        equally_good=[
+            EquallyGood(
+                along=stop.along,
+                values=parameters.as_mapping(stop.values),
+                predicted=targets.named(stop.prediction.values, targets.fitted),
+                loss=stop.loss,
+                at_bound=bounded(parameters.names, parameters.at_bound(stop.values)),
+            )
+            for stop in stops
+        ],
+        derivative={
+            name: parameters.as_mapping(np.nan_to_num(row))
+            for name, row, wanted in zip(targets.names, look.derivative, targets.shown, strict=True)
+            if wanted and not np.all(np.isnan(row))
+        },
+        derivative_resolved=dict(zip(parameters.names, map(bool, resolved), strict=True)),
+        steps=parameters.as_mapping(look.steps),
+    )
+
+
+def bounded(names: Sequence[str], bounds: Sequence[str | None]) -> list[str]:
+    """Names of the parameters that rest on a bound."""
+    return [name for name, bound in zip(names, bounds, strict=True) if bound]
+
+
+def _parameters(
+    case: LoadedCase,
+    found: Found,
+    spread: Posterior,
+    total: np.ndarray,
+    sources: Mapping[str, Mapping[str, float]],
+    intervals: Sequence[tuple[float, float]],
+    ratio_changes: Mapping[str, Mapping[str, float]],
+    stops: Sequence[Stop],
+) -> list[ParameterAnswer]:
+    parameters = case.parameters
+    prediction = found.look.prediction
+    ratio = ratios(prediction, found.values, parameters.names)
+    before = parameters.prior_std * np.where(parameters.logarithmic, found.values, 1.0)
+    good = np.array([found.values, *[stop.values for stop in stops]])
+    lines = []
+    for place, spec in enumerate(parameters.specs):
+        has_ratio = spec.name in ratio
+        sigma = float(prediction.sigma_v0_kpa[place]) if has_ratio else None
+        own = spread.std[place] / sigma if has_ratio else 0.0
+        changes = [change.get(spec.name, 0.0) for change in ratio_changes.values()]
+        lines.append(
+            ParameterAnswer(
+                name=spec.name,
+                label=spec.words,
+                zones=spec.zones,
+                property=spec.property,
+                unit=spec.unit,
+                value=float(found.values[place]),
+                start=spec.start,
+                low=spec.low,
+                high=spec.high,
+                std_data=float(spread.std[place]),
+                std_by_source=dict(sources[spec.name]),
+                std_total=float(total[place]),
+                interval_95=intervals[place],
+                equally_good_range=(
+                    (float(good[:, place].min()), float(good[:, place].max())) if stops else None
+                ),
+                at_bound=parameters.at_bound(found.values)[place],
+                determined=bool(spread.determined[place]),
+                prior_std=float(before[place]),
+                has_prior=spec.prior is not None,
+                sigma_v0_kpa=sigma,
+                sigma_v0_std_kpa=(float(prediction.sigma_v0_std_kpa[place]) if has_ratio else None),
+                ratio=ratio.get(spec.name),
+                ratio_std=(
+                    float(np.sqrt(own**2 + sum(c**2 for c in changes))) if has_ratio else None
+                ),
+            )
+        )
+    return lines

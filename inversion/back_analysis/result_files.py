@@ -1,0 +1,130 @@
+"""The files of a back-analysis: result.json, history.csv, sections.npz, run.h5."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from pathlib import Path
+
+import numpy as np
+
+from geometry.scenes.fill import fill
+from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.result import Result, save_result
+from inversion.back_analysis.result_checks import check_classical
+from inversion.engines.registry import side_by_side
+from inversion.engines.run_store import write_arrays
+from pipeline.cli import InputError
+from pipeline.files import read_json, write_text
+
+HISTORY, SECTIONS, RUN = "history.csv", "sections.npz", "run.h5"
+#: Beside the folder of the result, as `python -m inversion classical` writes it.
+CLASSICAL = Path("classical/classical.json")
+
+
+def save_all(analysis: BackAnalysis, result: Result, folder: Path) -> Result:
+    """Write everything; return the result as written, with the last timings."""
+    write_text(folder / HISTORY, history_text(result))
+    save_sections(analysis, folder / SECTIONS)
+    began = time.perf_counter()
+    save_answer_run(analysis, folder / RUN)
+    timings = {**result.timings, "final run": round(time.perf_counter() - began, 3)}
+    timings["in all"] = round(sum(timings.values()), 3)
+    beside = {"classical": classical_beside(folder), "engines": side_by_side(result, folder)}
+    result = result.model_copy(update={"timings": timings, **beside})
+    save_result(result, folder)
+    return result
+
+
+def history_text(result: Result) -> str:
+    """The iterations as CSV: values, loss, all measured quantities."""
+    parameters = [parameter.name for parameter in result.answer.parameters]
+    quantities = [m.name for m in result.measurements if m.role != "constructed"]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(
+        ["iteration", "kind", "accepted", "runs_so_far", f"loss_{result.answer.loss_unit}"]
+        + parameters
+        + quantities
+    )
+    for line in result.iterations:
+        loss = "" if line.loss is None else f"{line.loss:.6g}"
+        predicted = [line.predicted.get(name) for name in quantities]
+        writer.writerow(
+            [line.iteration, line.kind, str(line.accepted).lower(), line.runs_so_far, loss]
+            + [f"{line.values[name]:.6g}" for name in parameters]
+            + ["" if value is None else f"{value:.6g}" for value in predicted]
+        )
+    return text.getvalue()
+
+
+def save_sections(analysis: BackAnalysis, path: Path) -> None:
+    """Where the points lie at each iteration, for the pictures.
+
+    Arrays: `initial` (N, 2) [m]; `final` (K, N, 2) [m], one for each of the K lines of the history;
+    `iteration` (K,), `accepted` (K,), `loss` (K,), `values` (K, p), `names` (p,), `zone` (N,),
+    `zone_names`, `spacing` [m], `answer`: the line of the answer.
+    """
+    looks = analysis.found.looks
+    points = fill(analysis.case.scene)
+    count = len(points)
+    kept = [look.prediction.positions for look in looks]
+    final = np.stack([p if len(p) == count else np.full((count, 2), np.nan) for p in kept])
+    answer = next(
+        place
+        for place, look in enumerate(looks)
+        if look.accepted and np.array_equal(look.values, analysis.found.values)
+    )
+    write_arrays(
+        path,
+        {
+            "initial": points.position.astype(np.float32),
+            "final": final.astype(np.float32),
+            "iteration": np.array([look.iteration for look in looks], np.int32),
+            "accepted": np.array([look.accepted for look in looks]),
+            "loss": np.array([look.loss for look in looks]),
+            "values": np.array([look.values for look in looks]),
+            "names": np.array(analysis.case.parameters.names),
+            "zone": points.zone,
+            "zone_names": np.array([zone.name for zone in analysis.case.scene.zones]),
+            "spacing": np.array(analysis.case.scene.spacing),
+            "answer": np.array(answer, np.int32),
+        },
+    )
+
+
+def save_answer_run(analysis: BackAnalysis, path: Path) -> None:
+    """Simulate the answer once more with all frames, for the film and for other tools."""
+    from mpm_taichi.batch import run_batch
+
+    scene = analysis.engine.scene(analysis.found.values)
+    run_batch(
+        {0: scene},
+        analysis.case.setup.settings,
+        path,
+        device=analysis.store.device,
+        threads=analysis.store.threads,
+    )
+
+
+def classical_beside(folder: Path) -> list[dict]:
+    """What the classical methods have left in the folder beside that of the result, if they have.
+
+    Raises:
+        InputError: the file is damaged, or of an unknown form.
+    """
+    path = folder.resolve().parent / CLASSICAL
+    if not path.is_file():
+        return []
+    document = read_json(path)
+    analyses = document.get("analyses") if isinstance(document, dict) else None
+    if not isinstance(analyses, list):
+        raise InputError(
+            f"{path}: has no list `analyses`; write it by python -m inversion classical"
+        )
+    try:
+        check_classical(analyses)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; write it by python -m inversion classical") from None
+    return analyses

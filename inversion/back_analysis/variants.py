@@ -1,0 +1,266 @@
+"""Other readings of a question: variants and sensitivities made into setups.
+
+In: a `Setup` and an entry of `inversion.yaml`. Out: changed setups, each with what is different in
+words. A scene that a change would break is an `InputError` that names the entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from geometry.scenes.scene import Point, Scene, document_error, scene_from_mapping
+from geometry.survey.measured_numbers import SingleLength
+from inversion.engines.mpm_engine import Setup
+from inversion.problem.parameters import with_properties
+from inversion.problem.predictions import Targets
+from inversion.problem.question import (
+    CellSize,
+    FixedProperty,
+    MovedVertex,
+    Sensitivity,
+    Target,
+    TimeStep,
+    TransferScheme,
+    Variant,
+    WaterLevel,
+    ZoneBoundary,
+)
+from inversion.problem.water_level import SAME_PLACE_M, pool_at
+from pipeline.cli import InputError
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A setup that differs, and how, in words."""
+
+    setup: Setup
+    words: str
+
+
+def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Changed:
+    """The setup of a variant.
+
+    Args:
+        setup: the question's own.
+        variant: what is different.
+        targets: the measurements of the variant's set, with its choice of what is fitted.
+        source: file for messages.
+    """
+    where = f"{source}: variants: {variant.name}"
+    scene, settings, words = setup.scene, setup.settings, []
+    if variant.water == "none":
+        _refuse_sought_level(setup, f"{where}: water: none")
+        scene = scene.changed(water_level=None)
+        words.append("no water")
+    elif variant.water is not None:
+        if not scene.has_water:
+            raise InputError(f"{where}: water: {variant.water}: the scene has no water_level")
+        settings = settings.model_copy(update={"water": variant.water})
+        words.append(f"water as {_WATER_WORDS[variant.water]}")
+    if variant.contact is not None:
+        ground = {**scene.ground.model_dump(), "contact": variant.contact}
+        ground["friction_coefficient"] = None
+        scene = scene.changed(ground=ground)
+        words.append(f"base {variant.contact.replace('_', ' ')}")
+    if variant.measurements is not None:
+        words.append(f"measurements {variant.measurements!r}")
+    if variant.fit is not None:
+        words.append(f"fitted to {', '.join(variant.fit)}")
+    if variant.targets:
+        _check_fitted(variant.targets, targets, where)
+        try:
+            targets = targets.with_values(variant.targets)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        words += [f"{name} {value:g}" for name, value in variant.targets.items()]
+    changed = replace(setup, scene=scene, settings=settings, targets=targets)
+    return Changed(changed, ", ".join(words))
+
+
+def _refuse_sought_level(setup: Setup, where: str) -> None:
+    for spec in setup.parameters.specs:
+        if spec.property == "water_level":
+            raise InputError(f"{where}: the level of the pool is sought by {spec.name!r}")
+
+
+def _check_fitted(names: Iterable[str], targets: Targets, where: str) -> None:
+    """Another value of a number that is not fitted would change nothing."""
+    for name in names:
+        if name in targets.names and not targets.fitted[targets.names.index(name)]:
+            fitted = ", ".join(targets.named(targets.measured, targets.fitted))
+            raise InputError(f"{where}: targets: {name!r} is not fitted; fitted are {fitted}")
+
+
+_WATER_WORDS = {"buoyant": "buoyancy", "pore_pressure": "pressure in and on the soil"}
+
+
+def sides(setup: Setup, sensitivity: Sensitivity, source: str) -> list[Changed]:
+    """The setups of a sensitivity: one, or one for each sense of a standard deviation."""
+    where = f"{source}: sensitivities: {sensitivity.name}"
+    match sensitivity:
+        case ZoneBoundary():
+            return _boundary(setup, sensitivity, where)
+        case WaterLevel():
+            return _levels(setup, sensitivity, where)
+        case CellSize():
+            spacing = setup.scene.spacing * sensitivity.factor
+            scene = _checked({**setup.scene.model_dump(), "spacing": spacing}, where)
+            return [Changed(replace(setup, scene=scene), f"spacing {spacing:.3g} m")]
+        case TimeStep():
+            return [_time_step(setup, sensitivity, where)]
+        case TransferScheme():
+            settings = setup.settings.model_copy(update={"transfer": sensitivity.scheme})
+            words = f"transfer {sensitivity.scheme}"
+            return [Changed(replace(setup, settings=settings), words)]
+        case FixedProperty():
+            return _property(setup, sensitivity, where)
+        case Target():
+            return _target(setup, sensitivity, where)
+
+
+def _boundary(setup: Setup, sensitivity: ZoneBoundary, where: str) -> list[Changed]:
+    senses = {"both": (1.0, -1.0), "plus": (1.0,), "minus": (-1.0,)}[sensitivity.sides]
+    found = []
+    for sense in senses:
+        scene = moved(setup.scene, sensitivity.vertices, sense, where)
+        # The survey measured from the foot of the section: where the foot moves, so does its zero.
+        foot = {
+            side: x + scene.foot(side) - setup.scene.foot(side) for side, x in setup.foot.items()
+        }
+        farthest = max(sensitivity.vertices, key=lambda v: np.hypot(*v.move)).move
+        dx, dy = (sense * part + 0.0 for part in farthest)
+        words = f"moved by ({dx:+.3g}, {dy:+.3g}) m"
+        found.append(Changed(replace(setup, scene=scene, foot=foot), words))
+    return found
+
+
+def moved(scene: Scene, vertices: Sequence[MovedVertex], sense: float, where: str) -> Scene:
+    """The scene with vertices moved in every zone that has them, by `sense` times their move."""
+    document = scene.model_dump()
+    for vertex in vertices:
+        hits = 0
+        for zone in document["zones"]:
+            for number, place in enumerate(zone["polygon"]):
+                if _same(place, vertex.at):
+                    hits += 1
+                    zone["polygon"][number] = (None, place, vertex.move)
+        if not hits:
+            raise InputError(
+                f"{where}: vertices: no zone has a vertex at ({vertex.at[0]:g}, {vertex.at[1]:g})"
+            )
+    for zone in document["zones"]:
+        zone["polygon"] = [_placed(place, sense) for place in zone["polygon"]]
+    return _checked(document, where)
+
+
+def _same(place: Any, at: Point) -> bool:
+    return len(place) == 2 and np.hypot(place[0] - at[0], place[1] - at[1]) <= SAME_PLACE_M
+
+
+def _placed(place: Any, sense: float) -> Point:
+    """A vertex where it belongs: marked ones (None, place, move) are moved, the others stay."""
+    if len(place) == 2:
+        return place
+    _, (x, y), (dx, dy) = place
+    return (x + sense * dx, y + sense * dy)
+
+
+def _levels(setup: Setup, sensitivity: WaterLevel, where: str) -> list[Changed]:
+    scene = setup.scene
+    if scene.water_level is None:
+        raise InputError(f"{where}: the scene has no water_level")
+    _refuse_sought_level(setup, where)
+    found = []
+    for change in (sensitivity.std_m, -sensitivity.std_m):
+        level = scene.water_level + change
+        changed = _checked(pool_at(scene, level), where)
+        found.append(Changed(replace(setup, scene=changed), f"pool at {level:g} m"))
+    return found
+
+
+def _time_step(setup: Setup, sensitivity: TimeStep, where: str) -> Changed:
+    settings, factor = setup.settings, sensitivity.factor
+    if settings.time_step_s is not None:
+        step = settings.time_step_s * factor
+        return Changed(
+            replace(setup, settings=settings.model_copy(update={"time_step_s": step})),
+            f"time step {step:.3g} s",
+        )
+    courant = settings.courant * factor
+    if courant > 0.9:
+        raise InputError(
+            f"{where}: factor {factor:g} makes simulation.courant {courant:g}; at most 0.9"
+        )
+    return Changed(
+        replace(setup, settings=settings.model_copy(update={"courant": courant})),
+        f"courant {courant:g} instead of {settings.courant:g}",
+    )
+
+
+def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Changed]:
+    for spec in setup.parameters.specs:
+        if spec.property == sensitivity.property and set(spec.zones) & set(sensitivity.zones):
+            raise InputError(f"{where}: {sensitivity.property} there is sought by {spec.name!r}")
+    materials = {zone.name: setup.scene.materials[zone.material] for zone in setup.scene.zones}
+    found = []
+    for change in (sensitivity.std, -sensitivity.std):
+        values = {
+            name: getattr(materials[name], sensitivity.property) + change
+            for name in sensitivity.zones
+        }
+        if sensitivity.property != "density":  # no soil has less than no strength
+            values = {name: max(value, 0.0) for name, value in values.items()}
+        try:
+            scene = with_properties(
+                setup.scene,
+                [(name, sensitivity.property, v) for name, v in values.items()],
+            )
+        except ValidationError as error:
+            words = f"{where}: {sensitivity.property} {change:+g}"
+            raise InputError(document_error(error, words)) from None
+        words = f"{sensitivity.property} {change:+g} in zones {', '.join(sensitivity.zones)}"
+        if change < 0 and min(values.values()) == 0.0:
+            words += ", but not below 0"
+        found.append(Changed(replace(setup, scene=scene), words))
+    return found
+
+
+def _target(setup: Setup, sensitivity: Target, where: str) -> list[Changed]:
+    """The ends of the stated range, or one standard deviation to either side."""
+    targets = setup.targets
+    entry = {e.name: e for e in targets.entries}.get(sensitivity.measurement)
+    places = [
+        number
+        for number, group in enumerate(targets.groups)
+        if targets.entries[group] is entry and targets.fitted[number]
+    ]
+    if entry is None or not places:
+        fitted = ", ".join(targets.named(targets.measured, targets.fitted))
+        raise InputError(
+            f"{where}: measurement: {sensitivity.measurement!r} is not fitted; fitted are {fitted}"
+        )
+    if isinstance(entry, SingleLength) and entry.low_m is not None:
+        changes = [entry.high_m - entry.value_m, entry.low_m - entry.value_m]
+    else:
+        changes = [entry.std, -entry.std]
+    found = []
+    for change in changes:
+        measured = targets.measured.copy()
+        measured[places] += change
+        shown = f"{measured[places[0]]:g}" if len(places) == 1 else f"{change:+g}"
+        found.append(
+            Changed(
+                replace(setup, targets=replace(targets, measured=measured)),
+                f"{entry.name} {shown} {entry.unit}",
+            )
+        )
+    return found
+
+
+def _checked(document: dict, where: str) -> Scene:
+    return scene_from_mapping(document, where)

@@ -1,0 +1,287 @@
+"""A back-analysis by the learned simulator, with the material point method as its judge.
+
+The stages of `inversion.back_analysis.back_analysis` with other engines: first the learned
+simulator alone finds an answer, as in the paper; then the material point method runs beside it at a
+few states around that answer (`inversion.engines.model_error`); corrected by their mean difference,
+and with their covariance in that of the fit, it answers again. What the material point method says
+at the answer is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+import gns
+from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
+from inversion.back_analysis.variants import Changed
+from inversion.engines.gns_engine import GNSEngine
+from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
+from inversion.engines.mpm_engine import MPMEngine, Setup
+from inversion.engines.registry import own_answer
+from inversion.engines.rollout_store import RolloutStore
+from inversion.engines.trained_model import Model
+from inversion.estimation.calibrate import calibrate
+from inversion.estimation.objective import Objective
+from inversion.estimation.search import Found
+from inversion.estimation.uncertainty import posterior
+from inversion.problem.forward import Forward, Prediction
+from inversion.problem.question import Sensitivity
+from pipeline.cli import InputError
+
+#: Source of the surrogate's error among the sources of uncertainty.
+SOURCE = "error of the learned simulator"
+#: Kinds of sensitivities of which a learned simulator knows nothing.
+UNKNOWN_TO_IT = {"time_step": "no time step", "transfer": "no transfer"}
+
+
+@dataclass(kw_only=True)
+class SurrogateAnalysis(BackAnalysis):
+    """A case under back-analysis by a learned simulator.
+
+    Attributes:
+        model: the simulator.
+        rollouts: where its rollouts and their derivatives are kept.
+        on_frame: told of each frame of a rollout.
+        pairs: both engines around the fit; None: not asked yet.
+        alone: the answer without any correction.
+        judged: what the material point method predicts at the answer.
+    """
+
+    engine_name: ClassVar[str] = "gns"
+
+    model: Model
+    rollouts: RolloutStore
+    on_frame: Callable[[int, int], None] | None = None
+    pairs: Pairs | None = None
+    alone: Found | None = None
+    judged: Prediction | None = None
+    judged_alone: Prediction | None = None
+    answer_std: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.truth = MPMEngine(self.case.setup, self.store)
+
+    # --- what the engine decides ---
+
+    def engine_of(self, setup: Setup) -> Forward:
+        """The learned simulator, corrected as soon as its error is known."""
+        engine = self._uncorrected(setup)
+        if self.pairs is None:
+            return engine
+        mean = dict(zip(self.pairs.names, self.pairs.mean, strict=True))
+        return Corrected(engine, mean)
+
+    def objective_of(self, setup: Setup) -> Objective:
+        """With the surrogate's error in the covariance as soon as it is known."""
+        if self.pairs is not None:
+            setup = replace(setup, targets=with_error(setup.targets, self.pairs))
+        return self.case.objective(setup)
+
+    def stages_to_answer(self) -> list[tuple[str, Callable[[], None]]]:
+        """Alone, compared, corrected."""
+        return [
+            ("answer without correction", self.search_alone),
+            ("runs beside it", self.compare),
+            ("answer", self.search),
+        ]
+
+    def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
+        """Without those that change nothing for a learned simulator."""
+        entries, left_out = self.case.sensitivities
+        kept = [pair for pair in entries if pair[0].kind not in UNKNOWN_TO_IT]
+        told = [
+            f"{entry.name}: left out: a learned simulator has {UNKNOWN_TO_IT[entry.kind]}; ask the "
+            "engine mpm"
+            for entry, _ in entries
+            if entry.kind in UNKNOWN_TO_IT
+        ]
+        return kept, [*left_out, *told]
+
+    # --- stages ---
+
+    def search_alone(self) -> None:
+        """The answer of the learned simulator by itself, from the question's first guess."""
+        for line in self.engine.outside(self.case.parameters.start):
+            self.remark(f"outside the training of the model {self.model.name}: {line}")
+        self.found = self.alone = self._fit(self.case.parameters.start)
+        (self.judged_alone,) = self.truth.predict([self.found.values])
+        self.say(f"answer of the learned simulator alone: {self._told(self.found)}")
+
+    def compare(self) -> None:
+        """Run the material point method beside it around the answer: its error from now on."""
+        parameters, values = self.case.parameters, self.found.values
+        around = posterior(self.objective, self.found.look.derivative, values)
+        states, width = states_around(
+            parameters,
+            values,
+            np.sqrt(np.diag(around.scaled)),
+            self.case.config.inversion.surrogate_pairs,
+        )
+        surrogate = self._uncorrected(self.case.setup)
+        self.pairs, _ = paired(surrogate, self.truth, self.case.setup.targets, states, width)
+        self.runs += surrogate.runs
+        self.engine = self.engine_of(self.case.setup)
+        self.objective = self.objective_of(self.case.setup)
+        self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
+        std = np.sqrt(np.diag(self.pairs.covariance))
+        told = [
+            f"{name} {mean:+.2f} +- {own:.2f}"
+            for name, mean, own, fitted in zip(
+                self.pairs.names, self.pairs.mean, std, self.objective.targets.fitted, strict=True
+            )
+            if fitted
+        ]
+        self.say(f"material point method minus learned simulator: {', '.join(told[:6])}")
+
+    def search(self) -> None:
+        """The answer with the correction; where it lies far from the pairs, these are run anew."""
+        self._search_on()
+        if not self.pairs.holds(self.case.parameters, self.found.values):
+            self.say("the answer has left the states of the runs beside it: they run once more")
+            self.compare()
+            self._search_on()
+        if not self.pairs.holds(self.case.parameters, self.found.values):
+            self.remark(
+                "the answer lies outside the states at which the material point method ran beside "
+                "the learned simulator: its correction there is extrapolated"
+            )
+        self.say(f"answer after {self.found.runs} rollouts: {self.found.words}")
+        self._judge()
+        self._uncertainty()
+        self.tell_doubts()
+
+    # --- the result ---
+
+    def result(self) -> Result:
+        """All that was found, with the engines side by side."""
+        result = super().result()
+        std = np.sqrt(np.diag(self.pairs.covariance))
+        targets, parameters = self.case.setup.targets, self.case.parameters
+        surrogate = Surrogate(
+            model=self.model.name,
+            model_sha256=self.model.sha256,
+            outside=self._uncorrected(self.case.setup).outside(self.found.values),
+            pairs=[
+                SurrogatePair(
+                    values=parameters.as_mapping(state),
+                    surrogate=targets.named(quick),
+                    mpm=targets.named(exact),
+                )
+                for state, quick, exact in zip(
+                    self.pairs.states, self.pairs.surrogate, self.pairs.truth, strict=True
+                )
+            ],
+            mean_difference=targets.named(self.pairs.mean),
+            std=targets.named(np.where(np.isfinite(self.pairs.mean), std, np.nan)),
+            answer_std=parameters.as_mapping(self.answer_std),
+            runs_mpm=self.truth.runs,
+        )
+        engines = [
+            self._engine(
+                "gns", "without correction", self.alone.values, self.alone.look.prediction
+            ),
+            self._engine("mpm", "at that answer", self.alone.values, self.judged_alone),
+            own_answer(result),
+            self._engine("mpm", "at that answer", self.found.values, self.judged),
+        ]
+        return result.model_copy(update={"surrogate": surrogate, "engines": engines})
+
+    def _engine(
+        self, engine: str, note: str, values: np.ndarray, prediction: Prediction
+    ) -> EngineAnswer:
+        loss = self.case.objective().value(prediction)
+        return EngineAnswer(
+            name={"mpm": "material point method", "gns": "Diff-GNS"}[engine],
+            engine=engine,
+            note=note,
+            spacing_m=self.case.scene.spacing,
+            values=self.case.parameters.as_mapping(values),
+            std={},
+            predicted=self.case.setup.targets.named(prediction.values),
+            loss=loss if np.isfinite(loss) else None,
+        )
+
+    # --- what the stages share ---
+
+    def _uncorrected(self, setup: Setup) -> GNSEngine:
+        return GNSEngine(setup, self.rollouts, self.model, on_frame=self.on_frame)
+
+    def _fit(self, start: np.ndarray) -> Found:
+        """A search with the engine and objective that are known by now."""
+        method = self.case.config.inversion.method
+        search = self._search(self.engine, self.steps, tell=True)
+        found = calibrate(search, start, method=method, least_m=self.least_m)
+        self.runs += found.runs
+        return found
+
+    def _search_on(self) -> None:
+        """Search from the present answer; the looks follow those before."""
+        before, method = self.found, self.case.config.inversion.method
+        found = self._fit(before.values)
+        last = before.looks[-1]
+        looks = [
+            replace(
+                look,
+                kind=method if look.kind == "start" else look.kind,
+                iteration=look.iteration + last.iteration + 1,
+                runs=look.runs + before.runs,
+                seconds=look.seconds + last.seconds,
+            )
+            for look in found.looks
+        ]
+        place = next(number for number, look in enumerate(found.looks) if look is found.look)
+        self.found = replace(
+            found, look=looks[place], looks=[*before.looks, *looks], runs=found.runs + before.runs
+        )
+
+    def _judge(self) -> None:
+        """The material point method at the answer; the stress before failure is its own."""
+        (self.judged,) = self.truth.predict([self.found.values])
+        prediction = replace(
+            self.found.look.prediction,
+            sigma_v0_kpa=self.judged.sigma_v0_kpa,
+            sigma_v0_std_kpa=self.judged.sigma_v0_std_kpa,
+        )
+        self.found = replace(self.found, look=replace(self.found.look, prediction=prediction))
+        targets = self.objective.targets
+        told = targets.named(self.judged.values, targets.fitted)
+        self.say(
+            "the material point method at the answer: "
+            + (", ".join(f"{name} {value:.1f}" for name, value in list(told.items())[:6])
+               or f"failed: {self.judged.reason}")
+        )  # fmt: skip
+
+    def _uncertainty(self) -> None:
+        """What the survey leaves open, and how much the surrogate's error adds to it."""
+        derivative, values = self.found.look.derivative, self.found.values
+        survey = self.case.objective().covariance
+        whole = posterior(self.objective, derivative, values)
+        self.spread = posterior(self.objective, derivative, values, errors=survey)
+        self.answer_std = np.sqrt(np.maximum(whole.std**2 - self.spread.std**2, 0.0))
+        names = self.case.parameters.names
+        self.more_sources[SOURCE] = dict(zip(names, map(float, self.answer_std), strict=True))
+        sigma = self.found.look.prediction.sigma_v0_kpa
+        self.ratio_changes[SOURCE] = {
+            name: float(std / stress)
+            for name, std, stress in zip(names, self.answer_std, sigma, strict=True)
+            if np.isfinite(stress)
+        }
+
+    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> Found | None:
+        """Another search; None, and a line, also where the simulator does not know the reading."""
+        try:
+            return super()._calibrated(name, setup, start)
+        except InputError as error:
+            self.remark(f"{name}: no answer: {error}")
+            return None
+
+    def _manifest(self) -> dict[str, Any]:
+        made = super()._manifest()
+        versions = {**made["physics_versions"], "gns": gns.PHYSICS_VERSION}
+        return {**made, "physics_versions": versions, "model_sha256": self.model.sha256}

@@ -1,0 +1,149 @@
+"""The material point method as a forward engine.
+
+A `Setup` is one reading of the question: the section before the values are put in, the settings of
+the simulation, the measurements. `inversion.back_analysis.variants` makes other readings of it.
+Derivatives are finite differences from one batch of perturbed scenes with common seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from geometry.scenes.scene import Scene
+from geometry.survey.measured import Deposit
+from inversion.engines.history_readings import HistoryReader, history_reader
+from inversion.engines.run_store import KeptRun, RunStore
+from inversion.problem.forward import Forward, Prediction, by_differences
+from inversion.problem.parameters import Parameters
+from inversion.problem.predictions import Targets, read, toes_by_eye
+from pipeline.config import SimulationSettings
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One reading of the question.
+
+    Attributes:
+        scene: the section, before the values of the parameters are put in.
+        settings: of the simulation.
+        parameters: what is sought.
+        targets: what is predicted.
+        foot: where the section ended before the slide, x [m] by side.
+    """
+
+    scene: Scene
+    settings: SimulationSettings
+    parameters: Parameters
+    targets: Targets
+    foot: Mapping[str, float]
+
+    @cached_property
+    def reader(self) -> HistoryReader:
+        """Reads what hangs on the whole history of a run."""
+        return history_reader(self.targets.entries, self.foot)
+
+
+class MPMEngine:
+    """`inversion.problem.forward.Forward` by the material point method."""
+
+    def __init__(self, setup: Setup, store: RunStore) -> None:
+        self.setup = setup
+        self.store = store
+        self.runs = 0
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the predicted numbers, (m,)."""
+        return self.setup.targets.names
+
+    def scene(self, values: np.ndarray) -> Scene:
+        """The section with the values put in."""
+        return self.setup.parameters.scene(self.setup.scene, values)
+
+    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
+        """Predictions for many parameter vectors, as one batch."""
+        return self.predict_each([(self, one) for one in values])
+
+    def derivative(
+        self, values: np.ndarray, steps: np.ndarray
+    ) -> tuple[Prediction, np.ndarray, np.ndarray]:
+        """Prediction and finite differences, one batch; see `inversion.problem.forward.Forward`."""
+        return by_differences(self, np.asarray(values, dtype=float), steps)
+
+    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
+        """One parameter vector for each of several engines, as one batch."""
+        engines: list[MPMEngine] = [engine for engine, _ in requests]
+        wanted = [(engine.scene(values), engine.setup.settings) for engine, values in requests]
+        runs = self.store.fetch(wanted, [engine.setup.reader for engine in engines])
+        for engine in engines:
+            engine.runs += 1
+        starts: dict[tuple[int, bytes], np.ndarray] = {}
+        found = []
+        for engine, run in zip(engines, runs, strict=True):
+            # Runs that differ in strength alone begin from the same points.
+            key = (id(engine.setup), run.initial.tobytes())
+            if key not in starts:
+                starts[key] = read_start(engine.setup, run)
+            found.append(prediction_of(engine.setup, run, starts[key]))
+        return found
+
+
+def read_start(setup: Setup, run: KeptRun) -> np.ndarray:
+    """The measurements read on the section before anything moved, (m,)."""
+    return read(setup.targets, deposit_of(setup, run, last=False))[0]
+
+
+def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None) -> Prediction:
+    """Read the measurements on a run; `at_start` is `read_start` where that is known."""
+    end = deposit_of(setup, run)
+    failed = run.status == "failed"
+    values, trouble = read(setup.targets, end, run.readings)
+    if failed:
+        values = np.full(len(values), np.nan)
+    if at_start is None:
+        at_start = read_start(setup, run)
+    mean, spread = _sigma_v0(setup, run)
+    broken = failed or not np.all(np.isfinite(values[setup.targets.fitted]))
+    return Prediction(
+        values=values,
+        at_start=at_start,
+        by_eye={} if failed else toes_by_eye(setup.targets, end),
+        positions=run.final,
+        status="failed" if broken else "finished",
+        reason=run.reason or trouble,
+        sigma_v0_kpa=mean,
+        sigma_v0_std_kpa=spread,
+        run_time_s=run.wall_time_s,
+        at_rest=run.at_rest or failed,
+    )
+
+
+def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
+    """The points of a run as measurements see them: after the slide, or before it."""
+    return Deposit(
+        position=(run.final if last else run.initial).astype(float),
+        initial_position=run.initial.astype(float),
+        volume=run.volume if last and run.volume is not None else setup.scene.spacing**2,
+        spacing=setup.scene.spacing,
+        foot=setup.foot,
+        ground=np.asarray(setup.scene.ground.points, dtype=float),
+        at_rest=run.at_rest or not last,
+        initial_volume=setup.scene.spacing**2,
+    )
+
+
+def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and spread of the vertical effective stress over each strength's zones, (p,) [kPa]."""
+    place = {zone.name: number for number, zone in enumerate(setup.scene.zones)}
+    mean, spread = [], []
+    for spec in setup.parameters.specs:
+        member = np.isin(run.zone, [place[name] for name in spec.zones])
+        known = spec.property == "cohesion_kpa" and member.any()
+        stress = 1e-3 * run.vertical_stress[member].astype(float)
+        mean.append(float(stress.mean()) if known else np.nan)
+        spread.append(float(stress.std()) if known else np.nan)
+    return np.array(mean), np.array(spread)

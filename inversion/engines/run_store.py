@@ -1,0 +1,249 @@
+"""Simulations kept by content: the same scene and settings are computed once.
+
+A finished run goes at once into a small file whose name is the hash of all that decides its
+numbers, so a back-analysis that was killed continues where it stopped, and a question that is asked
+again costs nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.lib import format as npy
+
+from inversion.engines.history_readings import HistoryReader, Reading
+from mpm_taichi.batch import run_key
+from mpm_taichi.effects import changes_volume
+from pipeline.files import atomic_path
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
+    from mpm_taichi.trajectory import Run
+    from pipeline.config import SimulationSettings
+
+# What zipfile and numpy raise on a file that is cut short or damaged, depending on where.
+DAMAGE = (
+    OSError, KeyError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
+)  # fmt: skip
+
+_ARRAYS = {
+    "initial", "final", "zone", "vertical_stress", "volume", "status", "reason", "numbers"
+}  # fmt: skip
+# Names of the arrays of a reading begin so.
+_READ, _TROUBLE = "reading_", "trouble_"
+
+OnRun = Callable[[int, int], None]
+"""Called with (runs done, runs of the batch)."""
+
+
+@dataclass(frozen=True)
+class KeptRun:
+    """What a back-analysis needs of a run; N points.
+
+    Attributes:
+        initial: positions before the slide (N, 2) float32 [m].
+        final: positions after it, (N, 2) float32 [m].
+        zone: (N,) int32, place in the scene's zones.
+        vertical_stress: effective, before failure, compression positive, (N,) float32 [Pa].
+        volume: of the points after the slide, (N,) float64 [m2]; None: as it was.
+        status: "finished" or "failed"; reason: why.
+        end_s: simulated motion [s]; at_rest: it stopped of itself.
+        wall_time_s: computing time when it was computed [s].
+        readings: of measurements that hang on the whole history, by `reading_key`.
+    """
+
+    initial: np.ndarray
+    final: np.ndarray
+    zone: np.ndarray
+    vertical_stress: np.ndarray
+    status: str
+    reason: str
+    end_s: float
+    at_rest: bool
+    wall_time_s: float
+    readings: dict[str, Reading] = field(default_factory=dict)
+    volume: np.ndarray | None = None
+
+
+class RunStore:
+    """Runs by content, in memory and in a folder.
+
+    Args:
+        folder: of the files; None: in memory alone.
+        device: "cpu" or "cuda".
+        threads: CPU threads; None: all.
+        on_run: told of each run of a batch.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path | None,
+        *,
+        device: str = "cpu",
+        threads: int | None = None,
+        on_run: OnRun | None = None,
+    ) -> None:
+        self.folder = None if folder is None else Path(folder)
+        self.device = device
+        self.threads = threads
+        self.on_run = on_run
+        self.computed = 0
+        self._kept: dict[str, KeptRun] = {}
+
+    def fetch(
+        self,
+        wanted: Sequence[tuple[Scene, SimulationSettings]],
+        readers: Sequence[HistoryReader] | None = None,
+    ) -> list[KeptRun]:
+        """The runs of scenes with their settings, in their order; the missing ones are computed.
+
+        Args:
+            wanted: scenes and settings; equal ones are computed once.
+            readers: what is read on each of them as it ends; None: nothing.
+        """
+        keys = [run_key(scene, settings, self.device) for scene, settings in wanted]
+        to_read: dict[str, list[HistoryReader]] = {key: [] for key in keys}
+        for key, reader in zip(keys, readers or (), strict=bool(readers)):
+            to_read[key].append(reader)
+        missing: dict[str, tuple[Scene, SimulationSettings]] = {}
+        for key, pair in zip(keys, wanted, strict=True):
+            if key not in missing and not self._is_there(key, to_read[key]):
+                missing[key] = pair
+        if missing:
+            self._compute(missing, to_read)
+        return [self._kept[key] for key in keys]
+
+    def _is_there(self, key: str, readers: Iterable[HistoryReader]) -> bool:
+        run = self._kept.get(key)
+        if run is None and self.folder is not None:
+            run = load_kept(self._path(key))
+            if run is not None:
+                self._kept[key] = run
+        return run is not None and all(
+            name in run.readings for reader in readers for name in reader.keys
+        )
+
+    def _compute(
+        self,
+        missing: dict[str, tuple[Scene, SimulationSettings]],
+        readers: dict[str, list[HistoryReader]],
+    ) -> None:
+        """Simulate, grouped by settings, which a batch shares; keep each run as it ends."""
+        from mpm_taichi.simulate import simulate_each
+
+        groups: dict[str, list[str]] = {}
+        for key, (_, settings) in missing.items():
+            groups.setdefault(settings.model_dump_json(), []).append(key)
+        done = 0
+        # Taichi tells of its start on the standard output, where results alone belong.
+        with redirect_stdout(sys.stderr):
+            for members in groups.values():
+                for place, run in simulate_each(
+                    [missing[key][0] for key in members],
+                    missing[members[0]][1],
+                    device=self.device,
+                    threads=self.threads,
+                ):
+                    self._keep(members[place], kept_run(run, readers[members[place]]))
+                    done += 1
+                    if self.on_run is not None:
+                        self.on_run(done, len(missing))
+
+    def _keep(self, key: str, run: KeptRun) -> None:
+        self.computed += 1
+        if key in self._kept:  # it was there, but without some reading
+            run = replace(run, readings={**self._kept[key].readings, **run.readings})
+        self._kept[key] = run
+        if self.folder is not None:
+            save_kept(self._path(key), run)
+
+    def _path(self, key: str) -> Path:
+        return self.folder / f"{key}.npz"
+
+
+def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
+    """What is kept of a run, with what `readers` read on it."""
+    end = float(run.time[-1]) if len(run.time) else 0.0
+    return KeptRun(
+        initial=run.positions[0].copy(),
+        final=run.positions[-1].copy(),
+        zone=run.zone,
+        vertical_stress=-run.initial_stress[:, 1],
+        status=run.status,
+        reason=run.reason,
+        end_s=end,
+        at_rest=run.came_to_rest,
+        wall_time_s=run.wall_time_s,
+        readings={name: found for reader in readers for name, found in reader.read(run).items()},
+        volume=run.bulk_volume if changes_volume(run.scene) else None,
+    )
+
+
+def save_kept(path: Path, run: KeptRun) -> None:
+    """Write a run; the file appears when whole."""
+    arrays = {
+        "initial": run.initial,
+        "final": run.final,
+        "zone": run.zone,
+        "vertical_stress": run.vertical_stress,
+        "status": np.array(run.status),
+        "reason": np.array(run.reason),
+        "numbers": np.array([run.end_s, float(run.at_rest), run.wall_time_s]),
+    }
+    if run.volume is not None:
+        arrays["volume"] = run.volume
+    for name in sorted(run.readings):
+        arrays[f"{_READ}{name}"] = run.readings[name].values
+        arrays[f"{_TROUBLE}{name}"] = np.array(run.readings[name].trouble)
+    write_arrays(path, arrays)
+
+
+def load_kept(path: Path) -> KeptRun | None:
+    """Read a run; None where there is none, or where the file is damaged."""
+    try:
+        # Opened here: numpy leaves a damaged file open.
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        if any(not name.startswith((_READ, _TROUBLE)) for name in set(arrays) - _ARRAYS):
+            return None
+        end, at_rest, wall_time = (float(value) for value in arrays.pop("numbers"))
+        return KeptRun(
+            **{name: arrays.pop(name) for name in ("initial", "final", "zone", "vertical_stress")},
+            status=str(arrays.pop("status")),
+            reason=str(arrays.pop("reason")),
+            end_s=end,
+            at_rest=bool(at_rest),
+            wall_time_s=wall_time,
+            volume=arrays.pop("volume", None),
+            readings={
+                name.removeprefix(_READ): Reading(
+                    values, str(arrays[_TROUBLE + name.removeprefix(_READ)])
+                )
+                for name, values in arrays.items()
+                if name.startswith(_READ)
+            },
+        )
+    except DAMAGE:
+        return None
+
+
+def write_arrays(path: str | Path, arrays: dict[str, np.ndarray]) -> None:
+    """Write an NPZ file, atomically, whose bytes depend on the arrays alone.
+
+    `numpy.savez` puts the time of day into the file; a killed and continued back-analysis must
+    leave the same bytes.
+    """
+    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, values in arrays.items():
+            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(entry, "w", force_zip64=True) as file:
+                npy.write_array(file, np.asanyarray(values), allow_pickle=False)

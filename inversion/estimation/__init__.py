@@ -1,0 +1,4 @@
+"""Estimation: misfit, derivatives, searches and the uncertainty of what they find.
+
+In: a problem and an engine. Out: estimates.
+"""

@@ -1,0 +1,113 @@
+"""Calibration: from a first guess to the answer, by the method asked for.
+
+In: a `Search` and first guesses. Out: `Found`. A start at which nothing moves, or whose derivative
+says nothing, goes through the geometric scan first; a search that ends far from the data looks
+around once and goes on from the best place it sees; a misfit of many numbers is smoothed at last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
+from inversion.estimation.geometric_scan import look_around, moved, scan
+from inversion.estimation.lbfgsb import lbfgsb
+from inversion.estimation.search import Found, Look, Search
+from inversion.estimation.smoothing import polish
+from inversion.problem.parameters import Parameters
+
+Method = Literal["gauss_newton", "lbfgsb"]
+METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
+
+#: A derivative whose best step lowers the sum of squares by a smaller share says nothing.
+LEAST_PROMISE = 0.1
+#: A fit is far off where it is worse than expected by this many standard deviations.
+FAR_OFF = 4.0
+#: The smoothed answer lies in no ripple and may be worse by this multiple of what noise adds.
+MOST_WORSE = 3.0
+#: Further starts: strengths times this, and friction angles at this share of their bounds.
+OTHER_STARTS = ((0.65, 0.25), (1.6, 0.75), (0.45, 0.6), (2.2, 0.4))
+
+
+def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: float) -> Found:
+    """Search from one first guess.
+
+    Args:
+        search: the problem.
+        start: values (p,).
+        method: gauss_newton or lbfgsb.
+        least_m: what must move at the start, else the strengths are scanned first [m].
+
+    Raises:
+        WorkFailed: nothing moves at all, or the first run failed.
+    """
+    first = search.look(start, "start", 0)
+    if _says_nothing(search, first, least_m):
+        best = scan(search, first, least_m)
+        search.measure_noise(None, best.values)
+        first = first if best is first else search.look(best.values, "scan", 0)
+    else:
+        search.measure_noise(first, start)
+    found = METHODS[method](search, first)
+    if _far_off(search, found.look) and search.runs < search.max_runs:
+        better = look_around(search, search.objective.parameters.start, found.look)
+        if better is not None:
+            first = search.look(better.values, "scan", better.iteration)
+            found = METHODS[method](search, first)
+    return _polished(search, found)
+
+
+def _polished(search: Search, found: Found) -> Found:
+    """The bottom of the valley, where many numbers are fitted and the simulation has noise."""
+    if search.objective.loss != "misfit" or not np.any(search.steps.noise > 0):
+        return found
+    if not np.isfinite(found.look.loss) or search.exhausted:
+        return found
+    look = polish(search, found.look)
+    if look is None:
+        return found
+    ripple = np.sum((search.objective.survey_whitener * search.steps.noise[None, :]) ** 2)
+    if not look.loss <= found.look.loss + MOST_WORSE * ripple:
+        search.reject(look)
+        return found
+    return replace(found, look=look, runs=search.runs, words=f"{found.words}, smoothed")
+
+
+def _far_off(search: Search, look: Look) -> bool:
+    """The fit is worse than the survey's errors explain: chance does so once in 30,000 times."""
+    objective = search.objective
+    if not np.isfinite(look.loss):
+        return True
+    if objective.loss == "runout":
+        return look.loss > max(
+            objective.tolerance, FAR_OFF**2 * float(np.trace(objective.covariance))
+        )
+    numbers = len(objective.covariance)
+    return look.loss > numbers + FAR_OFF * np.sqrt(2.0 * numbers)
+
+
+def _says_nothing(search: Search, look: Look, least_m: float) -> bool:
+    """The fit is bad, and nothing moves or no step promises to make it better."""
+    if not np.isfinite(look.loss) or look.loss < search.objective.tolerance:
+        return False
+    if not moved(search, look, least_m).any():
+        return True
+    residuals = search.objective.residuals(
+        look.prediction, search.objective.parameters.to_fitted(look.values)
+    )
+    return best_step(search, look, LARGEST_BOX).gain < LEAST_PROMISE * float(residuals @ residuals)
+
+
+def further_starts(parameters: Parameters, number: int) -> Sequence[np.ndarray]:
+    """First guesses beside the question's own, (p,) each: weaker, stronger, other angles."""
+    found = []
+    for factor, share in OTHER_STARTS[:number]:
+        inside = parameters.low + share * (parameters.high - parameters.low)
+        scaled = np.where(parameters.strengths, parameters.start * factor, parameters.start)
+        values = np.where(parameters.logarithmic, scaled, inside)
+        found.append(parameters.clipped(values))
+    return found

@@ -1,0 +1,135 @@
+"""Steps of finite differences, chosen from measured noise.
+
+A simulation is not a smooth function: where exactly its points lie moves a toe by decimetres. A
+step is wide enough when its effect on some fitted number is at least five times that noise, and no
+wider than needed, so that curvature does not show. Where many numbers are fitted together (loss
+`misfit`) the gradient of their sum must stand out of the noise, not the most sensitive of them: the
+effect and the noise of all are then compared, each in units of its error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from inversion.problem.forward import Forward, Prediction
+from inversion.problem.parameters import Parameters
+
+#: Shortest, first and widest steps: of a logarithm, and as shares of the width of the bounds.
+LOG_STEPS = (0.02, 0.04, 0.15)
+SHARE_STEPS = (0.1, 0.25, 0.45)
+
+
+@dataclass
+class FiniteSteps:
+    """Chooses steps; learns from every derivative.
+
+    Attributes:
+        parameters: what is sought.
+        noise: standard deviation of the fitted numbers over seeds, (k,); zeros: no noise known.
+        factor: least effect of a step, in units of the noise.
+        whitener: (k, k), makes the errors of the fitted numbers independent, of variance 1; None:
+            the most sensitive number decides.
+    """
+
+    parameters: Parameters
+    noise: np.ndarray
+    factor: float = 5.0
+    whitener: np.ndarray | None = None
+    _size: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._size = self._limits()[1]
+
+    def steps(self, values: np.ndarray) -> np.ndarray:
+        """Signed steps of the values, (p,): strengths downwards, since weaker soil moves.
+
+        A step goes the other way where the bound leaves no room.
+        """
+        fitted = self.parameters.to_fitted(values)
+        down, up = fitted - self.parameters.fitted_low, self.parameters.fitted_high - fitted
+        prefer_down = self.parameters.logarithmic | (down > up)
+        room = np.where(prefer_down, down, up)
+        turned = (room < self._size) & (room < np.maximum(down, up))
+        sign = np.where(prefer_down ^ turned, -1.0, 1.0)
+        room = np.where(sign < 0, down, up)
+        size = np.minimum(self._size, room)
+        return self.parameters.to_values(fitted + sign * size) - values
+
+    def learn(self, derivative: np.ndarray, values: np.ndarray) -> None:
+        """Choose the next steps by a derivative of the fitted numbers, (k, p) per outside unit."""
+        slope = np.nan_to_num(derivative) * self.parameters.value_per_fitted(values)
+        shortest, _, widest = self._limits()
+        if not np.any(self.noise > 0):
+            return
+        strongest = self._effect(slope)
+        with np.errstate(divide="ignore"):
+            wanted = self.factor / strongest
+        self._size = np.clip(wanted, shortest, widest)
+
+    def resolved(self, derivative: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """(p,) bool: the step taken had an effect of at least `factor` times the noise.
+
+        Args:
+            derivative: of the fitted numbers, (k, p) per outside unit.
+            steps: taken, (p,); 0 for an exact derivative, which is always resolved.
+        """
+        effect = np.nan_to_num(derivative) * steps[None, :]
+        if not np.any(self.noise > 0):
+            enough = np.any(effect != 0, axis=0)
+        else:
+            enough = self._effect(effect) >= self.factor * (1.0 - 1e-9)
+        return (enough & (steps != 0)) | ((steps == 0) & np.any(derivative != 0, axis=0))
+
+    def signal(self, derivative: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Share of each column of a derivative that is not noise, (p,), 0 to 1.
+
+        The difference of two runs holds noise of variance 2; so much is taken off the square of
+        the effect. A column that is nothing but noise would otherwise pass for knowledge.
+        Arguments as of `resolved`.
+        """
+        if not np.any(self.noise > 0):
+            return np.ones(len(steps))
+        effect = self._effect(np.nan_to_num(derivative) * steps[None, :])
+        with np.errstate(divide="ignore"):
+            share = np.sqrt(np.maximum(0.0, 1.0 - 2.0 / effect**2))
+        return np.where(steps == 0, 1.0, share)
+
+    def _effect(self, change: np.ndarray) -> np.ndarray:
+        """Change of the fitted numbers (k, p) in units of their noise, (p,)."""
+        if self.whitener is None:
+            return np.max(np.abs(change) / np.maximum(self.noise, 1e-12)[:, None], axis=0)
+        noise = np.linalg.norm(self.whitener * self.noise[None, :])
+        return np.linalg.norm(self.whitener @ change, axis=0) / max(noise, 1e-12)
+
+    def _limits(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shortest, first and widest step in fitted units, (p,) each."""
+        parameters = self.parameters
+        width = parameters.fitted_high - parameters.fitted_low
+        return tuple(
+            np.where(parameters.logarithmic, log / parameters.prior_std, share * width)
+            for log, share in zip(LOG_STEPS, SHARE_STEPS, strict=True)
+        )
+
+
+def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:
+    """Standard deviation of the chosen numbers over runs that differ in the seed, (k,).
+
+    Runs that failed are left out; with fewer than two left the noise is unknown and 0.
+    """
+    kept = [p.values[mask] for p in predictions if np.all(np.isfinite(p.values[mask]))]
+    if len(kept) < 2:
+        return np.zeros(int(np.sum(mask)))
+    return np.std(kept, axis=0, ddof=1)
+
+
+def measured_noise(
+    engines: Sequence[Forward], values: np.ndarray, mask: np.ndarray
+) -> tuple[np.ndarray, list[Prediction]]:
+    """Noise at `values` from engines that differ in nothing but the seed of the jitter."""
+    if not engines:
+        return np.zeros(int(np.sum(mask))), []
+    predictions = engines[0].predict_each([(engine, values) for engine in engines])
+    return noise_of(predictions, mask), predictions

@@ -1,0 +1,172 @@
+"""What every search shares: the problem, the looks at the engine, the way a search ended.
+
+A *look* is one forward run with its derivative (or one run of the scan). Every look is told to
+`on_look`, so that progress can be shown, and kept for the history.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from inversion.estimation.finite_steps import FiniteSteps, measured_noise
+from inversion.estimation.objective import Objective
+from inversion.problem.forward import Forward, Prediction
+
+Kind = Literal["start", "scan", "lbfgsb", "gauss_newton"]
+
+
+@dataclass(frozen=True)
+class Look:
+    """One evaluation of the engine, p parameters, m numbers.
+
+    Attributes:
+        iteration: 0 for the start and the scan.
+        kind: what asked for it.
+        values: (p,).
+        prediction: there.
+        derivative: (m, p) per outside unit; None: not asked for.
+        steps: of the finite differences (p,); None: no derivative.
+        loss: there; infinite if the run failed.
+        accepted: False: a step that made it worse and was taken back.
+        runs: simulations asked for by the search so far.
+        seconds: since the search began.
+    """
+
+    iteration: int
+    kind: Kind
+    values: np.ndarray
+    prediction: Prediction
+    derivative: np.ndarray | None
+    steps: np.ndarray | None
+    loss: float
+    accepted: bool
+    runs: int
+    seconds: float
+
+
+@dataclass
+class Search:
+    """A problem under search, with all looks so far.
+
+    Attributes:
+        engine: the forward engine.
+        objective: what is made small.
+        steps: chooses the finite differences.
+        seeds: engines that differ in the seed of the jitter; they measure the noise at the first
+            point where something moves. Empty: the noise in `steps` is taken as it is.
+        max_iterations: looks with a derivative after the first.
+        max_runs: simulations after which no further look is taken.
+        on_look: told of each look.
+    """
+
+    engine: Forward
+    objective: Objective
+    steps: FiniteSteps
+    seeds: Sequence[Forward] = ()
+    max_iterations: int = 20
+    max_runs: int = 200
+    on_look: Callable[[Look], None] | None = None
+    looks: list[Look] = field(default_factory=list)
+    began: float = field(default_factory=time.perf_counter)
+    runs_before: int = field(init=False)
+    _for_noise: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        self.runs_before = self.engine.runs
+
+    @property
+    def runs(self) -> int:
+        """Simulations this search has asked for, those for the noise included."""
+        return self.engine.runs - self.runs_before + self._for_noise
+
+    @property
+    def exhausted(self) -> bool:
+        """No further look is allowed."""
+        iterations = max((look.iteration for look in self.looks), default=0)
+        return iterations >= self.max_iterations or self.runs >= self.max_runs
+
+    def look(self, values: np.ndarray, kind: Kind, iteration: int) -> Look:
+        """Run at `values` with the derivative; learn the next steps from it."""
+        steps = self.steps.steps(values)
+        prediction, derivative, taken = self.engine.derivative(values, steps)
+        if prediction.status != "failed":
+            self.steps.learn(derivative[self.objective.targets.fitted], values)
+        return self.record(values, kind, iteration, prediction, derivative, taken)
+
+    def measure_noise(self, look: Look | None, values: np.ndarray) -> None:
+        """Measure the noise at `values`; a look's derivative there then gives the next steps."""
+        if not self.seeds:
+            return
+        mask = self.objective.targets.fitted
+        self.steps.noise, _ = measured_noise(self.seeds, values, mask)
+        self._for_noise += len(self.seeds)
+        if look is None or look.derivative is None:
+            return
+        if look.prediction.status != "failed":
+            self.steps.learn(look.derivative[mask], look.values)
+
+    def record(
+        self,
+        values: np.ndarray,
+        kind: Kind,
+        iteration: int,
+        prediction: Prediction,
+        derivative: np.ndarray | None = None,
+        steps: np.ndarray | None = None,
+    ) -> Look:
+        """Keep a look; whether it is accepted is said later by `reject`."""
+        look = Look(
+            iteration=iteration,
+            kind=kind,
+            values=np.array(values, dtype=float),
+            prediction=prediction,
+            derivative=derivative,
+            steps=steps,
+            loss=self.objective.value(prediction),
+            accepted=True,
+            runs=self.runs,
+            seconds=time.perf_counter() - self.began,
+        )
+        self.looks.append(look)
+        if self.on_look is not None:
+            self.on_look(look)
+        return look
+
+    def reject(self, look: Look) -> None:
+        """Mark a look as a step that was taken back."""
+        place = next(i for i, kept in enumerate(self.looks) if kept is look)
+        self.looks[place] = Look(**{**vars(look), "accepted": False})
+
+
+@dataclass(frozen=True)
+class Found:
+    """How a search ended.
+
+    Attributes:
+        look: the best point, with its derivative.
+        reached: its loss is below the tolerance.
+        words: why the search ended.
+        looks: all of them, in order.
+        runs: simulations asked for.
+    """
+
+    look: Look
+    reached: bool
+    words: str
+    looks: list[Look]
+    runs: int
+
+    @property
+    def values(self) -> np.ndarray:
+        """The answer, (p,)."""
+        return self.look.values
+
+    @property
+    def iterations(self) -> int:
+        """Iterations after the start."""
+        return max(look.iteration for look in self.looks)

@@ -1,0 +1,131 @@
+"""A residual strength that is known as a mean and a standard deviation.
+
+`18+-5`, `18±5` or `18,5` is 18 kPa with a standard deviation of 5; `1,6=4+-1` is the strength that
+zones 1 and 6 share. Everything random is drawn as standard normal scores z; a strength is a rising
+function of its z. Lognormal: mean and standard deviation are those of the strength itself. Normal:
+cut at a tenth of the mean, since a strength is positive.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from geometry.scenes.scene import Scene
+from pipeline.cli import InputError
+
+Kind = Literal["lognormal", "normal"]
+KINDS: tuple[Kind, ...] = ("lognormal", "normal")
+
+OPTION = "--residual-strength"
+_NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
+_FORM = re.compile(rf"(?:([^=]*)=)?\s*({_NUMBER})\s*(?:\+-|\+/-|±|,)\s*({_NUMBER})\s*")
+#: A normal distribution is cut below this share of the mean.
+LEAST_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class KnownStrength:
+    """One strength.
+
+    Attributes:
+        zones: names of the zones that share it; empty: not said yet.
+        mean_kpa: mean.
+        std_kpa: standard deviation.
+        kind: of the distribution.
+    """
+
+    zones: tuple[str, ...]
+    mean_kpa: float
+    std_kpa: float
+    kind: Kind
+
+    def at(self, score: np.ndarray | float) -> np.ndarray:
+        """Strength [kPa] of standard normal scores, any shape."""
+        score = np.asarray(score, dtype=float)
+        if self.kind == "lognormal":
+            variance = np.log1p((self.std_kpa / self.mean_kpa) ** 2)
+            return self.mean_kpa * np.exp(np.sqrt(variance) * score - 0.5 * variance)
+        cut = ndtr((LEAST_SHARE - 1.0) * self.mean_kpa / self.std_kpa)
+        return self.mean_kpa + self.std_kpa * ndtri(cut + (1.0 - cut) * ndtr(score))
+
+    @property
+    def words(self) -> str:
+        """For tables: zones, mean and standard deviation."""
+        zones = f"zone{'s'[: len(self.zones) > 1]} {', '.join(self.zones)}"
+        return f"{self.mean_kpa:g} ± {self.std_kpa:g} kPa in {zones} ({self.kind})"
+
+
+def parse_strength(text: str, kind: Kind) -> KnownStrength:
+    """Read one value of `--residual-strength`.
+
+    Raises:
+        InputError: not of the form, or not positive.
+    """
+    match = _FORM.fullmatch(text.strip())
+    if match is None:
+        raise InputError(
+            f"{OPTION} {text!r}: must be MEAN+-STD in kPa, such as 18+-5, or ZONES=MEAN+-STD, "
+            "such as 1,6=4+-1"
+        )
+    zones = None if match[1] is None else [name.strip() for name in match[1].split(",")]
+    if zones is not None and not all(zones):
+        raise InputError(f"{OPTION} {text!r}: a zone before `=` has no name")
+    mean, std = float(match[2]), float(match[3])
+    if not (0.0 < std < np.inf and 0.0 < mean < np.inf):
+        raise InputError(f"{OPTION} {text!r}: mean and standard deviation must be greater than 0")
+    if std > mean:
+        raise InputError(
+            f"{OPTION} {text!r}: a standard deviation of {std:g} kPa exceeds the mean; at most "
+            f"{mean:g}"
+        )
+    return KnownStrength(tuple(zones or ()), mean, std, kind)
+
+
+def placed(
+    strengths: Sequence[KnownStrength], zones: Sequence[str], scene: Scene
+) -> list[KnownStrength]:
+    """Give a strength without zones its zones, and check all of them against the scene.
+
+    Args:
+        strengths: as read; one without zones must be the only one.
+        zones: for the one without.
+        scene: with these zones.
+
+    Raises:
+        InputError: no zones, an unknown zone, a zone named twice, or a zone with friction.
+    """
+    if any(not strength.zones for strength in strengths) and len(strengths) > 1:
+        raise InputError(f"{OPTION}: of several, each must name its zones, such as 1=4+-1")
+    known = [zone.name for zone in scene.zones]
+    found, taken = [], []
+    for strength in strengths:
+        own = strength.zones or tuple(zones)
+        if not own:
+            raise InputError(
+                f"--zones: no zone of the scene is liquefied; name those of {OPTION}: "
+                f"{', '.join(known)}"
+            )
+        for name in own:
+            _check_zone(name, scene, taken)
+            taken.append(name)
+        found.append(KnownStrength(own, strength.mean_kpa, strength.std_kpa, strength.kind))
+    return found
+
+
+def _check_zone(name: str, scene: Scene, taken: Sequence[str]) -> None:
+    soils = {zone.name: scene.materials[zone.material] for zone in scene.zones}
+    if name not in soils:
+        raise InputError(f"zone {name!r} is not in the scene; known are {', '.join(soils)}")
+    if name in taken:
+        raise InputError(f"zone {name!r} is given two strengths")
+    if soils[name].friction_deg > 0:
+        raise InputError(
+            f"zone {name!r}: its material has friction_deg {soils[name].friction_deg:g}; a "
+            "residual strength belongs to a zone with friction_deg 0"
+        )

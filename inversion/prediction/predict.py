@@ -1,0 +1,175 @@
+"""From strengths that are known with a standard deviation to the distribution of the runout.
+
+A strength is back-analysed in order to predict. A few runs at chosen strengths give a smooth
+response (`inversion.prediction.response`); the distribution is that of many strengths put through
+it, each with the numerical noise of a simulation, which runs with jittered points measure. No
+engine is named here: whatever predicts measurements can be asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.survey.observables import surface_profile
+from inversion.prediction.known_strength import KnownStrength
+from inversion.prediction.response import Response, Sections, design, response
+from inversion.problem.forward import Forward, Prediction
+from pipeline.cli import WorkFailed
+
+#: Scores at which jittered points measure the noise.
+NOISE_SCORES = (-1.0, 0.0, 1.0)
+#: Quantiles of the final sections and of the numbers, %.
+ENVELOPE, QUANTILES = (5, 50, 95), (5, 25, 50, 75, 95)
+#: Samples of which the envelope is made; it needs no more.
+ENVELOPE_SAMPLES = 2000
+#: More runs than this share may not fail.
+MOST_FAILED = 0.25
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """What was found; n runs of p strengths predict m numbers, s samples.
+
+    Attributes:
+        names: of the numbers, (m,).
+        strengths: (n, p) [kPa] of the runs that finished.
+        scores: their standard normal scores (n, p).
+        runs: their numbers (n, m).
+        predictions: the same runs, whole.
+        failed: runs that a guard stopped, left out.
+        noise: standard deviation over the place of the points, (m,).
+        missed: standard deviation of the runs about the smooth response, (m,).
+        response: the smooth response.
+        sample_scores: (s, p).
+        samples: the numbers (s, m).
+    """
+
+    names: list[str]
+    strengths: np.ndarray
+    scores: np.ndarray
+    runs: np.ndarray
+    predictions: list[Prediction]
+    failed: int
+    noise: np.ndarray
+    missed: np.ndarray
+    response: Response
+    sample_scores: np.ndarray
+    samples: np.ndarray
+
+    def quantiles(self, percent: Sequence[float] = QUANTILES) -> np.ndarray:
+        """Quantiles of the numbers, (q, m)."""
+        return np.percentile(self.samples, percent, axis=0)
+
+    def exceedance(self, number: int, beyond: np.ndarray) -> np.ndarray:
+        """Probability that a number is larger than each of `beyond` (k,)."""
+        ordered = np.sort(self.samples[:, number])
+        return 1.0 - np.searchsorted(ordered, beyond, side="right") / len(ordered)
+
+
+def predict(
+    engine: Forward,
+    strengths: Sequence[KnownStrength],
+    *,
+    jittered: Sequence[Forward] = (),
+    samples: int = 20_000,
+    seed: int = 0,
+) -> Distribution:
+    """The distribution of everything the engine predicts.
+
+    Args:
+        engine: its parameters are the strengths, in their order [kPa].
+        strengths: p of them, independent of each other.
+        jittered: engines that differ in the seed of the jitter alone; fewer than two: no noise.
+        samples: strengths that are put through the response.
+        seed: of the samples.
+
+    Raises:
+        WorkFailed: more than a quarter of the runs failed.
+    """
+    scores = design(len(strengths))
+    predictions = engine.predict(list(values_at(strengths, scores)))
+    kept = np.array([not prediction.failed for prediction in predictions])
+    if np.mean(~kept) > MOST_FAILED:
+        reason = next(p.reason for p in predictions if p.failed)
+        raise WorkFailed(f"{np.sum(~kept)} of {len(kept)} simulations failed: {reason}")
+    scores, predictions = scores[kept], [p for p in predictions if not p.failed]
+    runs = np.array([prediction.values for prediction in predictions])
+    noise = noise_at(jittered, strengths, len(engine.names))
+    smooth = response(scores, runs)
+    generator = np.random.default_rng(seed)
+    drawn = generator.standard_normal((samples, len(strengths)))
+    # The runs scatter about the response by the noise too: the larger of both, not their sum.
+    scatter = np.maximum(noise, smooth.missed) * generator.standard_normal((samples, len(noise)))
+    return Distribution(
+        names=list(engine.names),
+        strengths=values_at(strengths, scores),
+        scores=scores,
+        runs=runs,
+        predictions=predictions,
+        failed=int(np.sum(~kept)),
+        noise=noise,
+        missed=smooth.missed,
+        response=smooth,
+        sample_scores=drawn,
+        samples=smooth(drawn) + scatter,
+    )
+
+
+def values_at(strengths: Sequence[KnownStrength], scores: np.ndarray) -> np.ndarray:
+    """Strengths (n, p) [kPa] of scores (n, p)."""
+    return np.stack([s.at(scores[:, place]) for place, s in enumerate(strengths)], axis=1)
+
+
+def noise_at(
+    jittered: Sequence[Forward], strengths: Sequence[KnownStrength], numbers: int
+) -> np.ndarray:
+    """Standard deviation of each number over the jittered engines, (m,), at three strengths."""
+    if len(jittered) < 2:
+        return np.zeros(numbers)
+    scores = np.tile(np.array(NOISE_SCORES)[:, None], len(strengths))
+    asked = [(engine, values) for values in values_at(strengths, scores) for engine in jittered]
+    found = jittered[0].predict_each(asked)
+    squares, freedom = np.zeros(numbers), 0
+    for first in range(0, len(found), len(jittered)):
+        group = [p.values for p in found[first : first + len(jittered)] if not p.failed]
+        if len(group) > 1:
+            squares += np.sum((np.array(group) - np.mean(group, axis=0)) ** 2, axis=0)
+            freedom += len(group) - 1
+    return np.sqrt(squares / max(freedom, 1))
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Final sections: elevations [m] at places x (k,) [m], one row a quantile."""
+
+    x: np.ndarray
+    surfaces: np.ndarray
+
+
+def envelope(
+    found: Distribution, *, spacing: float, ground: np.ndarray, places: int = 240
+) -> Envelope | None:
+    """Surfaces that 5, 50 and 95 % of the slides stay below, place by place.
+
+    Args:
+        found: with the final positions of the runs; None is returned where it has none.
+        spacing: of the material points [m].
+        ground: polyline of the base (P, 2) [m].
+        places: at which the surfaces are read.
+    """
+    positions = [p.positions for p in found.predictions]
+    if not positions or any(len(points) == 0 for points in positions):
+        return None
+    ends = np.array([(points[:, 0].min(), points[:, 0].max()) for points in positions])
+    x = np.linspace(ends[:, 0].min() - spacing, ends[:, 1].max() + spacing, places)
+    surfaces = np.array(
+        [
+            surface_profile(points.astype(float), spacing**2, x, spacing=spacing, ground=ground)
+            for points in positions
+        ]
+    )
+    sampled = Sections(found.scores, surfaces)(found.sample_scores[:ENVELOPE_SAMPLES])
+    return Envelope(x, np.percentile(sampled, ENVELOPE, axis=0))

@@ -1,0 +1,108 @@
+"""What an engine must be able to do: parameters in, predicted measurements out.
+
+The material point method is one engine (`inversion.engines.mpm_engine`), a learned simulator
+another, an analytic formula in the tests a third. Nothing above this file knows which of them runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What one set of parameters predicts.
+
+    Attributes:
+        values: predicted measurements in the order of `Forward.names`, (m,) [m, or m/s]; NaN where
+            the run failed before it could be read.
+        at_start: the same readings on the section before anything moved, (m,).
+        by_eye: toe seen by the naked eye, by name of the toe's measurement [m]; for reports.
+        positions: final positions (N, 2) float32 [m].
+        status: "finished"; "failed" where a guard stopped the run or a fitted number is NaN.
+        reason: why it failed, or why a number that is not fitted could not be read; else empty.
+        sigma_v0_kpa: mean vertical effective stress before failure of each parameter's zones (p,)
+            [kPa]; NaN where the engine does not know it.
+        sigma_v0_std_kpa: its spread within the zones, (p,) [kPa].
+        run_time_s: time the run took, whenever it was [s].
+        at_rest: the slide came to rest; False: it was cut off in motion.
+    """
+
+    values: np.ndarray
+    at_start: np.ndarray
+    by_eye: dict[str, float] = field(default_factory=dict)
+    positions: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    status: str = "finished"
+    reason: str = ""
+    sigma_v0_kpa: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    sigma_v0_std_kpa: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    run_time_s: float = 0.0
+    at_rest: bool = True
+
+    @property
+    def failed(self) -> bool:
+        """True where a guard stopped the run, or any value, fitted or not, could not be read."""
+        return self.status == "failed" or not bool(np.all(np.isfinite(self.values)))
+
+
+@runtime_checkable
+class Forward(Protocol):
+    """A forward engine: one section, one set of measurements, any parameters.
+
+    `values` are parameters in their outside units (kPa, degrees, kg/m3), in the question's order.
+    """
+
+    names: list[str]
+    """Names of the predicted numbers, (m,); a measurement of many numbers has one name each."""
+    runs: int
+    """Simulations asked for so far, whether computed now or found in a cache."""
+
+    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
+        """Predictions for many parameter vectors at once, in their order."""
+        ...
+
+    def derivative(
+        self, values: np.ndarray, steps: np.ndarray
+    ) -> tuple[Prediction, np.ndarray, np.ndarray]:
+        """Prediction at `values`, and its derivative with respect to them.
+
+        Args:
+            values: (p,) parameters.
+            steps: (p,) signed changes of the parameters that an engine of finite differences takes;
+                an engine that differentiates exactly ignores them.
+
+        Returns:
+            the prediction; the derivative (m, p), per outside unit; the steps that were taken (p,),
+            zero where the derivative is exact.
+        """
+        ...
+
+    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
+        """One parameter vector for each of several engines of this kind, at once."""
+        ...
+
+
+def by_differences(
+    engine: Forward, values: np.ndarray, steps: np.ndarray
+) -> tuple[Prediction, np.ndarray, np.ndarray]:
+    """`Forward.derivative` by one batch of 1 + p runs: the point itself and one step each.
+
+    A run that fails is tried again with half its step; a column whose second run fails too is NaN.
+    """
+    taken = np.array(steps, dtype=float)
+    base, *moved = engine.predict([values, *(values + np.diag(taken))])
+    failed = [place for place, other in enumerate(moved) if other.status == "failed"]
+    if failed and base.status != "failed":
+        taken[failed] *= 0.5
+        again = engine.predict(list((values + np.diag(taken))[failed]))
+        for place, other in zip(failed, again, strict=True):
+            moved[place] = other
+    change = np.stack([other.values - base.values for other in moved], axis=1)
+    for place, other in enumerate(moved):
+        if other.status == "failed":
+            change[:, place] = np.nan
+    return base, change / taken[None, :], taken

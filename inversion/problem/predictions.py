@@ -1,0 +1,216 @@
+"""Measurements as one vector: names, values, covariance, and which of them a fit may use.
+
+In: the measurements of a set and the question. Out: `Targets`, and the same vector read from
+points (`read`) by the measurements' own definitions: field data, the material point method and
+learned simulators are read by the same lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from geometry.survey.measured import Deposit, Measured
+from geometry.survey.measured_numbers import ToeRunout
+from geometry.survey.observables import naked_eye_toe
+from inversion.back_analysis.result import Role
+from inversion.engines.history_readings import Reading, needs_history, reading_key
+from pipeline.cli import InputError
+
+
+@dataclass(frozen=True)
+class Targets:
+    """m measured numbers, and how a fit is to use them.
+
+    Attributes:
+        entries: the measurements, whose values follow each other in the vector.
+        names: of the numbers, (m,); the measurement's name, with the place where it has several.
+        measured: (m,) in the unit of each.
+        covariance: of the survey's errors and what the model is granted, (m, m).
+        roles: of the numbers, (m,).
+    """
+
+    entries: list[Measured]
+    names: list[str]
+    measured: np.ndarray
+    covariance: np.ndarray
+    roles: list[Role]
+
+    @property
+    def fitted(self) -> np.ndarray:
+        """(m,) bool: enters the fit."""
+        return np.array([role == "fitted" for role in self.roles], dtype=bool)
+
+    @property
+    def shown(self) -> np.ndarray:
+        """(m,) bool: told in tables and histories; not what was constructed."""
+        return np.array([role != "constructed" for role in self.roles], dtype=bool)
+
+    @property
+    def groups(self) -> list[int]:
+        """For each number the place of its measurement in `entries`, (m,)."""
+        return [place for place, entry in enumerate(self.entries) for _ in entry.values]
+
+    def named(self, values: np.ndarray, mask: np.ndarray | None = None) -> dict[str, float]:
+        """Finite values by name; `mask` (m,) bool chooses, None: all that is shown."""
+        chosen = self.shown if mask is None else mask
+        return {
+            name: float(value)
+            for name, value, wanted in zip(self.names, values, chosen, strict=True)
+            if wanted and np.isfinite(value)
+        }
+
+    def with_values(self, values: Mapping[str, float]) -> Targets:
+        """The same with other target values, by name of a number.
+
+        Raises:
+            InputError: no number of that name.
+        """
+        measured = self.measured.copy()
+        for name, value in values.items():
+            if name not in self.names:
+                raise InputError(
+                    f"targets: no measurement {name!r}; there are {', '.join(self.names)}"
+                )
+            measured[self.names.index(name)] = value
+        return replace(self, measured=measured)
+
+
+def make_targets(
+    entries: Sequence[Measured],
+    *,
+    fit: Sequence[str] | None,
+    loss: str,
+    source: str,
+    use_constructed: bool = False,
+) -> Targets:
+    """Decide which numbers enter the fit.
+
+    Args:
+        entries: the measurements of a set.
+        fit: their names; None: all that may (with the loss `runout`: all runouts that may).
+        loss: runout or misfit.
+        source: file for messages.
+        use_constructed: let constructed data enter the fit.
+
+    Raises:
+        InputError: a name that does not exist or must not enter, or nothing to fit.
+    """
+    known = {entry.name: entry for entry in entries}
+    for name in fit or ():
+        _check_may_enter(name, known, loss, source, use_constructed)
+    names, roles = [], []
+    for entry in entries:
+        allowed = fit is None or entry.name in fit
+        allowed = allowed and (loss == "misfit" or isinstance(entry, ToeRunout))
+        for part, held in zip(entry.parts, entry.held_out_values, strict=True):
+            names.append(f"{entry.name} {part}".strip())
+            roles.append(_role(entry, bool(held), allowed, use_constructed))
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{source}: two measured numbers would be called {name!r}; give one of the "
+                "measurements another name"
+            )
+    targets = Targets(
+        entries=list(entries),
+        names=names,
+        measured=np.concatenate([entry.values for entry in entries]),
+        covariance=block_diag(*[entry.covariance() for entry in entries]),
+        roles=roles,
+    )
+    for entry in entries:
+        _check_covariance(entry, source)
+    if not targets.fitted.any():
+        what = "toe_runout" if loss == "runout" else "measurement"
+        raise InputError(
+            f"{source}: nothing to fit: no {what} in this set is neither held out nor constructed"
+        )
+    return targets
+
+
+def _check_covariance(entry: Measured, source: str) -> None:
+    """Refuse errors that hang together so far that one value follows from the others."""
+    try:
+        np.linalg.cholesky(entry.covariance())
+    except np.linalg.LinAlgError:
+        raise InputError(
+            f"{source}: {entry.name!r}: its correlation length is so great that its values are "
+            "one and the same measurement; give a shorter one, of the order of the profile"
+        ) from None
+
+
+def _role(entry: Measured, held_out: bool, allowed: bool, use_constructed: bool) -> Role:
+    if held_out:
+        return "held out"
+    if entry.constructed and not use_constructed:
+        return "constructed"
+    return "fitted" if allowed else "compared"
+
+
+def _check_may_enter(
+    name: str, known: Mapping[str, Measured], loss: str, source: str, use_constructed: bool
+) -> None:
+    """Refuse what `fit` names but must not enter a fit."""
+    if name not in known:
+        raise InputError(
+            f"{source}: fit: no measurement {name!r} in this set; it has {', '.join(known)}"
+        )
+    entry = known[name]
+    if entry.held_out:
+        raise InputError(f"{source}: fit: {name!r} is held out and enters no fit")
+    if entry.constructed and not use_constructed:
+        raise InputError(
+            f"{source}: fit: {name!r} is constructed and enters no fit without --use-constructed"
+        )
+    if loss == "runout" and not isinstance(entry, ToeRunout):
+        raise InputError(
+            f"{source}: fit: {name!r} is no toe_runout; the loss `runout` takes nothing else, "
+            "use loss: misfit"
+        )
+
+
+def read(
+    targets: Targets, deposit: Deposit, readings: Mapping[str, Reading] | None = None
+) -> tuple[np.ndarray, str]:
+    """What the measurements would read on a deposit: (m,), and why some are NaN, if any.
+
+    Args:
+        targets: the measurements.
+        deposit: points of one moment, or of a whole run.
+        readings: what was read on the whole run as it ended, by `reading_key`; None: the deposit
+            has all frames.
+    """
+    values, trouble = [], ""
+    for entry in targets.entries:
+        found = _read_one(entry, deposit, readings)
+        values.append(found.values)
+        if found.trouble:
+            named = found.trouble.startswith(f"{entry.name}: ")
+            trouble = trouble or (found.trouble if named else f"{entry.name}: {found.trouble}")
+    return np.concatenate(values), trouble
+
+
+def _read_one(entry: Measured, deposit: Deposit, readings: Mapping[str, Reading] | None) -> Reading:
+    if readings is not None and needs_history(entry):
+        return readings[reading_key(entry, deposit.foot)]
+    try:
+        return Reading(entry.observe(deposit))
+    except ValueError as error:
+        return Reading(np.full(len(entry.values), np.nan), str(error))
+
+
+def toes_by_eye(targets: Targets, deposit: Deposit) -> dict[str, float]:
+    """Runout of the last connected point, for each measured toe [m]."""
+    found = {}
+    for entry in targets.entries:
+        if isinstance(entry, ToeRunout):
+            toe = naked_eye_toe(
+                deposit.position, deposit.volume, spacing=deposit.spacing, side=entry.side
+            )
+            foot = deposit.foot[entry.side]
+            found[entry.name] = foot - toe if entry.side == "left" else toe - foot
+    return found

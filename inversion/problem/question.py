@@ -1,0 +1,311 @@
+"""The question of a back-analysis: what is sought, what it must fit, what else might be so.
+
+In: `inversion.yaml` of a case folder. Out: a checked `Question`. Keys carry the units people use.
+Every form of the document is described in docs/inversion.md.
+"""
+
+from __future__ import annotations
+
+import builtins
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from geometry.scenes.limits import check_density, check_level
+from geometry.scenes.scene import Document, Point, Scene, document_error
+from pipeline.cli import InputError
+from pipeline.files import read_yaml
+
+FILE_NAME = "inversion.yaml"
+
+Property = Literal["cohesion_kpa", "friction_deg", "density", "water_level"]
+Water = Literal["none", "buoyant", "pore_pressure"]
+Transfer = Literal["affine_flip", "flip", "apic", "pic"]
+Contact = Literal["rough", "no_slip"]
+
+UNITS: dict[str, str] = {
+    "cohesion_kpa": "kPa", "friction_deg": "deg", "density": "kg/m3", "water_level": "m"
+}  # fmt: skip
+SYMBOLS: dict[str, str] = {
+    "cohesion_kpa": "S_r", "friction_deg": "phi", "density": "density",
+    "water_level": "level of the pool",
+}  # fmt: skip
+
+
+POOL = "the pool"
+
+
+class Prior(Document):
+    """What was known beforehand, as a normal distribution (of the logarithm, for strengths)."""
+
+    mean: float = Field(description="most likely value, in the parameter's unit")
+    std: float = Field(gt=0, description="standard deviation, in the parameter's unit")
+
+
+class ParameterSpec(Document):
+    """One number that is sought: a property shared by some zones, or the level of the pool."""
+
+    name: str = Field(min_length=1, description="unique in the question")
+    label: str = Field("", description="in words, for tables and the report; empty: made of zones")
+    zones: list[str] = Field(
+        default_factory=list,
+        description="names of the zones that share the value; none for water_level",
+    )
+    property: Property = Field(
+        description="cohesion_kpa (S_r where friction is 0), friction_deg, density, water_level [m]"
+    )
+    start: float = Field(description="first guess")
+    low: float = Field(description="lower bound")
+    high: float = Field(description="upper bound")
+    prior: Prior | None = Field(None, description="knowledge beside the bounds; null: none")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> ParameterSpec:
+        if not self.low < self.high:
+            raise ValueError(f"low {self.low:g} must be less than high {self.high:g}")
+        if not self.low <= self.start <= self.high:
+            raise ValueError(
+                f"start {self.start:g} lies outside low {self.low:g} to high {self.high:g}"
+            )
+        if bool(self.zones) == (self.property == "water_level"):
+            raise ValueError(
+                "zones: the level of the pool has none"
+                if self.zones
+                else f"zones: at least one must be named for {self.property}"
+            )
+        if self.property in ("cohesion_kpa", "density") and self.low <= 0:
+            raise ValueError(
+                f"low {self.low:g} must be greater than 0: it is fitted as a logarithm"
+            )
+        if self.property == "friction_deg" and not (self.low >= 0 and self.high < 89):
+            raise ValueError(f"low {self.low:g} to high {self.high:g} must lie in 0 to 89 degrees")
+        if self.prior is not None and not self.low <= self.prior.mean <= self.high:
+            raise ValueError(
+                f"prior.mean {self.prior.mean:g} lies outside low {self.low:g} to high "
+                f"{self.high:g}"
+            )
+        return self
+
+    @builtins.property  # the field of that name hides it here
+    def unit(self) -> str:
+        """Unit of the value: kPa, deg, kg/m3 or m."""
+        return UNITS[self.property]
+
+    @builtins.property  # the field of that name hides it here
+    def words(self) -> str:
+        """The label, or one made of the property and the zones."""
+        if not self.zones:
+            return self.label or SYMBOLS[self.property]
+        zones = ", ".join(self.zones)
+        return self.label or f"{SYMBOLS[self.property]} of zone{'s'[: len(self.zones) > 1]} {zones}"
+
+
+class Variant(Document):
+    """Another reading of the same question, solved and reported beside the answer."""
+
+    name: str = Field(min_length=1, description="in words; unique among the variants")
+    water: Water | None = Field(None, description="none, buoyant or pore_pressure; null: as it is")
+    contact: Contact | None = Field(None, description="contact with the base; null: as it is")
+    measurements: str | None = Field(None, description="another set of measurements; null: same")
+    fit: list[str] | None = Field(None, description="other measurements to fit; null: same")
+    targets: dict[str, float] = Field(
+        default_factory=dict, description="measurement -> value used instead of the measured [m]"
+    )
+
+    @model_validator(mode="after")
+    def _differs(self) -> Variant:
+        changes = (self.water, self.contact, self.measurements, self.fit)
+        if all(change is None for change in changes) and not self.targets:
+            raise ValueError(f"variant {self.name!r} changes nothing: give water, contact, ...")
+        return self
+
+
+class MovedVertex(Document):
+    """A vertex of the section and how far it moves for one standard deviation."""
+
+    at: Point = Field(description="(x, y) as in scene.yaml, to within 0.05 m")
+    move: Point = Field(description="(dx, dy) for one standard deviation [m]")
+
+
+class ZoneBoundary(Document):
+    """A boundary lies elsewhere: the vertices move in every zone that has them."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["zone_boundary"]
+    vertices: list[MovedVertex] = Field(min_length=1, description="vertices that move together")
+    sides: Literal["both", "plus", "minus"] = Field("both", description="senses that are tried")
+
+
+class WaterLevel(Document):
+    """The pool, and the phreatic line where it stands at pool level, lie higher or lower."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["water_level"]
+    std_m: float = Field(gt=0, description="standard deviation of the level [m]")
+
+
+class CellSize(Document):
+    """Another distance between the material points."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["cell_size"]
+    factor: float = Field(gt=0.2, lt=5, description="new spacing / spacing")
+
+
+class TimeStep(Document):
+    """Another time step."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["time_step"]
+    factor: float = Field(gt=0.05, lt=4, description="new time step / time step")
+
+
+class TransferScheme(Document):
+    """Another way to pass velocities between points and grid."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["transfer"]
+    scheme: Transfer = Field(description="affine_flip, flip, apic or pic")
+
+
+class FixedProperty(Document):
+    """A property that is not sought has another value."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["property"]
+    zones: list[str] = Field(min_length=1, description="zones that share the value")
+    property: Literal["cohesion_kpa", "friction_deg", "density"] = Field(
+        description="cohesion_kpa, friction_deg or density"
+    )
+    std: float = Field(gt=0, description="standard deviation, in the property's unit")
+
+
+class Target(Document):
+    """A measurement at the ends of its stated range, or one standard deviation away."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["target"]
+    measurement: str = Field(description="name of a fitted measurement")
+
+
+Sensitivity = Annotated[
+    ZoneBoundary | WaterLevel | CellSize | TimeStep | TransferScheme | FixedProperty | Target,
+    Field(discriminator="kind"),
+]
+
+
+class Question(Document):
+    """The whole of `inversion.yaml`."""
+
+    parameters: list[ParameterSpec] = Field(min_length=1, description="what is sought")
+    fit: list[str] | None = Field(
+        None, description="measurements to fit; null: all neither held out nor constructed"
+    )
+    loss: Literal["runout", "misfit"] = Field(
+        "runout", description="runout: squared error of the runouts [m2]; misfit: standardised"
+    )
+    engine: Literal["mpm", "gns"] | None = Field(
+        None, description="what simulates; null: inversion.engine of the configuration"
+    )
+    model: str | None = Field(
+        None,
+        min_length=1,
+        description="of the engine gns: a folder with model.pt, or a name in models/; null: "
+        "inversion.model",
+    )
+    spacing_m: float | None = Field(None, gt=0, description="of material points; null: the scene's")
+    duration_s: float | None = Field(
+        None, gt=0, description="motion simulated; null: simulation.duration_s"
+    )
+    variants: list[Variant] = Field(default_factory=list, description="other readings, all solved")
+    sensitivities: list[Sensitivity] = Field(
+        default_factory=list, description="what moves the answer beside the survey's error"
+    )
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Question:
+        for group in ("parameters", "variants", "sensitivities"):
+            names = [entry.name for entry in getattr(self, group)]
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(f"{group}: two are called {name!r}; names must be unique")
+        taken: dict[tuple[str, str], str] = {}
+        for parameter in self.parameters:
+            for zone in parameter.zones or [POOL]:
+                other = taken.setdefault((zone, parameter.property), parameter.name)
+                if other != parameter.name:
+                    raise ValueError(
+                        f"parameters: {parameter.property} of {_place(zone)} is sought by "
+                        f"{other!r} and by {parameter.name!r}"
+                    )
+        return self
+
+
+def load_question(folder: str | Path, scene: Scene) -> Question:
+    """Read `inversion.yaml` of a case folder and check its zones against the scene.
+
+    Raises:
+        InputError: no such file, no YAML, an unknown zone, a document that does not hold together.
+    """
+    path = Path(folder) / FILE_NAME
+    if not path.is_file():
+        raise InputError(
+            f"{path}: no such file; it says which strengths are sought (docs/inversion.md)"
+        )
+    document = read_yaml(path)
+    if not isinstance(document, Mapping):
+        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
+    try:
+        question = Question.model_validate(document)
+    except ValidationError as error:
+        text = document_error(error, str(path))
+        raise InputError(text.replace("docs/geometry.md", "docs/inversion.md")) from None
+    check_zones(question, scene, str(path))
+    return question
+
+
+def _check_bounds(parameter: ParameterSpec, scene: Scene, where: str) -> None:
+    """The scene must hold together at both bounds, wherever the search goes."""
+    for name, value in (("low", parameter.low), ("high", parameter.high)):
+        try:
+            if parameter.property == "water_level":
+                check_level(name, value, *scene.extent)
+            elif parameter.property == "density":
+                check_density(name, value)
+        except ValueError as error:
+            raise InputError(f"{where}: {error}") from None
+
+
+def _place(zone: str) -> str:
+    return zone if zone == POOL else f"zone {zone!r}"
+
+
+def check_zones(question: Question, scene: Scene, source: str) -> None:
+    """Every zone that is named must be one of the scene; a level that is sought must be there.
+
+    Raises:
+        InputError: naming the first that is not.
+    """
+    for parameter in question.parameters:
+        if parameter.property == "water_level" and scene.water_level is None:
+            raise InputError(
+                f"{source}: parameters: {parameter.name}: property: water_level: the scene has no "
+                "water_level"
+            )
+        _check_bounds(parameter, scene, f"{source}: parameters: {parameter.name}")
+    known = [zone.name for zone in scene.zones]
+    named = [("parameters", p.name, p.zones) for p in question.parameters]
+    named += [
+        ("sensitivities", s.name, s.zones)
+        for s in question.sensitivities
+        if isinstance(s, FixedProperty)
+    ]
+    for group, name, zones in named:
+        for zone in zones:
+            if zone not in known:
+                raise InputError(
+                    f"{source}: {group}: {name}: zones: no zone {zone!r} in the scene; "
+                    f"known are {', '.join(known)}"
+                )

@@ -1,0 +1,255 @@
+"""The effects there are, and which of them a scene has on.
+
+A new effect of the library is one file in this folder and its name in `LIBRARY`. A user's effects
+come from a file of their own (`--effects FILE`): it is code, and is run only when it is named.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpm_taichi.effects.framework.base import Active, Effect
+from mpm_taichi.effects.framework.faults import faults
+from pipeline.cli import InputError
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
+
+LIBRARY = (
+    "strain_softening",
+    "rate_strengthening",
+    "overburden_strength",
+    "spatial_variability",
+    "strength_curve",
+    "bingham",
+    "pore_pressure",
+    "cracking",
+    "dilatancy",
+    "weak_base",
+    "hydroplaning",
+    "shaking",
+    "water_drag",
+    "side_shear",
+    "side_friction",
+    "pool_level",
+)
+"""Names of the library's effects, each a module of this package with an `EFFECT`. The order is that
+in which several effects act on the same number."""
+
+MOST_ON_DEVICE = 31
+"""Effects with hooks on points or nodes that kernels can tell apart, the library's included."""
+
+_users: dict[str, Effect] = {}
+
+
+@cache
+def library() -> tuple[Effect, ...]:
+    """All effects of the library, internal ones included, in the order in which they act."""
+    return tuple(importlib.import_module(f"mpm_taichi.effects.{name}").EFFECT for name in LIBRARY)
+
+
+def user_effects() -> tuple[Effect, ...]:
+    """Effects that were loaded from files, by name."""
+    return tuple(_users[name] for name in sorted(_users))
+
+
+def effects() -> dict[str, Effect]:
+    """Name -> effect, of the library and loaded from files, without the internal ones."""
+    return {one.name: one for one in (*library(), *user_effects()) if not one.internal}
+
+
+def effect(name: str) -> Effect:
+    """The effect of a name, internal ones included.
+
+    Raises:
+        InputError: there is none.
+    """
+    for one in (*library(), *user_effects()):
+        if one.name == name:
+            return one
+    raise InputError(f"effect {name!r} is unknown; known are: {', '.join(effects())}")
+
+
+def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
+    """The effects a scene has on, in the order in which they act; amplitude 0 is off.
+
+    Args:
+        scene: the scene.
+        source: what messages begin with; None: the scene's name.
+
+    Raises:
+        InputError: one line: an unknown effect or parameter, a number out of its range, an effect
+            that can do nothing in this scene.
+    """
+    if not scene.effects:
+        return ()
+    where = f"{source or scene.name}: effects: "
+    found = {}
+    for name, entry in scene.effects.items():
+        try:
+            one = effect(name)
+        except InputError as error:
+            raise InputError(f"{source or scene.name}: {error}") from None
+        active = _read(one, entry, f"{where}{name}: ")
+        if active.amplitude != 0.0:
+            with one.blamed("applies"):
+                reason = one.applies(scene)
+            if reason:
+                raise InputError(f"{where}{name}: can do nothing in this scene: {reason}")
+            found[name] = active
+    return tuple(found[one.name] for one in (*library(), *user_effects()) if one.name in found)
+
+
+def _read(one: Effect, entry: float | Mapping[str, float], where: str) -> Active:
+    """An entry of a scene: an amplitude, or a mapping with `amplitude` and parameters."""
+    given = dict(entry) if isinstance(entry, Mapping) else {"amplitude": entry}
+    if "amplitude" not in given:
+        raise InputError(f"{where}amplitude is missing")
+    amplitude = given.pop("amplitude")
+    scale = one.amplitude
+    if amplitude != 0.0:
+        _check(amplitude, scale.low, scale.high, f"{where}amplitude", scale.unit)
+    parameters = {}
+    for parameter in one.parameters:
+        value = given.pop(parameter.name, parameter.default)
+        _check(value, parameter.low, parameter.high, f"{where}{parameter.name}", parameter.unit)
+        parameters[parameter.name] = float(value)
+    if given:
+        known = ", ".join(("amplitude", *(p.name for p in one.parameters)))
+        raise InputError(f"{where}{next(iter(given))!r} is unknown; known are: {known}")
+    return Active(one, float(amplitude), parameters)
+
+
+def _check(value: float, low: float, high: float, where: str, unit: str) -> None:
+    if not low <= value <= high:
+        words = f" {unit}" if unit else ""
+        raise InputError(f"{where} {value:g}: allowed are {low:g} to {high:g}{words}")
+
+
+def kernel_effects(scene: Scene) -> tuple[Effect, ...]:
+    """The effects that the kernels of a scene know: none, or the library's and its own user's.
+
+    Kernels hang on nothing but this, so a scene's numbers do not hang on what other files a process
+    has loaded.
+    """
+    active = [one.effect for one in effects_on(scene)]
+    if not any(one.on_device for one in active):
+        return ()
+    own = [one for one in active if one.on_device and one not in library()]
+    return (*(one for one in library() if one.on_device), *own)
+
+
+def acting_scene(scene: Scene, active: tuple[Active, ...]) -> Scene:
+    """The scene that is simulated: as changed by the effects that act on it before the run."""
+    for one in active:
+        scene = one.acting_scene(scene)
+    return scene
+
+
+def changes_volume(scene: Scene) -> bool:
+    """True where an effect that is on lets soil change its volume as it shears.
+
+    An effect that is not known here, such as a user's whose file was not loaded, counts as none.
+    """
+    dilating = {one.name for one in (*library(), *user_effects()) if one.dilation is not None}
+    return any(
+        name in dilating and (entry["amplitude"] if isinstance(entry, Mapping) else entry) != 0.0
+        for name, entry in scene.effects.items()
+    )
+
+
+def key_of_effects(scene: Scene) -> dict[str, Any]:
+    """What a run's key holds of the effects that are on; empty where none is.
+
+    However a scene writes the same numbers, the key is the same.
+    """
+    from mpm_taichi.effects import PHYSICS_VERSION
+
+    active = effects_on(scene)
+    if not active:
+        return {}
+    numbers = {
+        one.effect.name: {
+            "amplitude": one.amplitude,
+            **one.parameters,
+            "version": one.effect.version,
+        }
+        for one in active
+    }
+    return {"effects": numbers, "library": PHYSICS_VERSION}
+
+
+# --- files of users ---
+
+
+def load_effects_file(path: str | Path) -> list[Effect]:
+    """Run a Python file and register every `Effect` it defines at its top level.
+
+    The version of such an effect is the hash of the file. Loading the same file again changes
+    nothing; a changed file replaces its effects.
+
+    Returns:
+        the effects of the file, in the order in which it defines them.
+
+    Raises:
+        InputError: no such file, an error in it, no effect in it, a name that is taken or no name,
+            fields of the wrong kind, numbers that do not fit together; one line.
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    version = hashlib.sha256(text).hexdigest()[:16]
+    module = _module(path, f"_flowslide_effects_{version}")
+    found = [value for value in vars(module).values() if isinstance(value, Effect)]
+    mine = {id(one) for one in library()}
+    own = [one for one in dict.fromkeys(found) if id(one) not in mine]
+    if not own:
+        raise InputError(f"{path}: defines no Effect; see docs/your-own-effect.md")
+    taken, names = [one.name for one in library()], [one.name for one in own]
+    for one in own:
+        reason = faults(one)
+        if one.name in taken:
+            reason = "the library has an effect of this name"
+        elif names.count(one.name) > 1:
+            reason = "the file has two effects of this name"
+        elif one.internal is True:
+            reason = "internal is for the library alone"
+        if reason:
+            raise InputError(f"{path}: effect {one.name!r}: {reason}")
+        object.__setattr__(one, "version", version)
+    before = dict(_users)
+    _users.update({one.name: one for one in own})
+    if sum(one.on_device for one in (*library(), *_users.values())) > MOST_ON_DEVICE:
+        _users.clear()
+        _users.update(before)
+        raise InputError(
+            f"{path}: more than {MOST_ON_DEVICE} effects with hooks on points or nodes"
+        )
+    return own
+
+
+def _module(path: Path, name: str) -> Any:
+    """The file as a module; the same content is run once."""
+    if path.suffix != ".py":
+        raise InputError(f"{path}: is no Python file (.py)")
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        words = " ".join(str(error).split())
+        raise InputError(f"{path}: does not load: {type(error).__name__}: {words}") from None
+    return module

@@ -1,0 +1,98 @@
+"""Where the kernels find the numbers of effects: columns of the tables of slots and points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpm_taichi.effects.framework.base import Active, Effect
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
+
+# Columns of what is known of every point. The last three are its material's own strength.
+START_X, START_Y, OVERBURDEN, LIQUEFIED, TANGENT, COHESION, CAP = range(7)
+FACTS = 7
+"""Columns before those of single effects."""
+
+
+class EffectTable:
+    """The columns for a tuple of effects.
+
+    Attributes:
+        effects: those with hooks on points or nodes; the place of one is its bit in a slot's mask.
+        first: first column of each in the table of slots (amplitude, parameters, constants).
+        width: columns of the table of slots.
+        field: effect's place -> column of its fixed number in the table of points.
+        memory: effect's place -> column of the number that points carry.
+        facts: columns of the table of points.
+    """
+
+    def __init__(self, effects: Sequence[Effect]) -> None:
+        self.effects = tuple(one for one in effects if one.on_device)
+        widths = [len(one.columns) for one in self.effects]
+        self.first = [sum(widths[:place]) for place in range(len(widths))]
+        self.width = max(sum(widths), 1)
+        self.field: dict[int, int] = {}
+        self.memory: dict[int, int] = {}
+        column = FACTS
+        for columns, hook in ((self.field, "field"), (self.memory, "memory")):
+            for place, one in enumerate(self.effects):
+                if getattr(one, hook) is not None:
+                    columns[place] = column
+                    column += 1
+        self.facts = column
+
+    def places(self, hook: str) -> tuple[int, ...]:
+        """Places of the effects that have a hook."""
+        return tuple(
+            place for place, one in enumerate(self.effects) if getattr(one, hook) is not None
+        )
+
+    def mask(self, *hooks: str) -> int:
+        """Bits of the effects that have one of the hooks."""
+        return sum(1 << place for place in {p for hook in hooks for p in self.places(hook)})
+
+    def bits(self, active: Sequence[Active]) -> int:
+        """The mask of a slot whose scene has `active` on."""
+        on = {id(one.effect) for one in active}
+        return sum(1 << place for place, one in enumerate(self.effects) if id(one) in on)
+
+    def numbers(self, active: Sequence[Active], scene: Scene) -> np.ndarray:
+        """The row of a slot, (width,) float32: SI numbers of what is on, zero elsewhere."""
+        row = np.zeros(self.width, np.float32)
+        for one in active:
+            if one.effect.on_device:
+                first = self.first[self.effects.index(one.effect)]
+                values = one.numbers(scene)
+                row[first : first + len(values)] = values
+        return row
+
+    def point_facts(
+        self,
+        active: Sequence[Active],
+        scene: Scene,
+        position: np.ndarray,
+        soil: np.ndarray,
+    ) -> np.ndarray:
+        """Rows of points before anything moves; the overburden is filled in after settling.
+
+        Args:
+            active: the effects that are on.
+            scene: the scene.
+            position: (P, 2) [m].
+            soil: (P, 4): liquefied (1 or 0), tan(phi), cohesion [Pa], tension cap [Pa].
+
+        Returns:
+            (P, facts) float32.
+        """
+        facts = np.zeros((len(position), self.facts), np.float32)
+        facts[:, [START_X, START_Y]] = position
+        facts[:, LIQUEFIED : CAP + 1] = soil
+        for one in active:
+            if one.effect.field is not None and one.effect.on_device:
+                column = self.field[self.effects.index(one.effect)]
+                facts[:, column] = one.field_of(scene, position)
+        return facts

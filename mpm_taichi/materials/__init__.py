@@ -1,0 +1,4 @@
+"""Constitutive laws, one file each.
+
+In: trial strains. Out: stresses.
+"""

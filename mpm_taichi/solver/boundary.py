@@ -1,0 +1,294 @@
+"""What the grid nodes know of the world around the soil: ground, walls, fixed bodies, water.
+
+`node_tables` works out, once per scene, a type, a contact normal and a water force for every node;
+`contact` is the velocity condition the kernels apply at the nodes of each type.
+
+The floor acts on the velocity of a node before the points take it over, so that its impulse
+reaches the points (zeroing the acceleration alone would leave them their speed).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import taichi as ti
+
+from mpm_taichi.solver.splines import BASE_EDGE, EDGES, LEFT_EDGE, RIGHT_EDGE, weights_of_points
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
+
+vec2 = ti.types.vector(2, ti.f32)
+
+STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION, NEAR = 1, 2, 4, 8, 16, 32, 64, 128
+"""Bits of a node's type: bonded ground or fixed body; Coulomb ground; walls; lid; rough ground;
+share of the traction of rough ground; rough ground or water within reach of points at this node.
+The bits of `splines` follow: boundaries at which the splines end."""
+
+WALLS = LEFT | RIGHT
+RESISTING = ROUGH | TRACTION
+"""Ground whose traction is the strength of the soil beside it."""
+BARRING = SLIDE | ROUGH
+"""Ground that soil cannot enter."""
+
+# Columns of the table of a node.
+NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, EMPTINESS = range(7)
+
+FULL_CONTACT = 0.5
+"""Share of soil around a node of the base at which the base counts as fully covered."""
+
+MARGIN = 3
+"""Rows of nodes beyond the domain on every side, all of them wall: no point can pass three."""
+
+WATER_DENSITY = 1000.0
+"""Density of fresh water [kg/m3]."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A regular grid. Node (i, j) lies at origin + (i, j) cell; j runs fastest in memory."""
+
+    origin: tuple[float, float]  # m
+    cell: float  # m
+    shape: tuple[int, int]  # nodes along x, along y
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return self.shape[0] * self.shape[1]
+
+    def coordinates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates [m] of all nodes, each of shape `self.shape`."""
+        x = self.origin[0] + self.cell * np.arange(self.shape[0])
+        y = self.origin[1] + self.cell * np.arange(self.shape[1])
+        return np.meshgrid(x, y, indexing="ij")
+
+
+def make_grid(scene: Scene) -> Grid:
+    """The grid of a scene: a line of nodes on the lowest ground and on the left wall."""
+    cell = scene.cell_size
+    low = scene.ground.lowest
+    across = int(np.ceil(round(scene.domain.width / cell, 6)))
+    upward = int(np.ceil(round((scene.domain.y_max - low) / cell, 6)))
+    return Grid(
+        origin=(scene.domain.x_min - MARGIN * cell, low - MARGIN * cell),
+        cell=cell,
+        shape=(across + 2 * MARGIN + 1, upward + 2 * MARGIN + 1),
+    )
+
+
+def node_tables(
+    scene: Scene, grid: Grid, *, wall_contact: str, water: str, gravity: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Types and contact data of all nodes of a scene.
+
+    Args:
+        scene: the scene.
+        grid: its grid.
+        wall_contact: "smooth" or "no_slip" side walls.
+        water: "buoyant" (weight reduced below the phreatic line) or "pore_pressure" (its slope
+            pushes as well: - grad u with u hydrostatic below the line).
+        gravity: [m/s2].
+
+    Returns:
+        kind: (nodes,) int32, the bits above.
+        table: (nodes, 8) float32: normal x, y (out of the ground), Coulomb coefficient, area of
+            rough ground [m2 per m], water force per volume x, y [N/m3], 1 / volume at full contact
+            [1/m2], 0.
+    """
+    x, y = grid.coordinates()
+    kind = np.zeros(grid.shape, np.int32)
+    table = np.zeros((*grid.shape, 8), np.float32)
+    tolerance = 1e-6 * grid.cell
+
+    below = y <= scene.ground.height(x) + tolerance
+    kind[below] |= {"no_slip": STICK, "coulomb": SLIDE, "rough": ROUGH}[scene.ground.contact]
+    normal = ground_normal(scene, x)
+    table[..., NORMAL_X], table[..., NORMAL_Y] = normal[..., 0], normal[..., 1]
+    table[..., COEFFICIENT] = scene.ground.friction_coefficient or 0.0
+    edges = edge_bits(scene, grid)
+    kind |= edges
+    if scene.ground.contact == "rough":
+        area, volume = ground_shares(scene, grid)
+        kind[area > 0] |= TRACTION
+        table[..., AREA] = area
+        table[..., EMPTINESS] = np.where(
+            area > 0, 1.0 / np.maximum(FULL_CONTACT * volume, tolerance), 0
+        )
+
+    # An open domain is enlarged before anything comes near, so its grid has the same three rows.
+    last_x, last_y = grid.shape[0] - 1 - MARGIN, grid.shape[1] - 1 - MARGIN
+    if wall_contact == "no_slip":
+        kind[: MARGIN + 1] |= STICK
+        kind[last_x:] |= STICK
+    kind[: MARGIN + 1] |= LEFT
+    kind[last_x:] |= RIGHT
+    kind[:, last_y:] |= TOP
+
+    table[..., WATER_X], table[..., WATER_Y] = water_force(scene, x, y, grid.cell, water, gravity)
+    wet = np.any(table[..., [WATER_X, WATER_Y]] != 0.0, axis=-1)
+    kind[beside((kind & (TRACTION | ROUGH) > 0) | wet)] |= NEAR
+    return kind.ravel(), table.reshape(-1, 8)
+
+
+def edge_bits(scene: Scene, grid: Grid) -> np.ndarray:
+    """Bits of the nodes on level ground that lies on a line of nodes, and on the side walls.
+
+    Ground is level at a node where it is over 1.5 cells to both sides, the reach of its points.
+
+    Returns:
+        (grid.shape) int32.
+    """
+    x, y = grid.coordinates()
+    height = scene.ground.height(x)
+    near = [scene.ground.height(x + k * grid.cell) for k in (-1.5, -1.0, 1.0, 1.5)]
+    level = np.max([np.abs(other - height) for other in near], axis=0) < 1e-6 * grid.cell
+    bits = np.where(level & (np.abs(y - height) < 1e-4 * grid.cell), BASE_EDGE, 0)
+    bits[MARGIN] |= LEFT_EDGE
+    bits[grid.shape[0] - 1 - MARGIN] |= RIGHT_EDGE
+    return bits.astype(np.int32)
+
+
+def ground_shares(scene: Scene, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Area of the ground and volume above it that belong to each node, both of `grid.shape`.
+
+    The integrals of the splines over the ground line [m2 per m] and over the space above it [m2],
+    from wall to wall: a traction t on the ground loads a node with t x area, wherever the line lies
+    in the cell.
+    """
+    fine = grid.cell / 8
+    left = grid.origin[0] + MARGIN * grid.cell
+    right = grid.origin[0] + (grid.shape[0] - 1 - MARGIN) * grid.cell
+    x = np.arange(left + 0.5 * fine, right, fine)
+    ends = scene.ground.height(np.stack([x - 0.5 * fine, x + 0.5 * fine]))
+    length = np.hypot(fine, ends[1] - ends[0])
+    base = ends.mean(axis=0)
+    edges = edge_bits(scene, grid)
+    area = node_weight(grid, np.stack([x, base], axis=1), length, edges)
+    heights = fine * (np.arange(0.5, 8 * 3))
+    space = np.stack([np.repeat(x, len(heights)), (base[:, None] + heights[None]).ravel()], axis=1)
+    volume = node_weight(grid, space, np.full(len(space), fine**2), edges)
+    area[area < 1e-6 * grid.cell] = 0.0
+    return area, volume
+
+
+def beside(chosen: np.ndarray) -> np.ndarray:
+    """Nodes that are chosen or have a chosen node among their eight neighbours, same shape."""
+    padded = np.pad(chosen, 1)
+    across, upward = chosen.shape
+    return np.logical_or.reduce(
+        [padded[i : i + across, j : j + upward] for i in range(3) for j in range(3)]
+    )
+
+
+def ground_normal(scene: Scene, x: np.ndarray) -> np.ndarray:
+    """Unit normal of the ground below `x`, pointing up, shape (*x.shape, 2)."""
+    line = np.asarray(scene.ground.points, dtype=float)
+    slopes = np.diff(line[:, 1]) / np.diff(line[:, 0])
+    padded = np.concatenate([[0.0], slopes, [0.0]])
+    slope = padded[np.searchsorted(line[:, 0], x, side="right")]
+    length = np.sqrt(1.0 + slope**2)
+    return np.stack([-slope / length, 1.0 / length], axis=-1)
+
+
+def water_force(
+    scene: Scene, x: np.ndarray, y: np.ndarray, cell: float, water: str, gravity: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force of still water on soil per unit volume [N/m3], x and y, at nodes (x, y).
+
+    Below the phreatic line h(x) the pore pressure is u = rho_w g (h - y). Its gradient carries the
+    submerged weight (both forms) and, where the line falls, the thrust of the pool (pore_pressure
+    only). The force sets in over one cell, so that it depends smoothly on the level.
+    """
+    if not scene.has_water:
+        return np.zeros_like(x), np.zeros_like(x)
+    level = scene.phreatic_level(x)
+    submerged = np.clip((level - y) / cell + 0.5, 0.0, 1.0)
+    unit = WATER_DENSITY * gravity * submerged
+    if water == "buoyant":
+        return np.zeros_like(x), unit
+    fall = (scene.phreatic_level(x - 0.5 * cell) - scene.phreatic_level(x + 0.5 * cell)) / cell
+    return unit * fall, unit
+
+
+def fixed_by_bodies(
+    grid: Grid, soil: np.ndarray, fixed: np.ndarray, kind: np.ndarray
+) -> np.ndarray:
+    """Nodes held by kinematic points: those with more B-spline weight of fixed than of soil points.
+
+    Args:
+        grid: the grid.
+        soil: (N, 2) positions of moving points [m].
+        fixed: (K, 2) positions of kinematic points [m].
+        kind: (nodes,) types of the nodes.
+
+    Returns:
+        (nodes,) bool.
+    """
+    if len(fixed) == 0:
+        return np.zeros(grid.nodes, bool)
+    edges = kind.reshape(grid.shape) & EDGES
+    held = node_weight(grid, fixed, np.ones(len(fixed)), edges)
+    return (held > node_weight(grid, soil, np.ones(len(soil)), edges)).ravel()
+
+
+def node_weight(
+    grid: Grid, points: np.ndarray, amount: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
+    """Sum of `amount` (N,) x spline of `points` (N, 2) [m] at each node, shape `grid.shape`.
+
+    `edges` are the nodes' `edge_bits`.
+    """
+    total = np.zeros(grid.shape)
+    scaled = (points - np.asarray(grid.origin)) / grid.cell
+    scaled = np.clip(scaled, 1.0, np.asarray(grid.shape) - 2.0)
+    centre = np.floor(scaled + 0.5).astype(int)
+    offset = scaled - centre
+    home = edges[centre[:, 0], centre[:, 1]]
+    left, right, base = (home & bit > 0 for bit in (LEFT_EDGE, RIGHT_EDGE, BASE_EDGE))
+    across = weights_of_points(offset[:, 0], left, right)
+    upward = weights_of_points(offset[:, 1], base, np.zeros(len(home), bool))
+    for i in range(3):
+        for j in range(3):
+            share = amount * across[i] * upward[j]
+            np.add.at(total, (centre[:, 0] + i - 1, centre[:, 1] + j - 1), share)
+    return total
+
+
+@ti.func
+def contact(velocity, kind, table, friction, adhesion):
+    """Velocity of a node after ground and walls have acted on it [m/s].
+
+    Args:
+        velocity: without contact [m/s].
+        kind: the bits of the node.
+        table: the row of the node.
+        friction: Coulomb coefficient of the ground, of rough ground sin(phi) of the soil.
+        adhesion: most the traction of rough ground changes the velocity in this step [m/s].
+
+    Contact is unilateral: soil may leave a ground or a wall, never enter it; only bonded ground
+    ("no_slip") holds it. The tangential impulse is at most friction x the normal one + adhesion.
+    """
+    v = velocity
+    if kind & STICK:
+        v = vec2(0.0, 0.0)
+    elif kind & (BARRING | RESISTING):
+        normal_x, normal_y = table[0], table[1]
+        out = v[0] * normal_x + v[1] * normal_y
+        along = v[1] * normal_x - v[0] * normal_y
+        limit = adhesion
+        if kind & BARRING:
+            limit -= friction * ti.min(out, 0.0)
+            out = ti.max(out, 0.0)
+        slowed = ti.max(ti.abs(along) - limit, 0.0)
+        along = ti.select(along > 0.0, slowed, -slowed)
+        v = vec2(out * normal_x - along * normal_y, out * normal_y + along * normal_x)
+    if kind & LEFT:
+        v[0] = ti.max(v[0], 0.0)
+    if kind & RIGHT:
+        v[0] = ti.min(v[0], 0.0)
+    if kind & TOP:
+        v[1] = ti.min(v[1], 0.0)
+    return v

@@ -1,0 +1,261 @@
+"""A scene made ready for the solver: points on the grid, material table, stress before settling.
+
+The settled start (`SimulationSettings.initial_stress = "settled"`) begins from K0 stress and lets
+the solver relax it elastically on points that do not move (`solver.settle`); at t = 0 every zone
+has its own strength. Bodies that are thrown or that hang in the air start free of stress.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from shapely.geometry import Polygon
+from shapely.ops import unary_union
+
+from geometry.scenes.fill import MaterialPoints, fill
+from mpm_taichi.effects import Active, acting_scene, effects_on
+from mpm_taichi.materials.mohr_coulomb import NO_CAP, material_constants
+from mpm_taichi.solver.boundary import (
+    STICK,
+    WATER_DENSITY,
+    Grid,
+    fixed_by_bodies,
+    make_grid,
+    node_tables,
+)
+from mpm_taichi.solver.splines import EDGES
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Material, Scene
+    from pipeline.config import SimulationSettings
+
+
+@dataclass
+class PreparedScene:
+    """One scene as the kernels take it: P moving points (settled ones first), R material rows."""
+
+    given: Scene
+    scene: Scene  # the given one, as changed by effects that act on the scene as a whole
+    effects: tuple[Active, ...]
+    settings: SimulationSettings
+    points: MaterialPoints
+    order: np.ndarray  # (P,) place in `points` of each moving point
+    settled: int  # the first so many points take part in settling
+    grid: Grid
+    kind: np.ndarray  # (nodes,) int32
+    table: np.ndarray  # (nodes, 8) float32
+    motion: np.ndarray  # (P, 4) float32
+    home: np.ndarray  # (P,) int32, node within the grid
+    stress: np.ndarray  # (P, 4) float32 [Pa]
+    row: np.ndarray  # (P,) int32
+    elastic: np.ndarray  # (R, 4) float32
+    strength: np.ndarray  # (R, 4) float32
+    edges: np.ndarray  # (R, 4) float32
+    settle_strength: np.ndarray  # (R, 4) float32
+    settle_edges: np.ndarray  # (R, 4) float32
+    soil: np.ndarray  # (R, 4) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa]
+    mass: np.ndarray  # (P,) float64 [kg/m]
+    wave_speed: float  # m/s
+    frame_time: float  # s
+
+    @property
+    def busy_until(self) -> float:
+        """Time before which the run may not be ended for resting, because of its effects [s]."""
+        return max((one.until(self.given) for one in self.effects), default=0.0)
+
+    def enlarge(self, left: int, right: int) -> PreparedScene:
+        """Lay a wider grid for an open domain, more nodes by so many columns on either side."""
+        cell, shape = self.grid.cell, self.grid.shape
+        self.grid = Grid(
+            origin=(self.grid.origin[0] - left * cell, self.grid.origin[1]),
+            cell=cell,
+            shape=(shape[0] + left + right, shape[1]),
+        )
+        self.kind, self.table = nodes_of(self.scene, self.settings, self.points, self.grid)
+        return self
+
+
+def prepare(scene: Scene, settings: SimulationSettings) -> PreparedScene:
+    """Fill a scene, lay its grid and its tables."""
+    given, active = scene, effects_on(scene)
+    scene = acting_scene(scene, active)
+    points = fill(scene)
+    grid = make_grid(scene)
+    kind, table = nodes_of(scene, settings, points, grid)
+    fixed = points.kinematic
+    row, rows, densities = material_rows(scene, points)
+    constants = [material_constants(**_strength(material)) for material in rows]
+    before = [material_constants(**_settling_strength(material)) for material in rows]
+    elastic, strength, edges = (np.array(column) for column in zip(*constants, strict=True))
+    _, settle_strength, settle_edges = (np.array(column) for column in zip(*before, strict=True))
+    mass_of_row = np.asarray(densities) * points.volume
+    edges[:, 3] = settle_edges[:, 3] = mass_of_row
+
+    resting = resting_points(scene, points) & ~fixed
+    order = np.concatenate([np.flatnonzero(resting), np.flatnonzero(~resting & ~fixed)])
+    motion, home = locate(grid, points.position[order])
+    motion[:, 2:] = points.velocity[order]
+    mass = mass_of_row[row[order]]
+    stress = np.zeros((len(order), 4), np.float32)
+    if settings.initial_stress != "gravity_on":
+        lateral = np.array([_k0(material) for material in rows])[row]
+        at_rest = k0_stress(scene, points, mass_of_row[row], lateral, settings.gravity_m_per_s2)
+        stress[:] = np.where(resting[order, None], at_rest[order], 0.0)
+    moduli = [m.youngs_modulus_pa * (1 - m.poisson_ratio) / (
+        (1 + m.poisson_ratio) * (1 - 2 * m.poisson_ratio)) for m in rows]  # fmt: skip
+    return PreparedScene(
+        given=given,
+        scene=scene,
+        effects=active,
+        settings=settings,
+        points=points,
+        order=order,
+        settled=int(resting.sum()) if settings.initial_stress == "settled" else 0,
+        grid=grid,
+        kind=kind,
+        table=table,
+        motion=motion,
+        home=home,
+        stress=stress,
+        row=row[order].astype(np.int32),
+        elastic=elastic,
+        strength=strength,
+        edges=edges,
+        settle_strength=settle_strength,
+        settle_edges=settle_edges,
+        soil=np.array([_soil(material) for material in rows], np.float32),
+        mass=mass,
+        wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),
+        frame_time=settings.frame_interval
+        * float(np.sqrt(scene.spacing / settings.gravity_m_per_s2)),
+    )
+
+
+def nodes_of(
+    scene: Scene, settings: SimulationSettings, points: MaterialPoints, grid: Grid
+) -> tuple[np.ndarray, np.ndarray]:
+    """Types (nodes,) int32 and tables (nodes, 8) of a grid, fixed bodies included."""
+    kind, table = node_tables(
+        scene,
+        grid,
+        wall_contact=settings.wall_contact,
+        water=settings.water,
+        gravity=settings.gravity_m_per_s2,
+    )
+    fixed = points.kinematic
+    held = fixed_by_bodies(grid, points.position[~fixed], points.position[fixed], kind)
+    return np.where(held, STICK | (kind & EDGES), kind).astype(np.int32), table
+
+
+def material_rows(
+    scene: Scene, points: MaterialPoints
+) -> tuple[np.ndarray, list[Material], list[float]]:
+    """Material rows of the points: one per material, and one more where it is saturated.
+
+    Returns:
+        row: (N,) int64 into the lists; rows: materials; densities [kg/m3].
+    """
+    materials = list(scene.materials.values())
+    rows = list(materials)
+    densities = [m.density for m in materials]
+    row = points.material.astype(np.int64)
+    wet = points.position[:, 1] < scene.phreatic_level(points.position[:, 0])
+    for number, material in enumerate(materials):
+        soaked = wet & (points.material == number)
+        if material.saturated_density is not None and soaked.any():
+            row[soaked] = len(rows)
+            rows.append(material)
+            densities.append(material.saturated_density)
+    return row, rows, densities
+
+
+def resting_points(scene: Scene, points: MaterialPoints) -> np.ndarray:
+    """Points of bodies that rest on the ground or on fixed bodies and are not thrown, (N,) bool.
+
+    A body is a group of zones that touch; it rests if one of them comes within a spacing of the
+    ground, and is thrown if one has an initial velocity.
+    """
+    near = 0.51 * scene.spacing
+    shapes = [Polygon(zone.polygon).buffer(near) for zone in scene.zones]
+    union = unary_union(shapes)
+    bodies = list(union.geoms) if union.geom_type == "MultiPolygon" else [union]
+    resting = np.zeros(len(scene.zones), bool)
+    position = points.position
+    close = position[:, 1] - scene.ground.height(position[:, 0]) < scene.spacing
+    for body in bodies:
+        members = [i for i, shape in enumerate(shapes) if body.intersects(shape)]
+        thrown = any(scene.zones[i].initial_velocity != (0.0, 0.0) for i in members)
+        held = close[np.isin(points.zone, members)].any() or any(
+            scene.zones[i].kinematic for i in members
+        )
+        resting[members] = held and not thrown
+    return resting[points.zone]
+
+
+def k0_stress(
+    scene: Scene, points: MaterialPoints, mass: np.ndarray, lateral: np.ndarray, gravity: float
+) -> np.ndarray:
+    """K0 stress (N, 4) [Pa] from the weight, less buoyancy, of the points above in the column."""
+    spacing = scene.spacing
+    wet = points.position[:, 1] < scene.phreatic_level(points.position[:, 0])
+    weight = gravity * (mass - WATER_DENSITY * points.volume * wet) / spacing
+    column = np.floor((points.position[:, 0] - scene.domain.x_min) / spacing).astype(int)
+    order = np.lexsort((-points.position[:, 1], column))
+    running = np.cumsum(weight[order])
+    start = np.flatnonzero(np.diff(column[order], prepend=column[order][0] - 1))
+    before = np.repeat(
+        np.concatenate([[0.0], running])[start], np.diff(np.append(start, len(order)))
+    )
+    vertical = np.empty(len(points))
+    vertical[order] = -(running - before - 0.5 * weight[order])
+    side = lateral * vertical
+    return np.stack([side, vertical, side, np.zeros_like(side)], axis=1)
+
+
+def locate(grid: Grid, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (N, 4; velocity still zero) float32 and home nodes (N,) int32 of points [m]."""
+    scaled = (position - np.asarray(grid.origin)) / grid.cell
+    centre = np.floor(scaled + 0.5).astype(np.int64)
+    motion = np.zeros((len(position), 4), np.float32)
+    motion[:, :2] = scaled - centre
+    return motion, (centre[:, 0] * grid.shape[1] + centre[:, 1]).astype(np.int32)
+
+
+def _k0(material: Material) -> float:
+    return material.poisson_ratio / (1.0 - material.poisson_ratio)
+
+
+def _soil(material: Material) -> tuple[float, float, float, float]:
+    """A row of `PreparedScene.soil`."""
+    cap = NO_CAP if material.tension_cap_pa is None else material.tension_cap_pa
+    tangent = float(np.tan(material.friction_rad))
+    return float(material.liquefied), tangent, material.cohesion_pa, cap
+
+
+def _stiffness(material: Material) -> dict[str, float]:
+    return {
+        "youngs_modulus": material.youngs_modulus_pa,
+        "poisson_ratio": material.poisson_ratio,
+    }
+
+
+def _strength(material: Material) -> dict[str, float | None]:
+    return {
+        "friction_angle": material.friction_rad,
+        "cohesion": material.cohesion_pa,
+        "tension_cap": material.tension_cap_pa,
+        **_stiffness(material),
+    }
+
+
+def _settling_strength(material: Material) -> dict[str, float | None]:
+    """Pre-failure strength if the case gives one, else a strength that is never reached."""
+    if material.pre_failure is None:
+        return {"friction_angle": 0.0, "cohesion": 0.5 * NO_CAP, **_stiffness(material)}
+    return {
+        "friction_angle": material.pre_failure.friction_rad,
+        "cohesion": material.pre_failure.cohesion_pa,
+        **_stiffness(material),
+    }

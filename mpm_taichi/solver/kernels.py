@@ -1,0 +1,47 @@
+"""The kernels of the material point method, compiled for one choice of options.
+
+`scene` schedule (CPU, `scene_schedule`): one thread takes one scene through all its steps.
+`point` schedule (GPU, `point_schedule`): all points of all scenes side by side, with atomic adds,
+so equal to the other to rounding only. Both are made of `point_functions` and `transfer`: the
+physics is written once.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+from mpm_taichi.effects.framework.base import Effect
+from mpm_taichi.effects.framework.hooks import effect_functions
+from mpm_taichi.solver.layout import *  # noqa: F403
+from mpm_taichi.solver.point_functions import point_functions
+from mpm_taichi.solver.point_schedule import point_schedule
+from mpm_taichi.solver.scene_schedule import scene_schedule
+from mpm_taichi.solver.tiles import tile_functions
+
+
+@cache
+def build_kernels(
+    *, affine: bool, averaged: bool, corrected: bool, effects: tuple[Effect, ...] = ()
+) -> SimpleNamespace:
+    """Build the kernels (Taichi compiles each when it is first called).
+
+    Args:
+        affine: the affine part of a point's velocity travels to the grid (APIC, affine FLIP).
+        averaged: volumetric strain increments averaged over a cell (F-bar).
+        corrected: volume correction at the free surface.
+        effects: those that scenes may have on, `effects.registry.kernel_effects`; with none, the
+            kernels know of no effects at all.
+
+    Returns:
+        `run_scenes` of the scene schedule; `point`, the kernels of the point schedule; `table`, the
+        columns of the effects (`effects.table.EffectTable`), None without any.
+    """
+    acting = effect_functions(effects) if effects else None
+    functions = point_functions(
+        affine=affine, averaged=averaged, corrected=corrected, effects=acting
+    )
+    tiles = tile_functions(affine=affine, averaged=averaged, corrected=corrected, effects=acting)
+    return SimpleNamespace(
+        run_scenes=scene_schedule(functions, tiles, acting),
+        point=point_schedule(functions, acting),
+        table=acting.table if acting else None,
+    )

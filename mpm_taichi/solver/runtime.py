@@ -1,0 +1,350 @@
+"""Taichi started, and the arrays of the scenes in flight on its device.
+
+A slot is a fixed stretch of every array and holds one scene; empty slots cost nothing. On the CPU
+the arrays are numpy's own memory, on a GPU they live there and are copied when a scene comes or a
+chunk of frames is done.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import redirect_stdout
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+import taichi as ti
+
+from mpm_taichi.solver import kernels, layout
+from pipeline.cli import InputError, WorkFailed
+
+if TYPE_CHECKING:
+    from mpm_taichi.solver.initial_state import PreparedScene
+
+MAX_ROWS = 32
+"""Most material rows of a scene (materials, and saturated forms of them)."""
+
+OPTIONS = {"fast_math": False, "cfg_optimization": False, "log_level": ti.ERROR}
+"""How Taichi compiles. Sums stay in the order in which they are written: then bits do not hang on
+what else is in a kernel nor on the kind of processor, and points side by side keep the same form,
+which is what makes vector instructions of them. The analysis of stores and loads takes three
+quarters of the compilation, and LLVM does it again."""
+
+_started: tuple[str, int] | None = None
+
+
+def start(device: str, threads: int | None) -> int:
+    """Start Taichi on "cpu" or "cuda"; returns the number of CPU threads.
+
+    Raises:
+        InputError: another device name.
+        WorkFailed: no CUDA device answers.
+    """
+    global _started
+    if device not in ("cpu", "cuda"):
+        raise InputError(f"device {device!r} is unknown: allowed are cpu, cuda")
+    count = threads or len(os.sched_getaffinity(0))
+    if count < 1:
+        raise InputError(f"threads {count}: at least 1")
+    if _started == (device, count):
+        return count
+    arch = ti.cpu if device == "cpu" else ti.cuda
+    try:
+        with redirect_stdout(sys.stderr):  # where Taichi says on what it starts
+            ti.init(arch=arch, cpu_max_num_threads=count, default_fp=ti.f32, **OPTIONS)
+    except Exception as error:
+        raise WorkFailed(f"device {device}: Taichi did not start: {error}") from error
+    if ti.lang.impl.current_cfg().arch != arch:
+        _started = None
+        raise WorkFailed("device cuda: no CUDA device answers; use --device cpu")
+    _started = (device, count)
+    kernels.build_kernels.cache_clear()
+    return count
+
+
+def aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """Zeros that begin on a 64-byte line, so that a node's row never straddles two lines."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64, np.uint8)
+    offset = -raw.ctypes.data % 64
+    return raw[offset : offset + size].view(dtype).reshape(shape)
+
+
+_TAICHI = {"int32": ti.i32, "float32": ti.f32, "float64": ti.f64}
+
+
+class Slots:
+    """Arrays for `number` scenes of up to `points` points and `nodes` nodes each."""
+
+    PER_POINT = {"motion": 4, "gradient": 4, "stress": 4, "history": 4, "initial_stress": 4}
+    PER_NODE = {"load": 8, "flow": 4, "swelling": 4, "table": 8}
+    PER_ROW = ("elastic", "strength", "edges", "settle_strength", "settle_edges")
+
+    def __init__(
+        self, number: int, points: int, nodes: int, frames: int, *, device: str, kernels: Any
+    ) -> None:
+        points = -(-points // layout.TILE) * layout.TILE  # whole tiles
+        self.number, self.points, self.nodes, self.frames = number, points, nodes, frames
+        self.device, self.kernels = device, kernels
+        self.integers = aligned((number, layout.INTEGERS), np.int32)
+        self.numbers = aligned((number, layout.NUMBERS), np.float32)
+        self.sums = aligned((number, frames, layout.SUMS), np.float64)
+        self.places = aligned((number, frames, points, 2), np.float32)
+        self.home = aligned((number * points,), np.int32)
+        self.row = aligned((number * points,), np.int32)
+        self.kind = aligned((number * nodes,), np.int32)
+        for name, width in self.PER_POINT.items():
+            setattr(self, name, aligned((number * points, width), np.float32))
+        for name, width in self.PER_NODE.items():
+            setattr(self, name, aligned((number * nodes, width), np.float32))
+        for name in self.PER_ROW:
+            setattr(self, name, aligned((number * MAX_ROWS, 4), np.float32))
+        # What effects need; where there are none, the kernels never look at these.
+        table = kernels.table
+        per_point = number * points if table else 1
+        self.facts = aligned((per_point, table.facts if table else 1), np.float32)
+        self.present = aligned((per_point, 8), np.float32)
+        self.resisted = aligned((number * nodes if table else 1,), np.float32)
+        self.effect_numbers = aligned((number, table.width if table else 1), np.float32)
+
+    def point_range(self, slot: int) -> slice:
+        """Where the points of a slot lie in the arrays."""
+        first = self.integers[slot, layout.FIRST_POINT]
+        return slice(first, self.integers[slot, layout.LAST_POINT])
+
+    def admit(self, slot: int, scene: PreparedScene) -> None:
+        """Put a prepared scene into a slot."""
+        count = len(scene.order)
+        point, row = slot * self.points, slot * MAX_ROWS
+        where = slice(point, point + count)
+        self.motion[where] = scene.motion
+        self.stress[where] = self.initial_stress[where] = scene.stress
+        self.gradient[where] = self.history[where] = 0.0
+        self.row[where] = scene.row + row
+        rows = slice(row, row + len(scene.elastic))
+        for name in self.PER_ROW:
+            getattr(self, name)[rows] = getattr(scene, name)
+        settings = scene.settings
+        integers, numbers = self.integers[slot], self.numbers[slot]
+        integers[:] = 0
+        integers[layout.FIRST_POINT : layout.LAST_SETTLED + 1] = (
+            point, point + count, point + scene.settled,
+        )  # fmt: skip
+        integers[layout.PHASE] = layout.SETTLING
+        integers[layout.FRAME_COUNT] = self.frames
+        numbers[:] = 0.0
+        numbers[layout.CELL] = scene.grid.cell
+        numbers[layout.VOLUME] = scene.points.volume
+        numbers[layout.FRAME_TIME] = scene.frame_time
+        full = settings.transfer in ("apic", "pic")
+        numbers[layout.PIC_RATE] = 1e30 if full else settings.pic_rate_per_s
+        numbers[layout.GRAVITY] = settings.gravity_m_per_s2
+        numbers[layout.COURANT] = settings.courant
+        numbers[layout.WAVE_SPEED] = scene.wave_speed
+        numbers[layout.SPEED] = np.sqrt(np.max(np.sum(scene.motion[:, 2:] ** 2, axis=1)))
+        numbers[layout.FIXED_STEP] = settings.time_step_s or 0.0
+        numbers[layout.DAMPING] = settings.local_damping
+        relaxation = settings.pressure_relaxation * scene.wave_speed / scene.grid.cell
+        numbers[layout.RELIEF] = relaxation
+        numbers[layout.SMOOTHING] = settings.pressure_smoothing
+        self.home[where] = scene.home + slot * self.nodes
+        self._lay_nodes(slot, scene)
+        if self.kernels.table:
+            self._admit_effects(slot, scene, where)
+
+    def _admit_effects(self, slot: int, scene: PreparedScene, where: slice) -> None:
+        """What effects are on, their numbers, and the strength and the facts of every point."""
+        table, integers, numbers = self.kernels.table, self.integers[slot], self.numbers[slot]
+        integers[layout.EFFECTS_ON] = table.bits(scene.effects)
+        numbers[layout.ORIGIN_X], numbers[layout.ORIGIN_Y] = scene.grid.origin
+        self.effect_numbers[slot] = table.numbers(scene.effects, scene.scene)
+        position = scene.points.position[scene.order]
+        soil = scene.soil[scene.row]
+        self.facts[where] = table.point_facts(scene.effects, scene.scene, position, soil)
+        own = np.concatenate([scene.strength[:, :3], scene.edges[:, :3]], axis=1)
+        self.present[where, :6] = own[scene.row]
+
+    def lay_grid(self, slot: int, scene: PreparedScene, left: int) -> None:
+        """Give a slot the enlarged grid of its scene, with `left` more columns on the left."""
+        self.home[self.point_range(slot)] += left * scene.grid.shape[1]
+        self.integers[slot, layout.GROWN] += left
+        self._lay_nodes(slot, scene, keep=left)
+
+    def _lay_nodes(self, slot: int, scene: PreparedScene, keep: int | None = None) -> None:
+        """Nodes of a slot; the divergences still to be used move along where `keep` says."""
+        node, nodes = slot * self.nodes, scene.grid.nodes
+        integers = self.integers[slot]
+        old = self.swelling[integers[layout.FIRST_NODE] : integers[layout.LAST_NODE]].copy()
+        integers[layout.FIRST_NODE], integers[layout.LAST_NODE] = node, node + nodes
+        integers[layout.COLUMNS] = scene.grid.shape[1]
+        where = slice(node, node + nodes)
+        self.kind[where], self.table[where] = scene.kind, scene.table
+        self.load[where] = self.flow[where] = self.swelling[where] = 0.0
+        if self.kernels.table:
+            self.resisted[where] = 0.0
+        if keep is not None:
+            first = node + keep * scene.grid.shape[1]
+            self.swelling[first : first + len(old)] = old
+
+    def take_over(self, slot: int, other: Slots, scene: PreparedScene) -> None:
+        """Copy a scene in flight from smaller arrays."""
+        self.integers[slot], self.numbers[slot] = other.integers[slot], other.numbers[slot]
+        count = len(scene.order)
+        mine, theirs = slot * self.points, slot * other.points
+        for name in (*self.PER_POINT, "row"):
+            getattr(self, name)[mine : mine + count] = getattr(other, name)[theirs : theirs + count]
+        if self.kernels.table:
+            for name in ("facts", "present"):
+                part = getattr(other, name)[theirs : theirs + count]
+                getattr(self, name)[mine : mine + count] = part
+            self.effect_numbers[slot] = other.effect_numbers[slot]
+        home = other.home[theirs : theirs + count] - slot * other.nodes
+        self.home[mine : mine + count] = home + slot * self.nodes
+        for name in self.PER_ROW:
+            rows = slice(slot * MAX_ROWS, (slot + 1) * MAX_ROWS)
+            getattr(self, name)[rows] = getattr(other, name)[rows]
+        nodes = other.integers[slot, layout.LAST_NODE] - other.integers[slot, layout.FIRST_NODE]
+        for name in (*self.PER_NODE, "kind"):
+            first, from_ = slot * self.nodes, slot * other.nodes
+            getattr(self, name)[first : first + nodes] = getattr(other, name)[from_ : from_ + nodes]
+        shift = mine - theirs
+        columns = slice(layout.FIRST_POINT, layout.LAST_SETTLED + 1)
+        self.integers[slot, columns] += shift
+        self.integers[slot, [layout.FIRST_NODE, layout.LAST_NODE]] += slot * (
+            self.nodes - other.nodes
+        )
+
+    def set_frames(self, slot: int, number: int) -> None:
+        """Have a slot advance by so many frames in the coming chunk."""
+        self.integers[slot, layout.FRAME_COUNT] = number
+
+    def run(self) -> None:
+        """Advance every slot by one chunk of frames (settling first where a scene is new)."""
+        self._run(self.number)
+
+    def compile(self) -> None:
+        """Have the kernels compiled, so that no run's wall time counts it."""
+        self._run(0)
+
+    def _run(self, number: int) -> None:
+        self.kernels.run_scenes(
+            number, self.integers, self.numbers, self.motion, self.home, self.gradient,
+            self.stress, self.history, self.row, self.elastic, self.strength, self.edges,
+            self.settle_strength, self.settle_edges, self.initial_stress, self.load, self.flow,
+            self.swelling, self.kind, self.table, self.places, self.sums, self.facts, self.present,
+            self.resisted, self.effect_numbers,
+        )  # fmt: skip
+
+    def fetch(self) -> None:
+        """Bring everything to the host; nothing to do where the arrays are numpy's own."""
+
+
+class DeviceSlots(Slots):
+    """Slots whose arrays live on the device and run by the point schedule.
+
+    The numpy arrays of `Slots` are the host's copy. Tables and frames come back after every chunk,
+    the rest when `fetch` is called, which must be done before the host's copy is changed.
+    """
+
+    SETTLE_CHECK = 20
+    """Settling steps between two looks at the unbalanced force."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._device: dict[str, Any] = {}
+        self._host_is_new = True
+        vectors = {"places": 2, **self.PER_POINT, **self.PER_NODE, **dict.fromkeys(self.PER_ROW, 4)}
+        vectors["present"] = 8
+        for name in self._names():
+            array = getattr(self, name)
+            if name in vectors:
+                kind = ti.types.vector(vectors[name], ti.f32)
+                self._device[name] = ti.ndarray(dtype=kind, shape=array.shape[:-1])
+            else:
+                self._device[name] = ti.ndarray(dtype=_TAICHI[array.dtype.name], shape=array.shape)
+
+    def _names(self) -> tuple[str, ...]:
+        small = ("integers", "numbers", "sums", "places", "home", "row", "kind")
+        of_effects = ("facts", "present", "resisted", "effect_numbers")
+        return (*small, *self.PER_POINT, *self.PER_NODE, *self.PER_ROW, *of_effects)
+
+    def _pull(self, *names: str) -> None:
+        for name in names:
+            getattr(self, name)[...] = self._device[name].to_numpy()
+
+    def compile(self) -> None:
+        """Nothing to do: kernels of the point schedule compile one by one in the first run."""
+
+    def set_frames(self, slot: int, number: int) -> None:
+        """Have a slot advance by so many frames in the coming chunk."""
+        if self.integers[slot, layout.FRAME_COUNT] == number:
+            return
+        super().set_frames(slot, number)
+        if not self._host_is_new:  # one number: not worth bringing everything here and back
+            self._device["integers"][slot, layout.FRAME_COUNT] = number
+
+    def fetch(self) -> None:
+        """Bring everything to the host, whose copy then counts."""
+        if not self._host_is_new:
+            self._pull(*(name for name in self._names() if name not in self.PER_ROW))
+            self._host_is_new = True
+
+    def run(self) -> None:
+        """Advance every slot by one chunk of frames (settling first where a scene is new)."""
+        if self._host_is_new:
+            for name in self._names():
+                self._device[name].from_numpy(getattr(self, name))
+            self._host_is_new = False
+        if (self.integers[:, layout.PHASE] == layout.SETTLING).any():
+            self._settle()
+        d, kernels = SimpleNamespace(**self._device), self.kernels.point
+        size = (self.number, self.points, self.nodes)
+        for frame in range(self.frames):
+            kernels.begin_frame(self.number, frame, d.integers, d.numbers, d.sums)
+            for turn in range(int(d.integers.to_numpy()[:, layout.SUBSTEPS].max())):
+                kernels.step(
+                    turn, frame, *size, d.integers, d.numbers, d.motion, d.home, d.gradient,
+                    d.stress, d.history, d.row, d.elastic, d.strength, d.edges, d.load, d.flow,
+                    d.swelling, d.kind, d.table, d.sums, d.facts, d.present, d.resisted,
+                    d.effect_numbers,
+                )  # fmt: skip
+            kernels.end_frame(
+                frame, self.number, self.points, d.integers, d.numbers, d.motion, d.home, d.stress,
+                d.history, d.row, d.elastic, d.edges, d.places, d.sums,
+            )  # fmt: skip
+        self._pull("integers", "numbers", "sums", "places")
+
+    def _settle(self) -> None:
+        """Settle all new scenes; each stops when its own forces balance."""
+        d, kernels = SimpleNamespace(**self._device), self.kernels.point
+        waiting = self.integers[:, layout.PHASE] == layout.SETTLING
+        first, last = layout.FIRST_POINT, layout.LAST_SETTLED
+        at_rest = self.integers[:, last] > self.integers[:, first]
+        active = waiting & at_rest
+        steps = 0
+        while active.any() and steps < layout.SETTLE_LIMIT:
+            for _ in range(self.SETTLE_CHECK):
+                kernels.settle_step(
+                    self.number, self.points, self.nodes, d.integers, d.numbers, d.motion, d.home,
+                    d.gradient, d.stress, d.row, d.elastic, d.settle_strength, d.settle_edges,
+                    d.load, d.flow, d.swelling, d.kind, d.table, d.sums,
+                )  # fmt: skip
+            steps += self.SETTLE_CHECK
+            sums = d.sums.to_numpy()[:, 0]
+            ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-30)
+            self.numbers[active, layout.UNBALANCED] = ratio[active]
+            self.integers[active, layout.SETTLE_STEPS] = steps
+            settled = active & (ratio <= layout.SETTLE_TOLERANCE)
+            active &= ~settled
+            self.integers[settled, layout.PHASE] = layout.IDLE
+            d.integers.from_numpy(self.integers)
+        self.integers[waiting, layout.PHASE] = layout.SETTLING
+        d.integers.from_numpy(self.integers)
+        d.numbers.from_numpy(self.numbers)
+        kernels.start_moving(
+            self.number, self.points, d.integers, d.gradient, d.stress, d.history,
+            d.initial_stress, d.numbers, d.facts, d.sums,
+        )  # fmt: skip

@@ -1,0 +1,4 @@
+"""Charts of results, one kind a file.
+
+In: numbers of a document. Out: matplotlib figures.
+"""

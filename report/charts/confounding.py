@@ -1,0 +1,76 @@
+"""Which effects look alike to these measurements: a map of |cos| between their fingerprints.
+
+In: a `ReportData`. Out: a triangle of cells. Effects that look alike stand next to each other.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.patches import Patch, Rectangle
+
+from report.charts.diagnosis_style import SMALL, TEXT, WIDTH, legend
+from report.charts.style import OURS, new_figure, save_figure, words
+from report.diagnosis.data import ReportData
+from report.diagnosis.sentences import NOT_SEPARABLE, WEAKLY, shortened
+from report.pictures.scene import TEXT_COLOUR
+
+LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.0, 0.8, 0.35
+DARK, MIDDLE, LIGHT = "#003a5d", OURS, "#d9e6f0"
+
+
+def order(cosine: np.ndarray) -> list[int]:
+    """Places of the effects so that like stands beside like (single linkage, (k, k) -> k)."""
+    from scipy.cluster.hierarchy import leaves_list, linkage
+    from scipy.spatial.distance import squareform
+
+    apart = 1.0 - np.clip(np.abs(cosine), 0.0, 1.0)
+    apart = 0.5 * (apart + apart.T)
+    np.fill_diagonal(apart, 0.0)
+    return [int(place) for place in leaves_list(linkage(squareform(apart), optimal_ordering=True))]
+
+
+def draw_confounding(data: ReportData, path: Path) -> Path | None:
+    """Save the map; None where fewer than two effects can be compared."""
+    found = data.confounding
+    if found is None:
+        return None
+    cosine = np.abs(np.array(found.cosine))
+    places = order(cosine)
+    cosine, names = cosine[np.ix_(places, places)], [shortened(found.names[p], 20) for p in places]
+    count = len(names)
+    cell = min(0.42, (WIDTH - LEFT - RIGHT) / (count - 1))
+    height = cell * (count - 1)
+    total = ABOVE + height + FOOT
+    figure = new_figure(total, WIDTH)
+    ax = figure.add_axes((LEFT / WIDTH, FOOT / total, height / WIDTH, height / total))
+    ax.set(xlim=(0, count - 1), ylim=(count - 1, 0))
+    ax.axis("off")
+    for row in range(1, count):
+        ax.text(-0.12, row - 0.5, words(names[row]), ha="right", va="center", fontsize=TEXT,
+                color=TEXT_COLOUR)  # fmt: skip
+        for column in range(row):
+            value = cosine[row, column]
+            colour = DARK if value >= NOT_SEPARABLE else MIDDLE if value >= WEAKLY else LIGHT
+            ax.add_patch(Rectangle((column + 0.03, row - 0.97), 0.94, 0.94, facecolor=colour,
+                                   alpha=1.0 if value >= WEAKLY else 0.35 + 0.6 * value,
+                                   linewidth=0))  # fmt: skip
+            if cell > (0.22 if value >= WEAKLY else 0.3):
+                ax.text(column + 0.5, row - 0.5, f"{value:.2f}".removeprefix("0"), ha="center",
+                        va="center", fontsize=min(SMALL, 30 * cell),
+                        color="white" if value >= WEAKLY else TEXT_COLOUR)  # fmt: skip
+    for column in range(count - 1):
+        ax.text(column + 0.28, column - 0.08, words(names[column]), ha="left", va="bottom",
+                fontsize=TEXT, color=TEXT_COLOUR, rotation=32, rotation_mode="anchor",
+                clip_on=False)  # fmt: skip
+    legend(
+        figure,
+        [
+            Patch(facecolor=DARK, label=f"{NOT_SEPARABLE:g} or more: not separable"),
+            Patch(facecolor=MIDDLE, label=f"{WEAKLY:g} to {NOT_SEPARABLE:g}: weakly"),
+        ],
+        columns=2,
+        y=0.08,
+    )
+    return save_figure(figure, path)

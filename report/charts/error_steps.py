@@ -1,0 +1,122 @@
+"""The fall of the error over the steps: fitted and held-out data against the noise.
+
+In: the steps of a verdict, or of a track. Out: a chart with a row for each model. The scale is the
+root mean square residual in standard deviations; noise alone gives 1, with the grey band for 95 of
+100 data sets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from scipy.stats import chi2 as chi2_law
+
+from diagnosis.verdict.verdict import Step
+from report.charts.diagnosis_style import (
+    AFTER,
+    PALE_AFTER,
+    SMALL,
+    chart,
+    label_x,
+    legend,
+    quiet,
+    rows,
+)
+from report.charts.style import HELD_OUT, LINE, save_figure
+from report.diagnosis.sentences import spoken
+from report.numbers import MINUS, number, root_mean_square
+from report.pictures.scene import HALO, TEXT_COLOUR
+
+ROW, BELOW, LEFT, FOOT = 0.66, 0.52, 1.5, 0.32
+BY_HAND = "by hand"
+"""Beginning of the note of a step that a person has taken."""
+HUMAN = "#8a5a00"
+
+
+def is_by_hand(step: Step, by_hand: Collection[str] = ()) -> bool:
+    """A person has added this model, not the loop."""
+    return step.model in by_hand or step.note.startswith(BY_HAND)
+
+
+def follows(number_: int, steps: Sequence[Step]) -> bool:
+    """A step adds to, or takes from, the one before; else it stands beside it."""
+    if not number_:
+        return False
+    own, before = set(steps[number_].effects), set(steps[number_ - 1].effects)
+    return own >= before or own < before
+
+
+def step_words(number_: int, steps: Sequence[Step], by_hand: Collection[str] = ()) -> str:
+    """The name of a row: what this step has changed in the one before, or all its effects."""
+    step = steps[number_]
+    before = steps[number_ - 1].effects if follows(number_, steps) else {}
+    added = [f"+ {spoken(name)}" for name in step.effects if name not in before]
+    dropped = [f"{MINUS} {spoken(name)}" for name in before if name not in step.effects]
+    told = ", ".join([*added, *dropped])
+    if not told:
+        told = spoken(step.model.lstrip("0123456789_")) if number_ else "base model"
+    elif number_ and not follows(number_, steps):
+        told = f"base {told}"
+    return f"{told} (by hand)" if is_by_hand(step, by_hand) else told
+
+
+def draw_steps(steps: Sequence[Step], path: Path, *, by_hand: Collection[str] = ()) -> Path | None:
+    """Save the chart; None where there is no step."""
+    if not steps:
+        return None
+    figure, (ax,) = chart([ROW * len(steps)], above=0.12, below=BELOW, left=LEFT, foot=FOOT)
+    quiet(ax, grid="x", left=False)
+    rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=20, lines=3)
+    fitted = [root_mean_square(s.chi2, max(s.dof, 1)) for s in steps]
+    held = [
+        None if s.held_out_chi2 is None or not s.held_out_n
+        else root_mean_square(s.held_out_chi2, s.held_out_n)
+        for s in steps
+    ]  # fmt: skip
+    reach = max(1.6, *fitted, *(h for h in held if h is not None))
+    ax.set_xlim(0, 1.16 * reach)
+    dof = max(1, steps[-1].dof)
+    low, high = ((chi2_law.ppf(share, dof) / dof) ** 0.5 for share in (0.025, 0.975))
+    ax.axvspan(low, high, color=LINE, alpha=0.8, linewidth=0, zorder=0)
+    ax.axvline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4)
+    for place, step in enumerate(steps):
+        colour = HUMAN if is_by_hand(step, by_hand) else AFTER
+        if follows(place, steps):
+            ax.barh(place - 0.14, fitted[place - 1], height=0.34, color=PALE_AFTER, alpha=0.7,
+                    linewidth=0, zorder=1)  # fmt: skip
+            ax.plot([fitted[place - 1]] * 2, [place - 1.0, place + 0.03], color="#8aa9bd",
+                    linewidth=0.9, linestyle=(0, (2, 2)), zorder=2)  # fmt: skip
+        ax.barh(place - 0.14, fitted[place], height=0.34, color=colour, linewidth=0, zorder=3)
+        _tell(ax, fitted[place], place - 0.14, f"{number(fitted[place], 2)}", TEXT_COLOUR)
+        if held[place] is not None:
+            ax.plot([held[place]], [place + 0.24], marker="D", color=HELD_OUT, markersize=7,
+                    markeredgecolor="white", zorder=5)  # fmt: skip
+            _tell(ax, held[place], place + 0.24, f"{number(held[place], 2)}", HELD_OUT, away=8)
+            if follows(place, steps) and held[place - 1] is not None:
+                ax.plot([held[place - 1], held[place]], [place - 0.76, place + 0.24],
+                        color=HELD_OUT, linewidth=0.8, alpha=0.6, zorder=2)  # fmt: skip
+    label_x(ax, "root mean square residual, in std")
+    legend(figure, _handles(held, steps, by_hand), columns=4, y=0.06)
+    return save_figure(figure, path)
+
+
+def _tell(ax, x: float, y: float, text: str, colour: str, *, away: float = 5) -> None:  # noqa: ANN001
+    ax.annotate(text, (x, y), xytext=(away, 0), textcoords="offset points", va="center",
+                fontsize=SMALL, color=colour, path_effects=HALO, zorder=6)  # fmt: skip
+
+
+def _handles(
+    held: list[float | None], steps: Sequence[Step], by_hand: Collection[str]
+) -> list[Line2D | Patch]:
+    made: list[Line2D | Patch] = [Patch(facecolor=AFTER, label="fitted")]
+    if any(is_by_hand(step, by_hand) for step in steps):
+        made.append(Patch(facecolor=HUMAN, label="by hand"))
+    if any(value is not None for value in held):
+        made.append(Line2D([], [], marker="D", color=HELD_OUT, linestyle="none", markersize=6,
+                           label="held out"))  # fmt: skip
+    made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
+                       label="noise"))  # fmt: skip
+    return made

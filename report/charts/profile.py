@@ -1,0 +1,165 @@
+"""Measured against modelled: the surface of the deposit, and what was measured in time.
+
+In: a `ReportData`. Out: a chart with a panel before (base model) and one after (model of the
+answer) for each series. The band is two total standard deviations (survey and model) to either side
+of the model: of the marks, 95 in 100 lie within it when the model lacks nothing.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from diagnosis.verdict.verdict import MeasurementVerdict
+from report.charts.diagnosis_style import (
+    AFTER,
+    BEFORE,
+    CONSTRUCTED_MARKER,
+    FITTED_MARKER,
+    HELD_MARKER,
+    PALE_AFTER,
+    PALE_BEFORE,
+    chart,
+    label_x,
+    label_y,
+    legend,
+    quiet,
+    title,
+)
+from report.charts.style import HELD_OUT, save_figure, wrapped
+from report.diagnosis.data import ReportData, Series
+from report.diagnosis.sentences import explanation
+from report.pictures.scene import GROUND_COLOUR, GROUND_LINE, TEXT_COLOUR
+
+ABOVE, BELOW, LEFT = 0.3, 0.5, 0.6
+HEIGHT, FOOT = 1.75, 0.5
+LONGEST = 50
+"""Characters of a heading."""
+MARKS = {
+    "fitted": (FITTED_MARKER, TEXT_COLOUR),
+    "held out": (HELD_MARKER, HELD_OUT),
+    "compared": ("s", TEXT_COLOUR),
+    "constructed": (CONSTRUCTED_MARKER, "#888888"),
+}
+"""Mark and colour of a measured number by its role."""
+
+
+def draw_profile(data: ReportData, path: Path, *, axis: str = "x_m") -> Path | None:
+    """Save the chart of the series along an axis, x_m or time_s; None where there is none."""
+    chosen = [series for series in data.series if series.axis == axis]
+    shown = [(series, after) for series in chosen for after in _models(data)]
+    shown = [(s, after) for s, after in shown if any(_predicted(m, after) for m in s.lines)]
+    if not shown:
+        return None
+    figure, panels = chart([HEIGHT] * len(shown), above=ABOVE, below=BELOW, left=LEFT, foot=FOOT)
+    for ax, (series, after) in zip(panels, shown, strict=True):
+        _draw(ax, data, series, after)
+    for first, second in zip(panels, panels[1:], strict=False):
+        if len(_models(data)) > 1 and panels.index(first) % 2 == 0:
+            _same_limits(first, second)
+    legend(figure, _handles(data, chosen), columns=3, y=0.06)
+    return save_figure(figure, path)
+
+
+def _models(data: ReportData) -> list[bool]:
+    """The base model alone, or before and after."""
+    return [False] if data.final is None else [False, True]
+
+
+def _predicted(line: MeasurementVerdict, after: bool) -> bool:
+    return (line.predicted_final if after else line.predicted_base) is not None
+
+
+def heading(data: ReportData, series: Series, after: bool) -> str:
+    """What a panel shows; several effects are counted where there is no room for their names."""
+    if not after:
+        return f"{series.name}: base model"
+    effects = list(data.final.effects)
+    named = f"{series.name}: after, with {explanation(effects)}"
+    return named if len(named) <= LONGEST else f"{series.name}: after, with {len(effects)} effects"
+
+
+def _draw(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
+    quiet(ax)
+    if series.axis == "x_m" and series.unit == "m" and data.sections is not None:
+        _draw_section(ax, data, series, after)
+    lines = [m for m in series.lines if _predicted(m, after)]
+    place = np.array([m.place for m in lines])
+    model = np.array([m.predicted_final if after else m.predicted_base for m in lines])
+    wide = 2.0 * np.array([m.std_total for m in lines])
+    colour, pale = (AFTER, PALE_AFTER) if after else (BEFORE, PALE_BEFORE)
+    ax.fill_between(place, model - wide, model + wide, color=pale, alpha=0.85, linewidth=0,
+                    zorder=4)  # fmt: skip
+    ax.plot(place, model, color=colour, linewidth=2.0, zorder=5)
+    for line in series.lines:
+        mark, ink = MARKS[line.role]
+        edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
+        ax.plot([line.place], [line.measured], marker=mark, color=ink, markersize=5.5, zorder=6,
+                **(edge if mark != CONSTRUCTED_MARKER else {}))  # fmt: skip
+    title(ax, wrapped(heading(data, series, after), 52, 1), colour=colour if after else "#50575e")
+    label_x(ax, series.axis_words)
+    quantity = "elevation" if series.axis == "x_m" and series.unit == "m" else "value"
+    label_y(ax, f"{quantity} ({series.unit})")
+
+
+def _draw_section(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
+    """Ground, the surface before the slide, and the simulated one beyond what was measured."""
+    section = data.sections
+    surface = section.final if after else section.base
+    there = np.isfinite(surface) | np.isfinite(section.initial)
+    toes = [
+        (line, section.toes[line.name].place(line.measured))
+        for line in data.singles
+        if line.name in section.toes
+    ]
+    shown = [*section.x[there], *series.places, *(place for _, place in toes)]
+    margin = 0.03 * (max(shown) - min(shown))
+    top = np.nanmax([np.nanmax(section.initial), *(m.measured for m in series.lines)])
+    low = float(section.ground[there].min())
+    room = 0.06 * (top - low)
+    ax.set(xlim=(min(shown) - margin, max(shown) + margin), ylim=(low - 2 * room, top + 2 * room))
+    ax.fill_between(section.x, low - 3 * room, section.ground, color=GROUND_COLOUR, linewidth=0,
+                    zorder=3)  # fmt: skip
+    ax.plot(section.x, section.ground, color=GROUND_LINE, linewidth=0.8, zorder=3)
+    ax.plot(section.x, section.initial, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
+            zorder=3)  # fmt: skip
+    ax.plot(section.x, surface, color=AFTER if after else BEFORE, linewidth=0.9, zorder=4)
+    for line, place in toes:
+        height = float(np.interp(place, section.x, section.ground))
+        ax.plot([place], [height], marker="^", markersize=9, color=MARKS[line.role][1],
+                markeredgecolor="white", zorder=7, clip_on=False)  # fmt: skip
+
+
+def _same_limits(first: Axes, second: Axes) -> None:
+    for get, put in (("get_xlim", "set_xlim"), ("get_ylim", "set_ylim")):
+        ends = [getattr(ax, get)() for ax in (first, second)]
+        low, high = min(e[0] for e in ends), max(e[1] for e in ends)
+        for ax in (first, second):
+            getattr(ax, put)(low, high)
+
+
+def _handles(data: ReportData, chosen: list[Series]) -> list[Line2D | Patch]:
+    roles = {line.role for series in chosen for line in series.lines}
+    names = {"fitted": "measured", "held out": "held out", "compared": "compared",
+             "constructed": "constructed"}  # fmt: skip
+    made: list[Line2D | Patch] = [
+        Line2D([], [], marker=MARKS[role][0], color=MARKS[role][1], linestyle="none",
+               markersize=5.5, label=names[role])
+        for role in MARKS
+        if role in roles
+    ]  # fmt: skip
+    pale = [(PALE_BEFORE, BEFORE)] if data.final is None else [
+        (PALE_BEFORE, BEFORE), (PALE_AFTER, AFTER)]  # fmt: skip
+    for (band, line), label in zip(pale, ("model ± 2 std", "after ± 2 std"), strict=False):
+        made.append(Patch(facecolor=band, edgecolor=line, label=label))
+    if data.sections is not None and chosen[0].axis == "x_m":
+        made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
+                           label="before the slide"))  # fmt: skip
+        if data.sections.toes:
+            made.append(Line2D([], [], marker="^", color=TEXT_COLOUR, linestyle="none",
+                               markersize=8, label="toe"))  # fmt: skip
+    return made

@@ -1,0 +1,83 @@
+"""The strength curve of an unknown effect: what the strength would have to depend on, and how.
+
+In: a `verdict.UnknownCurve`. Out: the multiplier of the strength with its band, and the misfit of
+the curves over other variables.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from diagnosis.verdict.verdict import UnknownCurve
+from report.charts.diagnosis_style import (
+    AFTER,
+    BEFORE,
+    PALE_AFTER,
+    SMALL,
+    WIDTH,
+    label_x,
+    label_y,
+    quiet,
+    rows,
+    title,
+)
+from report.charts.style import new_figure, save_figure, words
+from report.diagnosis.sentences import spoken
+from report.numbers import MINUS, number
+from report.pictures.scene import HALO, TEXT_COLOUR
+
+HEIGHT, ROW, LEFT = 2.3, 0.32, 0.65
+LOGARITHM = "log10 of "
+WIDE = 30.0
+"""Ratio of the outer knots from which on the variable has a logarithmic axis."""
+
+
+def plain_knots(curve: UnknownCurve) -> tuple[list[float], str]:
+    """Places of the knots and their unit; a variable that is a logarithm as what it is of."""
+    if curve.unit.startswith(LOGARITHM):
+        return [10.0**knot for knot in curve.knots], curve.unit.removeprefix(LOGARITHM)
+    return curve.knots, curve.unit
+
+
+def draw_curve(curve: UnknownCurve, path: Path) -> Path:
+    """Save the curve."""
+    gain = curve.ln_evidence
+    others = sorted(curve.chi2.items(), key=lambda item: (-gain.get(item[0], 0.0), item[1]))
+    bars = ROW * len(others) if len(others) > 1 else 0.0
+    total = 0.32 + HEIGHT + 0.55 + (0.35 + bars + 0.5 if bars else 0.0)
+    figure = new_figure(total, WIDTH)
+    bottom = (total - 0.32 - HEIGHT) / total
+    ax = figure.add_axes((LEFT / WIDTH, bottom, 1 - (LEFT + 0.15) / WIDTH, HEIGHT / total))
+    quiet(ax)
+    knots, unit = plain_knots(curve)
+    ax.fill_between(knots, curve.low, curve.high, color=PALE_AFTER, linewidth=0, zorder=2)
+    ax.plot(knots, curve.multiplier, color=AFTER, linewidth=2.2, marker="o", markersize=6,
+            markeredgecolor="white", zorder=4)  # fmt: skip
+    ax.axhline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=3)
+    ax.text(0.99, 1.0, "as the base model ", transform=ax.get_yaxis_transform(), ha="right",
+            va="bottom", fontsize=SMALL, path_effects=HALO, zorder=5)  # fmt: skip
+    if knots[0] > 0 and knots[-1] / knots[0] > WIDE:
+        ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_ylim(bottom=0)
+    label_x(ax, words(f"{curve.words} ({unit})" if unit else curve.words))
+    label_y(ax, "strength / base")
+    title(ax, "strength that would explain it (band: 68 %)")
+    if bars:
+        ax = figure.add_axes((1.75 / WIDTH, 0.5 / total, 1 - 2.1 / WIDTH, bars / total))
+        quiet(ax, grid="x", left=False)
+        rows(ax, [spoken(name) for name, _ in others], width=24, lines=1)
+        for place, (name, value) in enumerate(others):
+            ax.barh(place, value, height=0.6, linewidth=0, zorder=3,
+                    color=AFTER if name == curve.variable else BEFORE)  # fmt: skip
+            told = number(value)
+            if name in gain:
+                told += f",  ln evidence {gain[name]:+.1f}".replace("-", MINUS)
+            ax.annotate(told, (value, place), xytext=(4, 0), va="center",
+                        textcoords="offset points", fontsize=SMALL)  # fmt: skip
+        ax.set_xlim(0, 2.1 * max(value for _, value in others))
+        label_x(ax, "chi² with a curve over this variable")
+    return save_figure(figure, path)

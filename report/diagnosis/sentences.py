@@ -1,0 +1,309 @@
+"""The sentences of the page of a diagnosis.
+
+In: a `ReportData`. Out: plain sentences. Whatever is said of effects is said of those tested.
+"""
+
+from __future__ import annotations
+
+from diagnosis.hypotheses.survey_errors import BOUNDARY
+from diagnosis.verdict.verdict import (
+    CandidateVerdict,
+    MeasurementVerdict,
+    ParameterWords,
+    Stage,
+    Window,
+)
+from report.diagnosis.data import ReportData
+from report.numbers import chance, number, plus_minus, root_mean_square, signed_percent
+
+VERDICTS = {
+    "adequate": "adequate",
+    "suspect": "suspect",
+    "identified": "identified",
+    "ambiguous": "ambiguous",
+    "unknown_effect": "unknown effect",
+}
+AMONG = "among the effects tested"
+NOT_SEPARABLE, WEAKLY = 0.95, 0.80
+FAR = 2.0
+
+
+def spoken(name: str) -> str:
+    """The name of an effect or a model as words; of a boundary, what it bounds."""
+    return name.removeprefix(BOUNDARY).replace("_", " ")
+
+
+def shortened(name: str, width: int) -> str:
+    """A name as words, cut after a whole word where it is longer than `width` characters."""
+    words = spoken(name)
+    if len(words) <= width:
+        return words
+    return f"{words[: width - 1].rsplit(' ', 1)[0]}\N{HORIZONTAL ELLIPSIS}"
+
+
+def explanation(names: list[str]) -> str:
+    """Effects that act together, in words."""
+    return " with ".join(map(spoken, names)) if names else "no effect, the base model"
+
+
+def off(stage: Stage) -> float:
+    """How far off a model is on the fitted data, in standard deviations.
+
+    NaN where there are no more data than parameters: then nothing can be off.
+    """
+    return root_mean_square(stage.chi2, stage.dof)
+
+
+def off_held_out(stage: Stage) -> float:
+    """The same on held-out data; NaN where nothing was held out."""
+    return root_mean_square(stage.held_out.chi2, stage.held_out.n)
+
+
+def tested_sentence(data: ReportData) -> str:
+    """Among what the verdict was found, and what was ruled out."""
+    if data.verdict is None or not data.verdict.tested:
+        return ""
+    tested = data.verdict.tested
+    told = f"Among the {len(tested)} effects tested: {', '.join(map(spoken, tested))}."
+    if data.verdict.forbidden:
+        told += f" Ruled out beforehand: {', '.join(map(spoken, data.verdict.forbidden))}."
+    return told
+
+
+def lead(data: ReportData) -> str:
+    """The verdict in one sentence, never without saying among what."""
+    sentence = data.document.sentence.strip()
+    named = data.verdict is not None and data.verdict.verdict in ("identified", "ambiguous")
+    if named and "tested" not in sentence:
+        sentence = f"{sentence.rstrip('.')}, {AMONG}."
+    if data.synthetic:
+        sentence += " The measurements are constructed by a simulation."
+    return sentence
+
+
+def answer_sentences(data: ReportData) -> list[str]:
+    """The effects of the answer, and what else explains the data as well."""
+    if data.verdict is None:
+        return []
+    told = []
+    unknown = data.verdict.verdict == "unknown_effect"
+    for one in data.verdict.answer.effects:
+        low, high = (number(end) for end in one.interval_95)
+        name = spoken(one.name).capitalize()
+        if data.verdict.verdict == "ambiguous":
+            name = f"Most probable: {spoken(one.name)}"
+        elif unknown:
+            name = f"Added, but not enough: {spoken(one.name)}"
+        told.append(
+            f"{name} ({one.words}): amplitude "
+            f"{plus_minus(one.amplitude, one.std, one.unit)}, 95 % from {low} to {high}."
+        )
+    rivals = data.verdict.answer.set_90
+    if len(rivals) > 1 and not unknown:
+        listed = "; ".join(f"{explanation(r.names)} ({100 * r.probability:.0f} %)" for r in rivals)
+        told.append(f"The explanations that share 90 % of the probability: {listed}.")
+    elif rivals and rivals[0].names and not unknown:
+        told.append(
+            f"It holds {100 * rivals[0].probability:.0f} % of the probability {AMONG}; no rival is "
+            "needed to reach 90 %."
+        )
+    if unknown:
+        told.append(
+            "The calibrated strength carries the error of the model. It is shown, but is no result."
+        )
+    return told
+
+
+def alarm_sentence(data: ReportData) -> str:
+    """Whether the base model is adequate, by which test."""
+    stage = data.base
+    if not stage.tests:
+        return ""
+    worst = min(stage.tests, key=lambda test: test.p)
+    return (
+        f"Base model: chi² {number(stage.chi2)} on {stage.dof} degrees of freedom. Of "
+        f"{len(stage.tests)} tests the sharpest is {test_words(worst.name)} ({chance(worst.p)}); "
+        f"all together {chance(stage.p_combined)}. Below 0.05 is an alarm, below 0.20 a suspicion."
+    )
+
+
+def test_words(name: str) -> str:
+    """The name of a test in words."""
+    known = {
+        "chi2": "the size of all residuals",
+        "autocorrelation": "the likeness of neighbours along the profile",
+        "score": "the best score of a candidate",
+        "held_out": "the held-out data",
+        "held out": "the held-out data",
+    }
+    return known.get(name, f"the residuals of {name.removeprefix('group ')}"
+                     if name.startswith("group ") else spoken(name))  # fmt: skip
+
+
+def window_sentence(window: Window | None, model: str) -> str:
+    """Where a model fails worst."""
+    if window is None:
+        return ""
+    off_by = root_mean_square(window.chi2, window.n)
+    if window.axis == "none" or window.x_from is None or window.x_to is None:
+        where = window.first if window.first == window.last else f"{window.first} to {window.last}"
+    else:
+        unit = "m" if window.axis == "x_m" else "s"
+        axis = "x " if window.axis == "x_m" else ""
+        where = (
+            f"{window.measurement} from {axis}{number(window.x_from)} to {number(window.x_to)} "
+            f"{unit}"
+        )
+    return (
+        f"Worst stretch of the {model}: {where}, {window.n} "
+        f"number{'s' if window.n > 1 else ''}, off by {off_by:.1f} standard deviations (root mean "
+        f"square). Noise has a stretch as bad anywhere with {chance(window.p)}."
+    )
+
+
+def fall_sentence(data: ReportData) -> str:
+    """How far the error falls, on fitted and on held-out data."""
+    if data.final is None:
+        return ""
+    before, after = data.base, data.final
+    if min(before.dof, after.dof) < 1:
+        return (
+            f"Chi² of the fitted data: {number(before.chi2)} before, {number(after.chi2)} after; "
+            "as many parameters as data, so it says little."
+        )
+    told = (
+        f"Root mean square misfit of the fitted data: {off(before):.1f} standard deviations "
+        f"before, {off(after):.1f} after; noise alone has 1."
+    )
+    if before.held_out.n and after.held_out.n:
+        told += (
+            f" Of the {after.held_out.n} held-out data, which no fit has seen: "
+            f"{off_held_out(before):.1f} before, {off_held_out(after):.1f} after."
+        )
+    return told
+
+
+def transfer_sentence(data: ReportData) -> str:
+    """What the answer does on a second section or event."""
+    check = None if data.verdict is None else data.verdict.transfer_check
+    if check is None:
+        return ""
+    ends = [root_mean_square(chi2, check.n) for chi2 in (check.chi2_base, check.chi2_final)]
+    return (
+        f"On {spoken(check.case)}, which no fit has seen ({check.n} numbers, the parameters found "
+        f"here): {ends[0]:.1f} standard deviations by the base model, {ends[1]:.1f} by the model "
+        "of the answer."
+    )
+
+
+def role_sentence(data: ReportData) -> str:
+    """Which data were held out and which are constructed."""
+    told = []
+    if held := _of_role(data, "held out"):
+        told.append(f"Held out, seen by no fit: {held}.")
+    if drawn := _of_role(data, "constructed"):
+        told.append(f"Constructed, not surveyed: {drawn}; drawn only, in no fit and no score.")
+    return " ".join(told)
+
+
+def _of_role(data: ReportData, role: str) -> str:
+    found = []
+    for name in dict.fromkeys(m.measurement for m in data.measurements):
+        lines = [m for m in data.measurements if m.measurement == name]
+        own = [m for m in lines if m.role == role]
+        if own and len(own) == len(lines):
+            found.append(name)
+        elif own:
+            found.append(f"{name} {stretch(own)}")
+    return ", ".join(found)
+
+
+def stretch(lines: list[MeasurementVerdict]) -> str:
+    """From where to where numbers of one measurement reach."""
+    if lines[0].axis == "none" or any(line.place is None for line in lines):
+        return ", ".join(line.name.removeprefix(line.measurement).strip() for line in lines)
+    places = [line.place for line in lines]
+    axis, unit = ("x ", "m") if lines[0].axis == "x_m" else ("", "s")
+    if len(places) == 1:
+        return f"at {axis}{number(places[0])} {unit}"
+    return f"from {axis}{number(min(places))} to {number(max(places))} {unit}"
+
+
+def candidate_sentence(data: ReportData) -> str:
+    """How the candidates rank."""
+    scored = [c for c in data.candidates if c.expected_drop is not None]
+    if not scored:
+        return ""
+    best = max(scored, key=lambda c: (c.expected_drop, c.z or 0.0))
+    if best.expected_drop <= 0.0:
+        return f"None of the {len(scored)} effects tested would lower the misfit."
+    p = "" if best.p_family is None else (
+        f"; noise gives any of the {len(scored)} a score as large with {chance(best.p_family)}"
+    )  # fmt: skip
+    return (
+        f"Most is promised, {AMONG}, by {spoken(best.name)} ({best.words}): chi² would fall by "
+        f"{number(best.expected_drop)} if it were all that is missing{p}."
+    )
+
+
+def confounded(data: ReportData, least: float, most: float = 1.01) -> list[tuple[str, str, float]]:
+    """Pairs of candidates whose |cos| lies in [least, most), the closest first."""
+    found = data.confounding
+    if found is None:
+        return []
+    pairs = [
+        (found.names[i], found.names[j], abs(found.cosine[i][j]))
+        for i in range(len(found.names))
+        for j in range(i)
+    ]
+    return sorted((p for p in pairs if least <= p[2] < most), key=lambda p: -p[2])
+
+
+def confounding_sentences(data: ReportData) -> list[str]:
+    """What cannot be told apart with these data."""
+    if data.confounding is None:
+        return []
+    groups = ((NOT_SEPARABLE, 1.01, "Not separable with these data"),
+              (WEAKLY, NOT_SEPARABLE, "Weakly separable"))  # fmt: skip
+    told = []
+    for least, most, words in groups:
+        if pairs := confounded(data, least, most):
+            listed = ", ".join(f"{spoken(a)} and {spoken(b)}" for a, b, _ in pairs[:6])
+            more = f", and {len(pairs) - 6} more pairs" if len(pairs) > 6 else ""
+            told.append(f"{words}: {listed}{more}.")
+    return told or ["Every pair of candidates can be told apart with these data."]
+
+
+def strength_sentences(data: ReportData) -> list[str]:
+    """Each parameter before and after."""
+    told = []
+    for p in data.parameters:
+        before = plus_minus(data.base.values[p.name], data.base.std.get(p.name, 0.0), p.unit)
+        text = f"{p.words[:1].upper()}{p.words[1:]}: {before} by the base model"
+        if data.final is not None and p.name in data.final.values:
+            after = plus_minus(data.final.values[p.name], data.final.std.get(p.name, 0.0), p.unit)
+            text += f", {after} with the effects of the answer"
+        told.append(f"{text}.")
+    return told
+
+
+def hidden_sentence(data: ReportData) -> str:
+    """The largest change of a strength that an undetected effect could hide."""
+    entries = [(p, *item) for p in data.parameters for item in data.hidden.get(p.name, {}).items()]
+    if not entries:
+        return ""
+    p, name, change = max(entries, key=lambda entry: abs(entry[2]))
+    return (
+        "An effect too weak to be found here can still shift the result. The largest shift: "
+        f"{spoken(name)} moves {p.words} by up to {signed_percent(change)}."
+    )
+
+
+def achieved(candidate: CandidateVerdict) -> float | None:
+    """Fall of chi² when the effect was refitted; None: it was not."""
+    return None if candidate.refit is None else candidate.refit.drop
+
+
+def unit_of(parameter: ParameterWords) -> str:
+    """The unit as it is written on an axis."""
+    return "°" if parameter.unit == "deg" else parameter.unit

@@ -1,0 +1,324 @@
+"""Picture and film of a case history: the section before, the deposit after, what was measured.
+
+In: a `Case`, its `Run` and the `Reading`s. Out: a picture of two panels with a small table above,
+and a film. What is constructed is dotted and says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from shapely.geometry import Polygon
+from shapely.ops import polylabel
+
+from geometry.survey.measurements import ToeRunout
+from mpm_taichi.case import Case, Reading, label
+from mpm_taichi.trajectory import Run
+from pipeline.files import atomic_path
+from report.pictures.colouring import colouring_of, material_colours
+from report.pictures.frame import (
+    HALO,
+    LAYER,
+    TEXT_COLOUR,
+    Overlay,
+    draw_frame,
+    overlays,
+    toe_overlay,
+    view_limits,
+)
+from report.pictures.simulated_run import DPI, WIDTH_IN, save_animation, strength
+
+MEASURED, SIMULATED = "#000000", "#0b3c8c"
+CONSTRUCTED_LINE = {"linestyle": (0, (0.2, 1.7)), "dash_capstyle": "round", "linewidth": 2.4}
+MEASURED_LINE = {"linestyle": "-", "linewidth": 1.6}
+
+# Inches around and between the panels.
+LEFT, RIGHT, BOTTOM, GAP, LEGEND_ROW = 0.62, 0.2, 0.5, 0.48, 0.175
+# Rows of the table, lines of the heading, where the latter begin, and the panel's title below.
+ROW, HEADING_ROW, HEADING_TOP, PANEL_TITLE = 0.185, 0.172, 0.46, 0.32
+# Dimension lines below the ground, and the lower edge of the panels, in heights of the section.
+LINES, LOWEST_LINE = (0.11, 0.25), 0.36
+
+
+def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: Path) -> None:
+    """Save the section before and the deposit after, with what was measured."""
+    after = overlays(profile_overlay(case), toe_distances(case, readings))
+    limits = _limits(case, run, after)
+    bottom = case.scene.ground.lowest
+    width = WIDTH_IN - LEFT - RIGHT
+    panel = width * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
+    figure = Figure(figsize=(WIDTH_IN, 6.0), dpi=DPI, facecolor="white")
+    axes = [figure.add_axes((0, 0, 1, 1)) for _ in range(2)]
+    colouring = colouring_of(run, "material")
+    parts = [(0, _zone_names(case)), (-1, after)]
+    stamps = ["Before the slide", f"Simulated deposit, {run.time[-1]:.0f} s later"]
+    for ax, (frame, overlay), stamp in zip(axes, parts, stamps, strict=True):
+        draw_frame(ax, run, frame, colouring=colouring, overlay=overlay, limits=limits)
+        lowest = max(bottom - 5, limits[1][0])  # a tick below the limits would move them
+        ax.set_yticks([tick for tick in ax.get_yticks() if lowest < tick < limits[1][1]])
+        ax.text(
+            0.0,
+            1.0,
+            stamp,
+            transform=ax.transAxes,
+            ha="left",
+            va="bottom",
+            fontsize=10,
+            color=TEXT_COLOUR,
+        )
+    axes[0].set_xlabel("")
+    handles = [*_material_handles(case), *axes[1].get_legend_handles_labels()[0]]
+    top = _head_room(case, readings)
+    height = top + 2 * panel + GAP + BOTTOM + LEGEND_ROW * -(-len(handles) // 3) + 0.08
+    figure.set_size_inches(WIDTH_IN, height)
+    for number, ax in enumerate(axes):
+        edge = height - top - (number + 1) * panel - number * GAP
+        ax.set_position((LEFT / WIDTH_IN, edge / height, width / WIDTH_IN, panel / height))
+    _draw_heading(figure, case, run, height)
+    _draw_table(figure, readings, height)
+    figure.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / height),
+        ncols=3,
+        frameon=False,
+        fontsize=8,
+        borderaxespad=0,
+        borderpad=0,
+        handlelength=1.8,
+        columnspacing=1.4,
+        labelspacing=0.35,
+    )
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=DPI)
+
+
+def save_case_film(case: Case, run: Run, path: Path) -> None:
+    """Save the run as a film, with the measured profile and toe laid over it."""
+    marks = [profile_overlay(case)]
+    for measurement in case.measured:
+        if isinstance(measurement, ToeRunout):
+            x = _toe_place(case, measurement.side, measurement.value_m)
+            y = float(case.scene.ground.height(x))
+            marks.append(toe_overlay(x, y, label=f"measured toe, {measurement.value_m:g} m"))
+    save_animation(run, path, colour="material", overlay=overlays(*marks))
+
+
+def _limits(case: Case, run: Run, overlay: Overlay) -> tuple[tuple[float, float], ...]:
+    """What both panels show [m]: all that moves, and room below the ground for the distances."""
+    x_limits, (_, top) = view_limits(run, overlay)
+    ground = case.scene.ground.height(np.linspace(*x_limits, 200))
+    return x_limits, (float(ground.min()) - LOWEST_LINE * _height(case), top)
+
+
+# --- overlays ---
+
+
+def profile_overlay(case: Case) -> Overlay:
+    """The measured surfaces; constructed parts dotted and named so."""
+
+    def draw(ax: Axes) -> None:
+        labelled = set()
+        for profile, constructed in case.profiles:
+            for part, x, y in profile.pieces():
+                drawn = constructed and part != "unchanged"
+                style = CONSTRUCTED_LINE if drawn else MEASURED_LINE
+                name = f"profile after the slide: {part}"
+                ax.plot(
+                    x,
+                    y,
+                    color="white",
+                    alpha=0.8,
+                    linewidth=3.4,
+                    zorder=LAYER["overlay"],
+                    solid_capstyle="round",
+                )
+                ax.plot(
+                    x,
+                    y,
+                    color=MEASURED,
+                    zorder=LAYER["overlay"],
+                    label=name if name not in labelled else "_nolegend_",
+                    **style,
+                )
+                labelled.add(name)
+
+    return draw
+
+
+def toe_distances(case: Case, readings: Sequence[Reading]) -> Overlay:
+    """Measured and simulated runout as two dimension lines below the ground, from the foot."""
+    runouts = [r for r in readings if isinstance(r.measurement, ToeRunout)]
+
+    def draw(ax: Axes) -> None:
+        for reading in runouts:
+            m = reading.measurement
+            foot, outward = case.foot(m.side), _outward(m.side)
+            upper, lower = (share * _height(case) for share in LINES)
+            words = f"{m.value_m:g} m measured"
+            if m.low_m is not None:
+                words += f" ({m.low_m:g}-{m.high_m:g} m)"
+                ends = [foot + outward * m.low_m, foot + outward * m.high_m]
+                y = np.full(2, _ground(case, foot) - upper)
+                ax.plot(ends, y, color="white", linewidth=6, alpha=0.75, solid_capstyle="butt",
+                        zorder=LAYER["overlay"])  # fmt: skip
+            _dimension(ax, case, foot, outward * m.value_m, upper, words, MEASURED)
+            words = f"{reading.simulated:.1f} m simulated"
+            _dimension(ax, case, foot, outward * reading.simulated, lower, words, SIMULATED)
+
+    return draw
+
+
+def _dimension(
+    ax: Axes, case: Case, foot: float, runout: float, depth: float, words: str, colour: str
+) -> None:
+    """An arrow from the foot to a toe, `depth` [m] below the ground, and a tick up to the toe."""
+    toe = foot + runout
+    base, y = _ground(case, toe), _ground(case, foot) - depth
+    order = LAYER["overlay"] + 1
+    ax.plot([toe, toe], [base, y], color=colour, linewidth=0.8, zorder=order)
+    ax.plot([foot, foot], [_ground(case, foot), y], color=colour, linewidth=0.8, zorder=order)
+    ax.annotate(
+        "",
+        xy=(toe, y),
+        xytext=(foot, y),
+        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.2, "shrinkA": 0, "shrinkB": 0},
+        zorder=order,
+    )
+    ax.plot([toe], [base], marker="^", markersize=7, color=colour, markeredgecolor="white",
+            markeredgewidth=0.7, linestyle="none", zorder=order + 1)  # fmt: skip
+    inward = -np.sign(runout) or 1.0
+    ax.annotate(
+        words,
+        xy=(foot, y),
+        xytext=(5 * inward, 0),
+        textcoords="offset points",
+        ha="left" if inward > 0 else "right",
+        va="center",
+        fontsize=8.5,
+        color=colour,
+        fontweight="bold",
+        zorder=order,
+    )
+
+
+def _zone_names(case: Case) -> Overlay:
+    """The name of each zone within it."""
+
+    def draw(ax: Axes) -> None:
+        for zone in case.scene.zones:
+            inside = polylabel(Polygon(zone.polygon), tolerance=0.5 * case.scene.spacing)
+            ax.text(
+                inside.x,
+                inside.y,
+                zone.name,
+                ha="center",
+                va="center",
+                fontsize=8,
+                fontweight="bold",
+                color=TEXT_COLOUR,
+                path_effects=HALO,
+                zorder=LAYER["overlay"],
+            )
+
+    return draw
+
+
+# --- heading and table ---
+
+
+def _head_room(case: Case, readings: Sequence[Reading]) -> float:
+    """Inches above the panels: as many as the heading or the table needs."""
+    heading = HEADING_TOP + HEADING_ROW * len(_heading_lines(case, points=0))
+    table = 0.2 + ROW * (1 + sum(reading.measured is not None for reading in readings))
+    return max(heading, table) + PANEL_TITLE
+
+
+def _heading_lines(case: Case, *, points: int) -> list[str]:
+    liquefied = [
+        f"{name.replace('_', ' ')} {strength(material)}"
+        for name, material in case.scene.materials.items()
+        if material.liquefied
+    ]
+    return [
+        *liquefied,
+        "with the reservoir" if case.scene.has_water else "without water",
+        f"{points:,} material points, {case.scene.spacing:g} m apart",
+    ]
+
+
+def _draw_heading(figure: Figure, case: Case, run: Run, height: float) -> None:
+    style = {"ha": "left", "va": "top", "color": TEXT_COLOUR}
+    x = LEFT / WIDTH_IN
+    figure.text(x, 1 - 0.16 / height, case.title, fontsize=14, fontweight="bold", **style)
+    text = "\n".join(_heading_lines(case, points=run.points))
+    figure.text(x, 1 - HEADING_TOP / height, text, fontsize=8.5, linespacing=1.45, **style)
+
+
+def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> None:
+    """Measured and simulated values in the upper right corner."""
+    columns = [WIDTH_IN - 4.3, WIDTH_IN - 1.75, WIDTH_IN - 0.95, WIDTH_IN - 0.2]
+    rows = [("", "measured", "simulated", "off, in std")]
+    for reading in readings:
+        m = reading.measurement
+        if m is None or reading.measured is None:
+            continue
+        off = reading.difference_in_std
+        rows.append(
+            (
+                label(reading),
+                f"{reading.measured:g} ± {m.std:g} {m.unit}",
+                "not read" if off is None else f"{reading.simulated:.1f} {m.unit}",
+                "" if off is None else f"{off:+.1f}",
+            )
+        )
+    for line, row in enumerate(rows):
+        y = 1 - (0.2 + ROW * line) / height
+        for column, text in enumerate(row):
+            figure.text(
+                columns[column] / WIDTH_IN,
+                y,
+                text.replace("-", "−"),
+                ha="left" if column == 0 else "right",
+                va="top",
+                fontsize=9 if line else 8,
+                color=SIMULATED if column == 2 and line else TEXT_COLOUR,
+                fontweight="bold" if column == 2 and line else "normal",
+            )
+
+
+def _material_handles(case: Case) -> list[Artist]:
+    """A legend entry per material, with the names of its zones and its strength."""
+    handles: list[Artist] = []
+    for name, colour in material_colours(case.scene).items():
+        zones = ", ".join(zone.name for zone in case.scene.zones if zone.material == name)
+        words = f"{zones}: {name.replace('_', ' ')}, {strength(case.scene.materials[name])}"
+        handles.append(Patch(facecolor=colour, label=words))
+    return handles
+
+
+# --- small things ---
+
+
+def _outward(side: str) -> float:
+    return -1.0 if side == "left" else 1.0
+
+
+def _toe_place(case: Case, side: str, runout: float) -> float:
+    return case.foot(side) + _outward(side) * runout
+
+
+def _ground(case: Case, x: np.ndarray | float) -> np.ndarray:
+    return case.scene.ground.height(x)
+
+
+def _height(case: Case) -> float:
+    """Height of the section before the slide [m]."""
+    y = [y for zone in case.scene.zones for _, y in zone.polygon]
+    return max(y) - min(y)
