@@ -7,11 +7,11 @@ import json
 
 import pytest
 
+from benchmarks.hidden_effects.__main__ import main
 from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
 from benchmarks.hidden_effects.making.make import reach_of, sealed_cases
 from benchmarks.hidden_effects.making.seal import seal
 from benchmarks.hidden_effects.scoring.opened import judged, load_rows, open_truths
-from benchmarks.hidden_effects.__main__ import main
 from pipeline.cli import InputError
 
 
