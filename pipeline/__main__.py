@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import yaml
-
 from pipeline.cli import add_common, base_parser, main_exit
 from pipeline.config import SCHEMA_FILE, config_hash, load_config, schema_text
+from pipeline.files import yaml_text
 from pipeline.schemas import add_schema_parser, run_schema
 
 
@@ -27,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _check(path: str | None, overrides: Sequence[str]) -> int:
     config = load_config(path, overrides)
     print(f"# config hash {config_hash(config)}")
-    print(yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False), end="")
+    print(yaml_text(config.model_dump(mode="json")), end="")
     return 0
 
 

@@ -299,6 +299,22 @@ class _CheckedLoader(yaml.SafeLoader):
             raise InputError(f"line {node.start_mark.line + 1}: {error}") from None
 
 
+class _QuotingDumper(yaml.SafeDumper):
+    """Writes what `_CheckedLoader` reads: text that looks like a number of YAML 1.2 is quoted."""
+
+
+def yaml_text(document: object, **options: object) -> str:
+    """A document as YAML text that `read_yaml` reads as the same document.
+
+    PyYAML alone leaves a hash such as 80601e8423623564 unquoted, which YAML 1.2 takes for a number.
+
+    Args:
+        document: plain values, lists and mappings.
+        options: of `yaml.dump`.
+    """
+    return yaml.dump(document, Dumper=_QuotingDumper, sort_keys=False, **options)
+
+
 _CheckedLoader.add_constructor("tag:yaml.org,2002:float", _CheckedLoader.construct_finite_float)
 _CheckedLoader.add_constructor("tag:yaml.org,2002:int", _CheckedLoader.construct_decimal)
 for _tag, _pattern, _first in (
@@ -313,6 +329,7 @@ for _tag, _pattern, _first in (
     ),
     ("merge", r"<<", ["<"]),
 ):
-    _CheckedLoader.add_implicit_resolver(
-        f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _first
-    )
+    for _side in (_CheckedLoader, _QuotingDumper):
+        _side.add_implicit_resolver(
+            f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _first
+        )

@@ -15,7 +15,7 @@ import yaml
 
 from pipeline.cli import InputError
 from pipeline.config import Config, validate_settings
-from pipeline.files import content_hash, read_json, read_yaml, write_text
+from pipeline.files import content_hash, read_json, read_yaml, write_text, yaml_text
 from snakemake.exceptions import WorkflowError
 
 # `python` in a shell command is the Python that runs Snakemake.
@@ -35,7 +35,7 @@ def checked_settings():
 def write_settings():
     """Put the settings in force into one file for the programs, once the workflow has its lock."""
     text = "# Written by the workflow: the settings in force. Edit config/config.yaml instead.\n"
-    text += yaml.safe_dump(SETTINGS.model_dump(mode="json"), sort_keys=False)
+    text += yaml_text(SETTINGS.model_dump(mode="json"))
     path = Path(CONFIG_FILE)
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)

@@ -106,8 +106,10 @@ def test_taichi_and_torch_are_imported_where_they_belong(path):
         if top(module) == "taichi":
             assert package == "mpm_taichi", f"{place}: taichi belongs to mpm_taichi"
         if top(module) == "torch":
-            engine = relative(path) == "inversion/engines/gns_engine.py"
-            assert package == "gns" or engine, f"{place}: torch belongs to gns and gns_engine.py"
+            guest = relative(path).startswith(("inversion/engines/gns_", "flowslide/commands/gns_"))
+            assert package == "gns" or guest, (
+                f"{place}: torch belongs to gns, its engine and commands"
+            )
 
 
 @pytest.mark.parametrize("package", PRESENT)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from benchmarks.back_analysis.lab import CASES, LA_MARQUESA, LSFD
 from geometry.random_scenes.templates import draw_scene
@@ -24,7 +23,7 @@ from geometry.survey.toe import Side
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.problem.parameters import with_properties
 from pipeline.config import Config
-from pipeline.files import write_text
+from pipeline.files import write_text, yaml_text
 from pipeline.random_numbers import Stream
 
 #: Of strengths, jitter and survey. The search was improved on seed 7; what is recorded is another.
@@ -215,4 +214,4 @@ def points_of(scene: Scene) -> int:
 
 
 def _write_yaml(path: Path, document: dict) -> None:
-    write_text(path, yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
+    write_text(path, yaml_text(document, allow_unicode=True))

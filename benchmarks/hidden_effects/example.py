@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from benchmarks.hidden_effects.making import surveys
 from benchmarks.hidden_effects.making.laboratory import Laboratory, Request
@@ -22,7 +21,7 @@ from benchmarks.hidden_effects.making.seal import SALT, salt_of, seal
 from benchmarks.hidden_effects.making.sections import Section, load_section, normal
 from pipeline.cli import base_parser, main_exit
 from pipeline.config import Config
-from pipeline.files import write_json, write_text
+from pipeline.files import write_json, write_text, yaml_text
 from pipeline.random_numbers import Stream, number_of
 
 FOLDER = Path("docs/examples/hidden_effect")
@@ -97,7 +96,7 @@ def write_survey(section: Section, folder: Path, measured: np.ndarray, places: n
         "sets": {"survey": surveys.documents(section, SURVEY, measured, places)},
     }
     head = "# Made by python -m benchmarks.hidden_effects.example.\n"
-    text = yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+    text = yaml_text(document, width=100, default_flow_style=None)
     write_text(folder / "measurements.yaml", head + text)
 
 

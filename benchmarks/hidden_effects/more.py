@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
 from benchmarks.hidden_effects.making.laboratory import Laboratory
@@ -31,7 +30,7 @@ from geometry.survey.measured_series import SurfaceProfile
 from geometry.survey.profiles import load_profile
 from inversion.engines.run_store import RunStore
 from pipeline.config import Config
-from pipeline.files import read_yaml, write_json, write_text
+from pipeline.files import read_yaml, write_json, write_text, yaml_text
 from pipeline.random_numbers import Stream, number_of
 
 #: Measurements that are added.
@@ -133,7 +132,7 @@ def add_measurements(
             _join(survey, filled(entry, values))
     rows = [f"{x:.2f},{y:.3f}" for x, y in sorted(points.items())]
     write_text(new / PROFILE_FILE, "\n".join(["x_m,y_m", *rows]) + "\n")
-    text = yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+    text = yaml_text(document, width=100, default_flow_style=None)
     write_text(new / "measurements.yaml", text)
 
 

@@ -12,12 +12,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
 from pydantic import Field, ValidationError, field_validator
 
 from geometry.scenes.scene import Document, Scene, document_error, scene_from_mapping
 from pipeline.cli import InputError
-from pipeline.files import read_yaml, write_text
+from pipeline.files import read_yaml, write_text, yaml_text
 
 FOLDER = "models"
 BASE = "00_base"
@@ -140,7 +139,7 @@ def save_model_file(model: ModelFile, path: str | Path) -> None:
     document = model.model_dump(mode="json", exclude_none=True)
     document = {key: value for key, value in document.items() if value not in ({}, "")}
     head = "# A model of this diagnosis; docs/diagnosis.md says what may stand here.\n"
-    write_text(path, head + yaml.safe_dump(document, sort_keys=False, width=100))
+    write_text(path, head + yaml_text(document, width=100))
 
 
 def model_files(folder: str | Path) -> dict[str, Path]:

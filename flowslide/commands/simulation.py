@@ -298,16 +298,17 @@ def _add_show(commands: argparse._SubParsersAction) -> None:
 
 
 def _show(arguments: argparse.Namespace) -> None:
+    from report.pictures import simulated_run  # matplotlib takes its time
 
     path, index = _one_run(arguments.file)
     run = read_run(path, index, SHOW_FIELDS)
     out = Path(arguments.out)
-    if out.suffix in run.VIDEO_SUFFIXES:
+    if out.suffix in simulated_run.VIDEO_SUFFIXES:
         if arguments.times is not None:
             raise InputError(f"--times: is for pictures, and {out} is an animation")
-        run.save_animation(run, out, colour=arguments.colour, frames=arguments.frames)
+        simulated_run.save_animation(run, out, colour=arguments.colour, frames=arguments.frames)
     else:
-        run.save_picture(run, out, colour=arguments.colour, times=arguments.times)
+        simulated_run.save_picture(run, out, colour=arguments.colour, times=arguments.times)
     print(f"wrote {out}")
 
 

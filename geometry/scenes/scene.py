@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from geometry.scenes.limits import check_density, check_level, extent
 from geometry.scenes.polygon_checks import check_ground, check_zones
 from pipeline.cli import InputError
-from pipeline.files import read_json, read_yaml, write_text
+from pipeline.files import read_json, read_yaml, write_text, yaml_text
 from pipeline.strict_numbers import StrictNumbers
 
 Point = tuple[float, float]
@@ -376,7 +375,7 @@ def scene_text(scene: Scene, suffix: str = ".json") -> str:
         text = json.dumps(scene.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
         return _PAIR.sub(r"[\1, \2]", text)
     document = scene.model_dump(mode="json", exclude_none=True)
-    return yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+    return yaml_text(document, width=100, default_flow_style=None)
 
 
 def document_error(error: ValidationError, source: str) -> str:

@@ -11,13 +11,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ConfigDict, Field
 
 from gns.evaluation.evaluate import Evaluated
 from gns.evaluation.score_tables import by_template, quantile, worst
 from pipeline.config import validate_settings
-from pipeline.files import read_yaml, write_text
+from pipeline.files import read_yaml, write_text, yaml_text
 from pipeline.schemas import document_schema
 from pipeline.strict_numbers import StrictNumbers
 
@@ -157,7 +156,7 @@ def known_failures(found: Sequence[Evaluated]) -> list[str]:
 def write_card(path: str | Path, card: Card) -> None:
     """Write the card; the file appears when whole."""
     document = card.model_dump(mode="json")
-    text = yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+    text = yaml_text(document, width=100, default_flow_style=None)
     write_text(path, text)
 
 

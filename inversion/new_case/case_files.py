@@ -10,12 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
 from geometry.scenes.scene import Scene
 from geometry.survey.profiles import Profile
 from geometry.survey.toe import Side
 from pipeline.cli import InputError
+from pipeline.files import yaml_text
 
 FILL_IN = "FILL IN"
 PROFILE_FILE = "post_failure_profile.csv"
@@ -329,9 +328,8 @@ def _dump(part: Mapping[str, Any]) -> str:
     text = ""
     for key, value in part.items():
         below = _has_mappings(value)
-        inner = yaml.safe_dump(
+        inner = yaml_text(
             value,
-            sort_keys=False,
             width=100,
             default_flow_style=None if below else True,
             allow_unicode=True,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from geometry import Scene, load_scene
-from geometry.scenes import fill
+from geometry.scenes.fill import fill
 from pipeline.config import Config, load_config
 
 SOIL = {"friction_deg": 30.0, "cohesion_kpa": 1.0}

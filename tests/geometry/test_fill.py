@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
 from geometry import Scene
-from geometry.scenes import fill
-from geometry.scenes.fill import contains
+from geometry.scenes.fill import contains, fill
 from geometry.scenes.polygon_checks import area
 
 some = settings(

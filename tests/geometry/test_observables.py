@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from geometry.scenes import fill
+from geometry.scenes.fill import fill
 from geometry.survey.columns import column_grid, column_height, connected, kernel, kernel_slope
 from geometry.survey.observables import (
     column_velocity,

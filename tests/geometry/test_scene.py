@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from geometry import Scene, load_scene, save_scene, scene_from_mapping
-from geometry.scenes import fill
+from geometry.scenes.fill import fill
 from geometry.scenes.polygon_checks import gaps
 from geometry.scenes.scene import scene_hash
 from pipeline.cli import InputError

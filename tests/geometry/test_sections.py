@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from geometry import load_scene
-from geometry.scenes import fill
 from geometry.scenes.drawings import read_materials, read_section, section_scene
+from geometry.scenes.fill import fill
 from pipeline.cli import InputError
 
 

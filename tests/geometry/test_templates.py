@@ -13,7 +13,7 @@ from geometry import PHYSICS_VERSION, draw_scene
 from geometry.random_scenes.materials import RANGES
 from geometry.random_scenes.sketch import signed_area
 from geometry.random_scenes.templates import rejections
-from geometry.scenes import fill
+from geometry.scenes.fill import fill
 from geometry.scenes.polygon_checks import gaps
 from geometry.scenes.scene import scene_hash
 from pipeline.cli import InputError

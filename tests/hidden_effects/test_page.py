@@ -1,7 +1,6 @@
 """The page of a score: every figure is in it, in words and in a picture."""
 
 import pytest
-from tests.diagnosis.blind.judges import digest, perfect, truths
 
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, Asked
@@ -11,6 +10,7 @@ from benchmarks.hidden_effects.scoring.opened import shared
 from benchmarks.hidden_effects.scoring.page import SCORE, generated, generated_sparse, write_page
 from benchmarks.hidden_effects.scoring.score import Judged, score
 from pipeline.cli import InputError
+from tests.hidden_effects.judges import digest, perfect, truths
 
 
 def accuse(truth):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.diagnosis.blind.judges import EFFECTS, digest, perfect, truths
 
 from benchmarks.hidden_effects.scoring.score import Judged, score
+from tests.hidden_effects.judges import EFFECTS, digest, perfect, truths
 
 
 def test_a_perfect_judge():

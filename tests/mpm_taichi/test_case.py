@@ -12,8 +12,8 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
+from flowslide.commands.simulation import main
 from mpm_taichi import case as history
-from mpm_taichi.__main__ import main
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import SimulationSettings
 from report.pictures.case_history import profile_overlay, toe_distances

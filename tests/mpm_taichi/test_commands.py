@@ -7,8 +7,8 @@ import types
 import h5py
 import pytest
 
+from flowslide.commands.simulation import main
 from geometry.scenes.scene import save_scene
-from mpm_taichi.__main__ import main
 from mpm_taichi.trajectory import list_runs, read_run, write_runs
 from pipeline.cli import InputError, WorkFailed
 from tests.mpm_taichi import ballistic

@@ -32,7 +32,7 @@ def rgb(path, frame: int = 0) -> np.ndarray:
 def test_a_picture_of_each_quantity(tmp_path, run, colour):
     simulated_run.save_picture(run, tmp_path / "x.png", colour=colour)
     picture = rgb(tmp_path / "x.png")
-    assert picture.shape[1] == round(run.WIDTH_IN * run.DPI)
+    assert picture.shape[1] == round(simulated_run.WIDTH_IN * simulated_run.DPI)
     assert len(np.unique(picture @ [65536, 256, 1])) > 50
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
 
@@ -121,7 +121,7 @@ def test_gif_moves_and_keeps_white_paper(tmp_path, run):
 
 def test_an_animation_frame_equals_the_picture_of_that_moment(tmp_path, run):
     """Only what moves is redrawn; the result must not differ from drawing everything."""
-    sheet = run._Sheet(run, [0], colour="displacement", overlay=None, title=None)
+    sheet = simulated_run._Sheet(run, [0], colour="displacement", overlay=None, title=None)
     *_, last = (image.copy() for image in sheet.images(range(run.frames)))
     simulated_run.save_picture(run, tmp_path / "x.png")
     difference = np.abs(rgb(tmp_path / "x.png") - last[..., :3].astype(int)).max(axis=2)

@@ -23,6 +23,7 @@ from pipeline.files import (
     read_yaml,
     write_json,
     write_text,
+    yaml_text,
 )
 
 
@@ -260,3 +261,8 @@ def test_a_folder_in_the_place_of_a_file_is_told(tmp_path):
     with pytest.raises(InputError, match="is a folder; a file is to be written there"):
         write_text(tmp_path, "text")
     assert tmp_path.is_dir() and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("text", ["80601e8423623564", "1e5", "007", "null", "yes", "~", "<<", ".5"])
+def test_text_that_looks_like_a_number_stays_text(text):
+    assert parse_yaml(yaml_text({"key": text}), name="x.yaml") == {"key": text}

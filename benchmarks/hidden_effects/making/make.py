@@ -10,8 +10,6 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import yaml
-
 from benchmarks.hidden_effects.making.base_model import BaseModel
 from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
 from benchmarks.hidden_effects.making.laboratory import Laboratory
@@ -25,7 +23,7 @@ from benchmarks.hidden_effects.scoring.records import read_reach, read_sealed, r
 from geometry.scenes.scene import save_scene
 from inversion.problem.parameters import with_properties
 from pipeline.cli import InputError
-from pipeline.files import write_json, write_text
+from pipeline.files import write_json, write_text, yaml_text
 
 OnCase = Callable[[int, int, str], None]
 """Called with (cases done, cases in all, what was made)."""
@@ -176,5 +174,5 @@ def write_case(
 
 
 def _write_yaml(places: Places, planned: Planned, name: str, document: dict[str, Any]) -> None:
-    text = yaml.safe_dump(document, sort_keys=False, width=100, default_flow_style=None)
+    text = yaml_text(document, width=100, default_flow_style=None)
     write_text(places.case(planned.name) / name, text)
