@@ -56,12 +56,12 @@ def run(arguments: argparse.Namespace) -> int:
 
     from gns.network.simulator import Simulator
     from gns.rollout.rollout import Rest, frames_of, rollout
-    from gns.shipped_models import model_folder
     from gns.training.checkpoints import MODEL_FILE
+    from pipeline.places import MODELS, resolve
 
     if arguments.threads is not None:
         torch.set_num_threads(at_least_one("--threads", arguments.threads))
-    simulator = Simulator.load(model_folder(arguments.model) / MODEL_FILE, arguments.device)
+    simulator = Simulator.load(resolve(arguments.model, MODELS) / MODEL_FILE, arguments.device)
     facts, positions = start_of(scene, simulator.settings(settings))
     rest = None
     if settings.early_stop:

@@ -192,10 +192,10 @@ def _start(path: str | None, settings: TrainSettings):
     if path is None:
         return None
     from gns.network.simulator import Simulator
-    from gns.shipped_models import model_folder
     from gns.training.checkpoints import MODEL_FILE
+    from pipeline.places import MODELS, resolve
 
-    folder = model_folder(path)
+    folder = resolve(path, MODELS)
     file = folder / MODEL_FILE if folder.is_dir() else folder
     simulator = Simulator.load(file)
     if simulator.config.history != settings.past_velocities + 1:

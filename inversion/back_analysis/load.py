@@ -22,6 +22,7 @@ from inversion.problem.predictions import Targets, make_targets
 from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
 from pipeline.cli import InputError
 from pipeline.config import Config
+from pipeline.places import CASES, resolve
 
 SCENE_FILE = "scene.yaml"
 
@@ -131,8 +132,7 @@ class LoadedCase:
 
 def case_folder(text: str) -> Path:
     """The folder of a case given by its path or by its name in `case_histories`."""
-    path, named = Path(text), Path("case_histories") / text
-    return named if not path.is_dir() and named.is_dir() else path
+    return resolve(text, CASES)
 
 
 def load_case(

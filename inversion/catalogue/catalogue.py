@@ -16,9 +16,10 @@ from typing import Any
 
 from pipeline.cli import InputError
 from pipeline.files import read_json
+from pipeline.places import CASES, shipped
 from pipeline.text_files import read_text
 
-FOLDER = Path(__file__).resolve().parents[2] / "case_histories"
+FOLDER = shipped(CASES)
 CATALOGUE_FILE, STRENGTHS_FILE = "catalogue.csv", "catalogue_strengths.csv"
 CONFIDENCES = ("published", "paper", "recalled")
 

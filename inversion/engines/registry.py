@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from gns.shipped_models import model_folder, models_there
 from inversion.back_analysis.load import LoadedCase
 from inversion.back_analysis.result import FILE_NAME, EngineAnswer, Result, load_result
 from pipeline.cli import InputError
+from pipeline.places import MODELS, names_of, resolve
 
 Name = Literal["mpm", "gns"]
 #: Folder of an engine's result below results/<case>/.
@@ -48,11 +48,12 @@ def chosen_engine(case: LoadedCase, engine: str | None, model: str | None) -> Ch
         return Choice("mpm")
     text = model or case.question.model or settings.model
     if not text:
+        known = ", ".join(names_of(MODELS, "model.pt")) or "none"
         raise InputError(
             f"{case.source}: engine: gns needs a model: give --model DIR, model in this file, or "
-            f"inversion.model; {models_there()}"
+            f"inversion.model; models/ has {known}"
         )
-    return Choice("gns", model_folder(text))
+    return Choice("gns", resolve(text, MODELS))
 
 
 def own_answer(result: Result) -> EngineAnswer:

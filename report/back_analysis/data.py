@@ -22,8 +22,7 @@ from inversion.engines.registry import side_by_side
 from mpm_taichi.case import Case
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
-
-CASES = Path(__file__).resolve().parents[2] / "case_histories"
+from pipeline.places import CASES, resolve
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def load_report(folder: str | Path, case_folder: str | Path | None = None) -> Re
         result = result.model_copy(update={"engines": engines})
     run = _run(folder / RUN)
     if case_folder is None:
-        named = CASES / result.case
+        named = resolve(result.case, CASES)
         case_folder = named if (named / MEASUREMENTS_FILE).is_file() else None
     case = None
     if run is not None and case_folder is not None:
