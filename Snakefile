@@ -14,7 +14,7 @@
 #   snakemake --report report.html simulate_coarse           a page about what was made
 #
 # profiles/default is used of itself (all cores of this machine); on a cluster add
-# `--workflow-profile profiles/slurm` (docs/hpc.md). Settings: config/config.yaml.
+# `--workflow-profile profiles/slurm` (docs/how-to/cluster.md). Settings: config/config.yaml.
 
 from snakemake.utils import min_version
 

@@ -1,4 +1,4 @@
-"""What a diagnosis may be asked to do otherwise; the defaults are the method (docs/diagnosis.md).
+"""Options of a diagnosis; the defaults are the method (docs/method/diagnosis.md).
 
 Every number that decides something stands here, so that it can be read, changed and tested.
 """

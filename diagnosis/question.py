@@ -143,4 +143,6 @@ def load_diagnosis_question(folder: str | Path) -> DiagnosisQuestion:
         return DiagnosisQuestion.model_validate(document)
     except ValidationError as error:
         text = document_error(error, str(path))
-        raise InputError(text.replace("docs/geometry.md", "docs/diagnosis.md")) from None
+        raise InputError(
+            text.replace("docs/method/geometry.md", "docs/method/diagnosis.md")
+        ) from None

@@ -321,7 +321,7 @@ def table(case: Case, readings: list[Reading]) -> str:
             rows.append([measurement.name, *[""] * 7, trust])
     note = (
         "Nothing is subtracted: a gentle foot that has not moved reads as short as `at t = 0` says "
-        "(docs/geometry.md)."
+        "(docs/method/geometry.md)."
     )
     return f"{aligned(rows, left={0, 8})}\n{note}"
 

@@ -1,4 +1,4 @@
-# The benchmark of hidden effects: made and sealed, diagnosed blind, scored (docs/hidden-effects.md). Cases are made and
+# The benchmark of hidden effects: made and sealed, diagnosed blind, scored (docs/records/hidden-effects.md). Cases are made and
 # diagnosed in shares, each a job that goes on where it was stopped: finished cases stay where they are.
 
 HIDDEN = SETTINGS.hidden_effects

@@ -1,4 +1,4 @@
-# What the solver must reproduce: closed forms, experiments, convergence (docs/verification.md).
+# What the solver must reproduce: closed forms, experiments, convergence (docs/records/verification.md).
 
 
 rule verify:

@@ -1,8 +1,8 @@
 """Measure what the back-analysis must show: `python -m benchmarks.back_analysis [part ...]`.
 
-Prints the table; without --quick also stores it in `results.json` and renews pictures and tables of
-`docs/validation.md`. Ends with 1 if a part fails or anything asked for is missed. Simulations are
-kept by content in results/benchmarks/back_analysis, so a killed run goes on where it stopped.
+Prints the table; without --quick also stores it in `results.json` and updates the figures and
+tables of `docs/records/validation.md`. Exits with 1 if a part fails or misses a target.
+Simulations are cached by content in results/benchmarks/back_analysis, so a killed run resumes.
 """
 
 from __future__ import annotations

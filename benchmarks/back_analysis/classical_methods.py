@@ -3,7 +3,7 @@
 Kinetics, ZIF and IMM on the section of Lower San Fernando by `python -m inversion classical`,
 each with the range over its judgement calls, beside figures found independently beforehand on the
 same section (buoyant, 53 m) and published ones. The differences are explained in
-docs/classical.md: the section after the slide is constructed.
+docs/method/classical.md: the section after the slide is constructed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The generated part of `docs/validation.md`: a summary, then each part: picture and table."""
+"""The generated part of `docs/records/validation.md`: a summary, then each figure and table."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.back_analysis.record import Record, figures_of, missed
 from benchmarks.verification.document import between
 from pipeline.files import write_text
 
-PAGE = ROOT / "docs" / "validation.md"
+PAGE = ROOT / "docs" / "records" / "validation.md"
 PICTURES = ROOT / "docs" / "images" / "validation"
 SUMMARY = ("<!-- summary: begin -->", "<!-- summary: end -->")
 PARTS = ("<!-- parts: begin -->", "<!-- parts: end -->")
@@ -45,7 +45,7 @@ def section(name: str, record: Record) -> str:
     parts = [f'<a id="{name}"></a>', f"## {record['title']}", explanation(name)]
     picture = PICTURE_OF.get(name)
     if picture and (PICTURES / picture).exists():
-        parts.append(f"![{record['title']}](images/validation/{picture})")
+        parts.append(f"![{record['title']}](../images/validation/{picture})")
     lines = ["| quantity | measured | asked, or compared with | | note |", "|---|---:|---|---|---|"]
     for figure in figures_of(record):
         verdict = f"**{figure.verdict}**" if figure.met is False else figure.verdict

@@ -38,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = base_parser(
         "python -m benchmarks.hidden_effects",
         "Hide effects in simulated slides, seal what is true, diagnose the surveys, "
-        "and hold the verdicts against the truths (docs/hidden-effects.md).",
+        "and hold the verdicts against the truths (docs/records/hidden-effects.md).",
     )
     parser.add_argument(
         "step",
@@ -243,7 +243,7 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         pictures = page.parent / "images" / page.stem
         draw_all(pictures, method, by_variant[METHOD])
         ablations = {name: score(cases) for name, cases in shared(by_variant).items() if cases}
-        text = generated(method, ablations, by_variant[METHOD], f"images/{page.stem}")
+        text = generated(method, ablations, by_variant[METHOD], f"../images/{page.stem}")
         write_page(page, SCORE, text)
     return 0
 

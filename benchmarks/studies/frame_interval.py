@@ -10,7 +10,7 @@ within a frame, and what happens between two frames cannot be told from the fram
 
 Runs are simulated once with the finest interval and thinned. Intervals are in units of
 sqrt(spacing / gravity), lengths in spacings. `--write` renews the tables of
-`docs/frame-interval.md`.
+`docs/records/frame-interval.md`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ RADIUS = 3.0
 TRAINING_NOISE = 0.067 / np.sqrt(9.81 * 1.0)
 """Noise of the last velocity in the paper's training at 1 m (0.067 m/s), as in `MOVING`."""
 BUDGET_GB = 50.0
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "frame-interval.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "records" / "frame-interval.md"
 
 
 def parser() -> CommandParser:

@@ -6,7 +6,7 @@ Three scenes: a phi = 0 slump (c = 30 kPa), a frictional column (phi = 30, c = 0
 the Lower San Fernando dam with its reservoir. For each scheme, on rough and on bonded ground:
 toe runout at 1 m spacing, with the time step halved, and at 2 m. What is found is kept in
 `benchmarks/transfer_study.json` run by run, so the study goes on where it was stopped; at the end
-it writes the table between the markers of `docs/transfer.md` and the picture beside it.
+it writes the table between the markers of `docs/records/transfer.md` and the picture beside it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pipeline.files import read_json, write_json, write_text
 
 ROOT = Path(__file__).parents[2]
 RECORD = ROOT / "benchmarks/transfer_study.json"
-PAGE = ROOT / "docs/transfer.md"
+PAGE = ROOT / "docs/records/transfer.md"
 PICTURE = ROOT / "docs/images/transfer.png"
 START, END = "<!-- table -->", "<!-- end of table -->"
 

@@ -2,5 +2,5 @@
 
 A module with a `TITLE` and a `run(folder, quick=False)` is a case: `run` returns its `Row`s and
 draws `<folder>/<case>.png` (no picture where `folder` is None); its docstring explains it in
-`docs/verification.md`. The other modules are what the cases share, and the command.
+`docs/records/verification.md`. The other modules are what the cases share, and the command.
 """

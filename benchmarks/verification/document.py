@@ -1,4 +1,4 @@
-"""The page `docs/verification.md`, made of the records and of what each case says of itself.
+"""The page `docs/records/verification.md`, made from the records and the docstring of each case.
 
 A case explains itself in its docstring: formula, source, what limits it. The page shows that text,
 its picture and its rows, so that the explanation stands in one place.
@@ -15,8 +15,8 @@ from benchmarks.verification.record import HERE, ROOT, Record, passed, rows_of
 from benchmarks.verification.rows import Row
 from pipeline.files import write_text
 
-PAGE = ROOT / "docs" / "verification.md"
-FRAGMENT = ROOT / "docs" / "verification-table.md"
+PAGE = ROOT / "docs" / "records" / "verification.md"
+FRAGMENT = ROOT / "docs" / "records" / "verification-table.md"
 PICTURES = ROOT / "docs" / "images" / "verification"
 SUMMARY = ("<!-- summary: begin -->", "<!-- summary: end -->")
 SECTIONS = ("<!-- cases: begin -->", "<!-- cases: end -->")
@@ -106,7 +106,7 @@ def section(name: str, record: Record) -> str:
     """Heading, explanation, picture and rows of one case."""
     parts = [f'<a id="{name}"></a>', f"## {record['title']}", explanation(name)]
     if (PICTURES / f"{name}.png").exists():
-        parts.append(f"![{record['title']}](images/verification/{name}.png)")
+        parts.append(f"![{record['title']}](../images/verification/{name}.png)")
     parts.append(HEADINGS + "\n".join(row_lines(record)))
     state = "all rows within tolerance" if passed(record) else "not all rows within tolerance"
     parts.append(

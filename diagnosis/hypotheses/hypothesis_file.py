@@ -131,14 +131,16 @@ def load_model_file(path: str | Path) -> ModelFile:
         return ModelFile.model_validate(document)
     except ValidationError as error:
         text = document_error(error, str(path))
-        raise InputError(text.replace("docs/geometry.md", "docs/diagnosis.md")) from None
+        raise InputError(
+            text.replace("docs/method/geometry.md", "docs/method/diagnosis.md")
+        ) from None
 
 
 def save_model_file(model: ModelFile, path: str | Path) -> None:
     """Write a model file; it appears when whole."""
     document = model.model_dump(mode="json", exclude_none=True)
     document = {key: value for key, value in document.items() if value not in ({}, "")}
-    head = "# A model of this diagnosis; docs/diagnosis.md says what may stand here.\n"
+    head = "# A model of this diagnosis; docs/method/diagnosis.md says what may stand here.\n"
     write_text(path, head + yaml_text(document, width=100))
 
 

@@ -56,7 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         "--run", metavar="FILE", help="take the deposit of this trajectory as the section after"
     )
     parser.add_argument("--slide", metavar="NAME", help="one slide of the case alone")
-    calls = parser.add_argument_group("judgement calls (see docs/classical.md)")
+    calls = parser.add_argument_group("judgement calls (see docs/method/classical.md)")
     for option, name, kind in CALLS:
         words = Judgement.model_fields[name].description
         calls.add_argument(option, dest=name, default=None, help=words, **kind)

@@ -33,7 +33,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         "on fitted and held-out data.",
     )
     parser.add_argument(
-        "--add", metavar="EFFECT", required=True, help="name of the effect (docs/effects.md)"
+        "--add", metavar="EFFECT", required=True, help="name of the effect (docs/method/effects.md)"
     )
     parser.add_argument("--notes", metavar="TEXT", default="", help="why; kept in the model's file")
     return add_arguments(parser)

@@ -51,7 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         "new",
         help="make the folder of a case of your own from a drawn section",
         description="Make a commented, working case folder from a section (CSV, GeoJSON, DXF) and "
-        "a measured runout or a surveyed profile. docs/your-own-case.md shows how.",
+        "a measured runout or a surveyed profile. docs/start/your-own-case.md shows how.",
     )
     parser.add_argument(
         "case",

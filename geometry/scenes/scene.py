@@ -386,7 +386,7 @@ def document_error(error: ValidationError, source: str) -> str:
     value = first.get("input")
     shown = f" (got {value!r})" if isinstance(value, (str, int, float, bool)) else ""
     if first["type"] == "extra_forbidden":
-        message = "unknown key; the keys are listed in docs/geometry.md"
+        message = "unknown key; the keys are listed in docs/method/geometry.md"
         shown = ""
     more = error.error_count() - 1
     tail = f"; and {more} more" if more else ""

@@ -14,7 +14,7 @@ import numpy as np
 #: A column thinner than this [m], or than one spacing, is no deposit any more.
 THINNEST_COLUMN = 0.5
 #: Kernel length over the thinnest column; at 1 m spacing the standard deviation is then 1.4 m.
-#: Shorter follows single points, longer rounds the front off: figures in docs/geometry.md.
+#: Shorter follows single points, longer rounds the front off: figures in docs/method/geometry.md.
 KERNEL_LENGTHS = 2.5
 #: Points within this many spacings (1.5 cells at 4 points a cell) hang together.
 REACH = 3.0

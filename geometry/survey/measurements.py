@@ -5,7 +5,7 @@ In: `measurements.yaml` of a folder of `case_histories/` and the CSV files it na
 trusted, whether a fit may use them, and how the same is read on points (`observe`).
 
 The types are in `geometry.survey.measured_numbers` and `geometry.survey.measured_series`; a new one
-is one class there and its name in `Measurement`. The file is described in docs/measurements.md.
+is one class there and its name in `Measurement`. File format: docs/method/measurements.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Every function takes the points of one moment and gives a number in metres; with
 it gives also the derivative with respect to the positions, (N, 2). Left and right are those of the
 section; which of them is upstream is the case's business. Numpy only.
 
-What the words mean (docs/geometry.md): the *toe* is where the smoothed column height of the mass
+Definitions (docs/method/geometry.md): the *toe* is where the smoothed column height of the mass
 still connected to the dam falls below 0.5 m or one spacing, whichever is larger. *Runout* is the
 distance of that place from the foot of the section before the slide. *Crest settlement* is the drop
 of the surface at the initial crest, or of the crest's own points. *Freeboard* is the highest

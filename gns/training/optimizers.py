@@ -2,8 +2,8 @@
 
 Muon makes the momentum of a matrix orthogonal before it is subtracted (Jordan et al. 2024), so that
 all its directions are learned alike. In a short training on two cores the same loss was reached in
-two thirds of the steps (docs/gns.md). Vectors, convolutions and narrow matrices (`LEAST_SIDE`: of
-outputs and of few features) stay with Adam.
+two thirds of the steps (docs/method/gns.md). Adam still updates vectors, convolutions and narrow
+matrices (`LEAST_SIDE`: of outputs and of few features).
 """
 
 from __future__ import annotations

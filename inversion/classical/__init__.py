@@ -9,5 +9,5 @@ histories behind it (`analysis.analyse`, `python -m inversion classical CASE`).
     section  ->  slices  ->  limit_equilibrium  ->  search
     section  ->  morph   ->  slide_forces       ->  kinetics, zif, imm  ->  analysis  ->  command
 
-In the paper: its review of back-analysis methods. What each method assumes: docs/classical.md.
+In the paper: its review of back-analysis methods. Assumptions: docs/method/classical.md.
 """

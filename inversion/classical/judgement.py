@@ -127,7 +127,9 @@ def load_judgements(folder: Path, measurements: Measurements) -> list[Judgement]
         judgements = Judgements.model_validate(document)
     except ValidationError as error:
         line = document_error(error, str(path))
-        raise InputError(line.replace("docs/geometry.md", "docs/classical.md")) from None
+        raise InputError(
+            line.replace("docs/method/geometry.md", "docs/method/classical.md")
+        ) from None
     known = set(measurements.strength_published_kpa)
     for analysis in judgements.analyses:
         for key in analysis.published:

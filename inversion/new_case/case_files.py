@@ -65,7 +65,8 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
         zone.pop("kinematic")
     comments = {
         "name": (
-            f"{words.title}: the section before the slide. Keys: docs/geometry.md. Lengths in m.\n"
+            f"{words.title}: the section before the slide. Keys: docs/method/geometry.md. "
+            "Lengths in m.\n"
             f"{FILL_IN}: where the section, the strengths and the water come from, in README.md."
         ),
         "domain": "Room for the slide; open walls give way where more is needed.",
@@ -114,7 +115,8 @@ def measurements_text(
     if scene.water_level is not None:
         initial["pool_y_m"] = scene.water_level
     text = _comment(
-        f"{words.title}: what was measured after the slide. Types and keys: docs/measurements.md.\n"
+        f"{words.title}: what was measured after the slide. Types and keys: "
+        "docs/method/measurements.md.\n"
         f"{FILL_IN}: confidence (published, paper, recalled, assumed, constructed) and source of "
         "each entry."
     )
@@ -151,7 +153,7 @@ def measurements_text(
 
 def inversion_text(scene: Scene, runouts: Sequence[Runout]) -> str:
     """`inversion.yaml`: S_r of every liquefied material, fitted to the toes."""
-    text = _comment("What is asked of this case. Keys: docs/inversion.md.")
+    text = _comment("What is asked of this case. Keys: docs/method/inversion.md.")
     text += "parameters:\n"
     for name, zones in _liquefied(scene).items():
         start = scene.materials[name].cohesion_kpa

@@ -28,7 +28,7 @@ def document_of(
     found: Distribution,
     sections: Envelope | None,
 ) -> dict[str, Any]:
-    """The document (keys: docs/prediction.md); lengths m, strengths kPa, probabilities 0 to 1."""
+    """The document (keys: docs/method/prediction.md); lengths in m, strengths in kPa."""
     return {
         "case": case.name,
         "spacing_m": case.scene.spacing,

@@ -1,7 +1,7 @@
 """The question of a back-analysis: what is sought, what it must fit, what else might be so.
 
 In: `inversion.yaml` of a case folder. Out: a checked `Question`. Keys carry the units people use.
-Every form of the document is described in docs/inversion.md.
+Every form of the document is described in docs/method/inversion.md.
 """
 
 from __future__ import annotations
@@ -252,7 +252,7 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
     path = Path(folder) / FILE_NAME
     if not path.is_file():
         raise InputError(
-            f"{path}: no such file; it says which strengths are sought (docs/inversion.md)"
+            f"{path}: no such file; it says which strengths are sought (docs/method/inversion.md)"
         )
     document = read_yaml(path)
     if not isinstance(document, Mapping):
@@ -261,7 +261,9 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
         question = Question.model_validate(document)
     except ValidationError as error:
         text = document_error(error, str(path))
-        raise InputError(text.replace("docs/geometry.md", "docs/inversion.md")) from None
+        raise InputError(
+            text.replace("docs/method/geometry.md", "docs/method/inversion.md")
+        ) from None
     check_zones(question, scene, str(path))
     return question
 

@@ -107,7 +107,7 @@ def test_constructed_data_enter_nothing(root):
     ("document", "complaint"),
     [
         ("[1, 2]", "must be a mapping of keys, not list"),
-        ({"forbidden": ["shaking"]}, "forbidden: unknown key; the keys are listed in docs/diagn"),
+        ({"forbidden": ["shaking"]}, "forbidden: unknown key; the keys are listed in docs/meth"),
         ({"forbid": ["shakign"]}, "forbid: no effect 'shakign'; there are boundary|cracking"),
         ({"effects": ["gravity"]}, "effects: no effect 'gravity'"),
         ({"effects": []}, "effects: List should have at least 1 item"),

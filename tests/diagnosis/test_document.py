@@ -1,4 +1,4 @@
-"""`docs/diagnosis.md` names every key, command, option, picture and file."""
+"""`docs/method/diagnosis.md` names every key, command, option, picture and file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.config import DiagnosisSettings
 
 @pytest.fixture(scope="module")
 def text(root) -> str:
-    return (root / "docs/diagnosis.md").read_text("utf-8")
+    return (root / "docs/method/diagnosis.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -49,4 +49,4 @@ def test_every_picture_is_explained(text, root):
 
 def test_links_lead_somewhere(text, root):
     for name in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text):
-        assert (root / "docs" / name).is_file(), name
+        assert (root / "docs/method" / name).is_file(), name

@@ -78,7 +78,10 @@ def test_models_are_numbered_in_their_order(tmp_path):
     ("text", "complaint"),
     [
         ("- a\n", "must be a mapping of keys"),
-        ("effect: {weak_base: 1}\n", "effect: unknown key; the keys are listed in docs/diagnosis"),
+        (
+            "effect: {weak_base: 1}\n",
+            "effect: unknown key; the keys are listed in docs/method/diagnosis",
+        ),
         ("by: chance\n", "by: Input should be 'engineer'"),
         ("effects: {weak_base: {std: 1}}\n", "effects.weak_base.amplitude: Field required"),
         ("effects: 3\n", "effects: Input should be a valid dictionary"),

@@ -13,7 +13,7 @@ from diagnosis.__main__ import main
 from diagnosis.verdict.verdict import load_verdict
 from pipeline.files import read_json
 
-TUTORIAL = Path("docs/tutorial-hidden-effect.md")
+TUTORIAL = Path("docs/how-to/find-a-hidden-effect.md")
 PROGRAM = "python -m diagnosis "
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 NEAR, LEAST = 0.15, 0.25
@@ -82,7 +82,7 @@ def test_files_and_pictures_of_the_tutorial_are_there(root):
     linked = [name for name in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)]
     assert linked
     for name in linked:
-        assert (root / "docs" / name).is_file(), name
+        assert (root / TUTORIAL.parent / name).is_file(), name
 
 
 def test_the_commands_show_what_the_tutorial_says(tutorial, root, tmp_path, monkeypatch, capsys):

@@ -43,7 +43,7 @@ def new(folder: Path, *options: object, section: Path = SECTION) -> Path:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory) -> Path:
-    """The example of docs/your-own-case.md."""
+    """The example of docs/start/your-own-case.md."""
     folder = tmp_path_factory.mktemp("cases") / "road_embankment"
     return new(folder, "--profile", AFTER, "--profile-std", 0.3, "--spacing", 0.5)
 

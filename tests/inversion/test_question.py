@@ -34,7 +34,7 @@ def test_the_shipped_questions_hold_together(root, name):
         ('zones: ["1"]', 'zones: ["11"]', "no zone '11' in the scene; known are 1, 2"),
         ("property: cohesion_kpa", "property: cohesion", "cohesion_kpa"),
         ("name: friction_7", "name: residual_strength_1", "names must be unique"),
-        ("loss: runout", "lose: runout", "docs/inversion.md"),
+        ("loss: runout", "lose: runout", "docs/method/inversion.md"),
         ("fit: [upstream toe]", "fit: [toe]", "no measurement 'toe' in this set"),
         ("fit: [upstream toe]", "fit: [profile]", "constructed"),
         ("fit: [upstream toe]", "fit: [crest]", "use loss: misfit"),

@@ -1,6 +1,6 @@
 """The machinery of effects: off is off, what is refused, both schedules, the words.
 
-After a change of an effect's words or numbers, the table of docs/effects.md is written anew by
+After a change of an effect's words or numbers, update the table of docs/method/effects.md with
 
     PYTHONPATH=. python tests/mpm_taichi/test_effects.py
 """
@@ -175,7 +175,7 @@ def test_every_effect_is_described_without_fault(name):
 
 
 def test_the_table_of_the_document_is_that_of_the_library():
-    text = (ROOT / "docs" / "effects.md").read_text()
+    text = (ROOT / "docs" / "method" / "effects.md").read_text()
     assert table_renewed(text) == text, "write the table anew: see the head of this file"
 
 
@@ -266,5 +266,5 @@ def test_library_names_are_modules_and_in_one_table():
 
 
 if __name__ == "__main__":
-    document = ROOT / "docs" / "effects.md"
+    document = ROOT / "docs" / "method" / "effects.md"
     document.write_text(table_renewed(document.read_text()))

@@ -145,9 +145,9 @@ def test_page_is_what_its_records_make_it():
     stored = record.read_records()
     page = document.PAGE.read_text(encoding="utf-8")
     remedy = "out of date: python -m benchmarks.verification --page"
-    assert document.page_text(stored, page) == page, f"docs/verification.md {remedy}"
+    assert document.page_text(stored, page) == page, f"docs/records/verification.md {remedy}"
     table = document.FRAGMENT.read_text(encoding="utf-8")
-    assert document.whole_table(stored) == table, f"docs/verification-table.md {remedy}"
+    assert document.whole_table(stored) == table, f"docs/records/verification-table.md {remedy}"
 
 
 def test_page_without_markers_is_refused():

@@ -49,6 +49,6 @@ def test_the_default_interval_keeps_every_scale_under_the_budget():
     for name in ("large", "small"):
         scale, settings = config.scale(name), config.simulation_for(name)
         frame = settings.frame_interval * np.sqrt(scale.spacing_m / settings.gravity_m_per_s2)
-        points = 3600  # a scene's mean, docs/frame-interval.md
+        points = 3600  # a scene's mean, docs/records/frame-interval.md
         longest = 8 * points * (settings.duration_s / frame + 1) * scale.number_of_scenes / 1e9
         assert 2 * longest < frame_interval.BUDGET_GB

@@ -25,6 +25,6 @@ def test_everything_else_is_within_tolerance(rows):
 
 
 @pytest.mark.parametrize("name", sorted(KNOWN_MISSES))
-@pytest.mark.xfail(strict=True, reason="see docs/verification.md")
+@pytest.mark.xfail(strict=True, reason="see docs/records/verification.md")
 def test_known_misses(rows, name):
     assert rows[name].passed

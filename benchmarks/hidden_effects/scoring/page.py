@@ -1,6 +1,6 @@
 """The generated page of a benchmark: what was asked, what was reached, every miss.
 
-In: the record's rows. Out: Markdown between two markers of `docs/hidden-effects.md`.
+In: the record's rows. Out: Markdown between two markers of `docs/records/hidden-effects.md`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ def add_effects_option(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FILE",
         dest="effect_files",
-        help="Python file with your own effects; it is code and is run (docs/your-own-effect.md)",
+        help="Python file with your own effects; it is executed (docs/how-to/your-own-effect.md)",
     )
 
 
@@ -32,7 +32,9 @@ def add_effects_command(commands: argparse._SubParsersAction) -> None:
         "effects", help="list the physical effects that a scene can switch on"
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="of effects; default: all")
-    parser.add_argument("--markdown", action="store_true", help="as the table of docs/effects.md")
+    parser.add_argument(
+        "--markdown", action="store_true", help="as the table of docs/method/effects.md"
+    )
     add_effects_option(parser)
     parser.set_defaults(handler=_list)
 

@@ -213,7 +213,7 @@ def load_effects_file(path: str | Path) -> list[Effect]:
     mine = {id(one) for one in library()}
     own = [one for one in dict.fromkeys(found) if id(one) not in mine]
     if not own:
-        raise InputError(f"{path}: defines no Effect; see docs/your-own-effect.md")
+        raise InputError(f"{path}: defines no Effect; see docs/how-to/your-own-effect.md")
     taken, names = [one.name for one in library()], [one.name for one in own]
     for one in own:
         reason = faults(one)

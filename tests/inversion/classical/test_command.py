@@ -168,7 +168,7 @@ def test_a_simulated_deposit_may_be_the_section_after(lsfd, tmp_path):
         ({"side": "up"}, "analyses.0.side"),
         ({"zif_share": 1.4}, "analyses.0.zif_share"),
         ({"sections": 4}, "analyses.0.sections"),
-        ({"colour": "red"}, "docs/classical.md"),
+        ({"colour": "red"}, "docs/method/classical.md"),
         ({"slip_surface": "none.csv"}, "none.csv: no such file"),
         ({"published": ["nobody"]}, "published: 'nobody'"),
         ({"side": "right"}, "not to the right"),
