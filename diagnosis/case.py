@@ -19,7 +19,6 @@ from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 from geometry.survey.measured import Measured
-from geometry.survey.measured_series import SurfaceProfile
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places, load_measurements
 from inversion.back_analysis.load import SCENE_FILE
@@ -154,11 +153,7 @@ class DiagnosisCase:
         """Files the diagnosis was made from."""
         names = (SCENE_FILE, MEASUREMENTS_FILE, INVERSION_FILE, FILE_NAME)
         found = [self.folder / name for name in names]
-        found += [
-            self.folder / entry.file
-            for entry in self.setup.targets.entries
-            if isinstance(entry, SurfaceProfile)
-        ]
+        found += [self.folder / file for e in self.setup.targets.entries for file in e.files]
         return [path for path in dict.fromkeys(found) if path.is_file()]
 
 
@@ -214,8 +209,7 @@ def load_diagnosis(
     duration = question.duration_s or inversion.duration_s
     if duration is not None:
         simulation = simulation.model_copy(update={"duration_s": duration})
-    feet = {side: measurements.foot(side) for side in ("left", "right")}
-    foot = {side: scene.foot(side) if x is None else x for side, x in feet.items()}
+    foot = measurements.feet(scene)
     targets = _targets(measurements, question, folder)
     setup = Setup(scene, simulation, Parameters(inversion.parameters), targets, foot)
     other = _transfer(question, folder, config) if with_transfer else None
@@ -245,21 +239,13 @@ def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Pa
     source = str(folder / FILE_NAME)
     entries: Sequence[Measured] = measurements.chosen()
     if question.held_out is not None:
-        entries = [_free(entry) for entry in entries]
+        entries = [entry.without_hold_out() for entry in entries]
     targets = make_targets(entries, fit=None, loss="misfit", source=str(folder / MEASUREMENTS_FILE))
     try:
         split(targets, question.held_out)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     return targets
-
-
-def _free(entry: Measured) -> Measured:
-    """An entry without its own word on what is held out."""
-    changes = {"held_out": False}
-    if isinstance(entry, SurfaceProfile):
-        changes["held_out_x_m"] = None
-    return entry.model_copy(update=changes)
 
 
 def _check_numbers(case: DiagnosisCase) -> None:

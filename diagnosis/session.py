@@ -35,7 +35,7 @@ from diagnosis.options import Options
 from diagnosis.verdict.sections_file import save_sections
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from geometry.scenes.scene import scene_hash
-from geometry.survey.measured_numbers import ToeRunout
+from geometry.survey.toe import outward_of
 from inversion.back_analysis.load import case_folder
 from inversion.engines.run_store import RunStore
 from mpm_taichi.effects import add_effects_option, load_given_effects
@@ -220,9 +220,9 @@ class Session:
         before, after = self.model.points(base), self.model.points(final)
         setup = self.case.setup
         toes = {
-            entry.name: (float(setup.foot[entry.side]), -1.0 if entry.side == "left" else 1.0)
+            entry.name: (float(setup.foot[side]), float(outward_of(side)))
             for entry in setup.targets.entries
-            if isinstance(entry, ToeRunout)
+            if (side := entry.toe_side) is not None
         }
         save_sections(
             self.folder,

@@ -17,18 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from geometry.scenes.scene import Material, Scene, load_scene, scene_from_mapping
-from geometry.survey.measurements import (
-    FILE_NAME,
-    Anything,
-    Deposit,
-    Measurements,
-    Number,
-    Profile,
-    SurfaceProfile,
-    ToeRunout,
-    load_measurements,
-)
-from geometry.survey.observables import naked_eye_toe
+from geometry.survey.marks import Mark
+from geometry.survey.measured import Deposit, Measured
+from geometry.survey.measurements import FILE_NAME, Measurements, load_measurements
+from geometry.survey.toe import Side
 from mpm_taichi.effects import effects_on
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError, WorkFailed
@@ -38,6 +30,8 @@ from pipeline.table import aligned
 
 SCENE_FILE = "scene.yaml"
 FILMS = ("mp4", "gif", "none")
+#: Type of a reading by eye, in tables.
+BY_EYE = "naked_eye_toe"
 
 
 @dataclass(frozen=True)
@@ -50,24 +44,24 @@ class Case:
     measurement_set: str
 
     @property
-    def measured(self) -> list[Anything]:
+    def measured(self) -> list[Measured]:
         """The measurements of the set chosen."""
         return self.measurements.chosen(self.measurement_set)
-
-    @property
-    def profiles(self) -> list[tuple[Profile, bool]]:
-        """The measured surfaces, and whether each is constructed."""
-        return [(m.whole, m.constructed) for m in self.measured if isinstance(m, SurfaceProfile)]
 
     @property
     def title(self) -> str:
         """The name in words."""
         return self.scene.name.replace("_", " ").title()
 
-    def foot(self, side: str) -> float:
-        """Where the section ended before the slide, x [m]: as surveyed, else as drawn."""
-        surveyed = self.measurements.foot(side)
-        return self.scene.foot(side) if surveyed is None else surveyed
+    @property
+    def feet(self) -> dict[Side, float]:
+        """Where the section ended before the slide, x [m] by side: as surveyed, else as drawn."""
+        return self.measurements.feet(self.scene)
+
+    @property
+    def marks(self) -> list[Mark]:
+        """What a picture shows of the measurements."""
+        return [mark for measurement in self.measured for mark in measurement.marks(self.feet)]
 
 
 @dataclass(frozen=True)
@@ -83,7 +77,7 @@ class Reading:
     type: str
     simulated: float
     at_start: float  # the same reading before anything moved; nothing is subtracted
-    measurement: Anything | None = None
+    measurement: Measured | None = None
     measured: float | None = None
     part: str = ""  # of a measurement that is several values
     trouble: str = ""
@@ -108,8 +102,7 @@ class Reading:
     @property
     def span(self) -> tuple[float, float] | None:
         """The stated range, where there is one [m]."""
-        m = self.measurement
-        return (m.low_m, m.high_m) if isinstance(m, Number) and m.low_m is not None else None
+        return None if self.measurement is None else self.measurement.stated_range
 
 
 def load_case(
@@ -194,41 +187,34 @@ def read_deposit(case: Case, run: Run) -> list[Reading]:
     end, start = _deposit(case, run), _deposit(case, run, moved=False)
     readings = []
     for measurement in case.measured:
-        if isinstance(measurement, SurfaceProfile):
+        if measurement.as_one:
             if not measurement.constructed:
-                readings.append(_profile_reading(measurement, end, start))
+                readings.append(_reading_as_one(measurement, end, start))
             continue
-        try:
-            simulated, trouble = measurement.observe(end), ""
-        except ValueError as error:  # such as a duration of a run that was cut off in motion
-            simulated, trouble = np.full(len(measurement.values), np.nan), str(error)
+        read = measurement.reading(end)
         at_start = measurement.observe(start)
         for place, part in enumerate(measurement.parts):
             readings.append(
                 Reading(
                     measurement.name,
                     measurement.type,
-                    float(simulated[place]),
+                    float(read.values[place]),
                     float(at_start[place]),
                     measurement,
                     float(measurement.values[place]),
                     part,
-                    trouble,
+                    read.trouble,
                 )
             )
-        if isinstance(measurement, ToeRunout):
-            readings.append(
-                Reading(
-                    f"{measurement.name}, by eye",
-                    "naked_eye_toe",
-                    *(_runout_by_eye(deposit, measurement.side) for deposit in (end, start)),
-                )
-            )
+        by_eye = measurement.by_eye(end)
+        if by_eye is not None:
+            name = f"{measurement.name}, by eye"
+            readings.append(Reading(name, BY_EYE, by_eye, measurement.by_eye(start)))
     return readings
 
 
-def _profile_reading(measurement: SurfaceProfile, end: Deposit, start: Deposit) -> Reading:
-    """A profile as the root mean square of its differences [m]."""
+def _reading_as_one(measurement: Measured, end: Deposit, start: Deposit) -> Reading:
+    """A series as the root mean square of its differences."""
     rms = [
         float(np.sqrt(np.mean((measurement.observe(deposit) - measurement.values) ** 2)))
         for deposit in (end, start)
@@ -247,18 +233,13 @@ def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
         initial_position=positions[0],
         volume=run.bulk_volume if moved else case.scene.spacing**2,
         spacing=case.scene.spacing,
-        foot={side: case.foot(side) for side in ("left", "right")},
+        foot=case.feet,
         ground=np.asarray(case.scene.ground.points, dtype=float),
         positions=positions,
         time=run.time if moved else run.time[[0, -1]],
         at_rest=not moved or run.came_to_rest,
         initial_volume=case.scene.spacing**2,
     )
-
-
-def _runout_by_eye(deposit: Deposit, side: str) -> float:
-    toe = naked_eye_toe(deposit.position, deposit.volume, spacing=deposit.spacing, side=side)
-    return deposit.foot[side] - toe if side == "left" else toe - deposit.foot[side]
 
 
 # --- text ---
@@ -316,7 +297,7 @@ def table(case: Case, readings: list[Reading]) -> str:
             ]
         )
     for measurement in case.measured:
-        if isinstance(measurement, SurfaceProfile) and measurement.constructed:
+        if measurement.as_one and measurement.constructed:
             trust = f"{measurement.confidence}: drawn, not compared"
             rows.append([measurement.name, *[""] * 7, trust])
     note = (
@@ -329,7 +310,7 @@ def table(case: Case, readings: list[Reading]) -> str:
 def label(reading: Reading) -> str:
     """The quantity in words, with the name of the measurement where that says more."""
     words = reading.type.replace("_", " ")
-    if reading.type == "naked_eye_toe":
+    if reading.type == BY_EYE:
         return "  by eye"
     words = words if reading.name in words else f"{words} ({reading.name})"
     words = f"{words}, {reading.part}" if reading.part else words

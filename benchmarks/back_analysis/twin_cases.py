@@ -18,8 +18,9 @@ from benchmarks.back_analysis.lab import CASES, LA_MARQUESA, LSFD
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene, load_scene, save_scene
-from geometry.survey import observables
+from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe import Side
+from geometry.survey.toe_runout import toe_runout
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.problem.parameters import with_properties
 from pipeline.config import Config
@@ -137,7 +138,7 @@ def truth_of(plan: Plan, config: Config, store: RunStore) -> Truth | None:
 def runout(scene: Scene, run: KeptRun, side: Side) -> float:
     """Of a run's toe [m]."""
     return float(
-        observables.toe_runout(
+        toe_runout(
             run.final.astype(float),
             scene.spacing**2,
             spacing=scene.spacing,
@@ -200,7 +201,7 @@ def _surveyed_surface(truth: Truth, noise: np.random.Generator) -> tuple[np.ndar
     middle = 0.5 * (scene.foot("left") + scene.foot("right"))
     inside = toe + (middle - toe) * 0.05
     x = np.sort(np.round(np.linspace(inside, middle, PROFILE_POINTS), 4))
-    y = observables.surface_profile(
+    y = surface_profile(
         position, scene.spacing**2, x, spacing=scene.spacing,
         ground=np.asarray(scene.ground.points, dtype=float),
     )  # fmt: skip

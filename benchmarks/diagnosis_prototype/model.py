@@ -10,10 +10,13 @@ import numpy as np
 from benchmarks.diagnosis_prototype import slide
 from benchmarks.diagnosis_prototype.slide import Numerics
 from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal, State
+from geometry.survey.crest_settlement import CrestSettlement
+from geometry.survey.marker_displacement import MarkerDisplacement
 from geometry.survey.measured import Measured
-from geometry.survey.measured_numbers import CrestSettlement, MarkerDisplacement, ToeRunout
-from geometry.survey.measured_series import SurfaceProfile, ToeHistory
 from geometry.survey.profiles import Profile
+from geometry.survey.surface_profile import SurfaceProfile
+from geometry.survey.toe_history import ToeHistory
+from geometry.survey.toe_runout import ToeRunout
 from inversion.problem.parameters import Parameters
 from inversion.problem.predictions import Targets, make_targets
 from inversion.problem.question import ParameterSpec

@@ -8,7 +8,7 @@ on the slide of the truth with an independent error; and both surveys are diagno
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,6 @@ from benchmarks.hidden_effects.scoring.records import read_truth
 from diagnosis.case import load_diagnosis
 from diagnosis.selection.possible_measurements import possible_measurements
 from geometry.survey.measured import Deposit, Measured
-from geometry.survey.measured_series import SurfaceProfile
 from geometry.survey.profiles import load_profile
 from inversion.engines.run_store import RunStore
 from pipeline.config import Config
@@ -126,8 +125,8 @@ def add_measurements(
     for entry in entries:
         values = entry.observe(deposit)
         values = values + entry.std * np.array([normal(stream) for _ in values])
-        if isinstance(entry, SurfaceProfile):
-            points[float(entry.profile.x[0])] = float(values[0])
+        if entry.files:  # a place on the surface: one more row of the survey's profile
+            points[float(entry.along.place[0])] = float(values[0])
         else:
             _join(survey, filled(entry, values))
     rows = [f"{x:.2f},{y:.3f}" for x, y in sorted(points.items())]
@@ -150,22 +149,9 @@ def _join(survey: list[dict[str, Any]], entry: dict[str, Any]) -> None:
 
 def filled(entry: Measured, values: np.ndarray) -> dict[str, Any]:
     """The document of an entry with its values put in."""
-    document = entry.model_dump(mode="json", exclude_none=True)
-    numbers = [round(float(value), 3) for value in values]
-    keys = {
-        "marker_displacement": ("dx_m", "dy_m"),
-        "slide_duration": ("value_s",),
-        "velocity": ("value_m_per_s",),
-    }
-    if entry.type == "toe_history":  # type: ignore[attr-defined]
-        return {**document, "values_m": numbers}
-    names = keys.get(entry.type, ("value_m",))  # type: ignore[attr-defined]
-    put: Mapping[str, float] = dict(zip(names, numbers, strict=True))
-    return {**document, **put}
+    numbers = np.array([round(float(value), 3) for value in values])
+    return entry.with_values(numbers).model_dump(mode="json", exclude_none=True)
 
 
 def _can_be_read(entry: Measured, deposit: Deposit) -> bool:
-    try:
-        return bool(np.all(np.isfinite(entry.observe(deposit))))
-    except ValueError:
-        return False
+    return bool(np.all(np.isfinite(entry.reading(deposit).values)))

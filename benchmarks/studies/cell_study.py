@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.studies.transfer_study import lsfd, slump
 from geometry.scenes.scene import Scene, scene_from_mapping
-from geometry.survey.observables import toe_runout
+from geometry.survey.toe_runout import toe_runout
 from pipeline.config import SimulationSettings
 
 PICTURE = Path(__file__).parents[2] / "docs/images/cells.png"

@@ -18,7 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from geometry.scenes.scene import Scene, load_scene
-from geometry.survey.observables import freeboard, surface_profile, toe_runout
+from geometry.survey.freeboard import freeboard
+from geometry.survey.surface_profile import surface_profile
+from geometry.survey.toe_runout import toe_runout
 from mpm_taichi.effects import Effect, effects
 from mpm_taichi.trajectory import Run
 from pipeline.config import SimulationSettings

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
-from geometry.survey.observables import toe_runout
+from geometry.survey.toe_runout import toe_runout
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.config import SimulationSettings
 from pipeline.files import read_json, write_json, write_text

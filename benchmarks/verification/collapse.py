@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
-from geometry.survey.observables import naked_eye_toe, surface_profile, toe
+from geometry.survey.surface_profile import surface_profile
+from geometry.survey.toe import naked_eye_toe, toe
 from mpm_taichi.trajectory import Run
 from pipeline.files import read_yaml
 

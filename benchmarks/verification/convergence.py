@@ -19,7 +19,8 @@ import numpy as np
 from benchmarks.studies.transfer_study import SCENES
 from benchmarks.verification.rows import Row
 from geometry.scenes.scene import Scene
-from geometry.survey.observables import surface_profile, toe_runout
+from geometry.survey.surface_profile import surface_profile
+from geometry.survey.toe_runout import toe_runout
 from pipeline.config import SimulationSettings
 
 TITLE = "Time step and cell halved"

@@ -20,7 +20,8 @@ from scipy.spatial import cKDTree
 from benchmarks.verification.rows import Row
 from geometry.scenes.scene import Scene, load_scene
 from geometry.survey.columns import kernel
-from geometry.survey.observables import surface_profile, toe_runout
+from geometry.survey.surface_profile import surface_profile
+from geometry.survey.toe_runout import toe_runout
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import Run
 from pipeline.config import SimulationSettings

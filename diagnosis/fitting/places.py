@@ -11,9 +11,6 @@ from typing import Literal
 
 import numpy as np
 
-from geometry.survey.measured import Measured
-from geometry.survey.measured_numbers import MarkerDisplacement
-from geometry.survey.measured_series import SurfaceProfile, ToeHistory, Velocity
 from inversion.problem.predictions import Targets
 
 Axis = Literal["x_m", "time_s", "none"]
@@ -42,20 +39,11 @@ def places_of(targets: Targets) -> list[Places]:
     """Places of every measurement, in the order of the entries."""
     found, first = [], 0
     for entry in targets.entries:
-        n = len(entry.values)
-        axis, place, series = _places(entry, n)
-        found.append(Places(entry.name, axis, place, np.arange(first, first + n), series))
+        n, along = len(entry.values), entry.along
+        index = np.arange(first, first + n)
+        if along is None:
+            found.append(Places(entry.name, "none", np.full(n, np.nan), index, False))
+        else:
+            found.append(Places(entry.name, along.axis, along.place, index, along.series))
         first += n
     return found
-
-
-def _places(entry: Measured, n: int) -> tuple[Axis, np.ndarray, bool]:
-    if isinstance(entry, SurfaceProfile):
-        return "x_m", entry.profile.x.astype(float), n > 1
-    if isinstance(entry, ToeHistory):
-        return "time_s", np.array(entry.times_s, dtype=float), n > 1
-    if isinstance(entry, MarkerDisplacement):
-        return "x_m", np.full(n, entry.x_m), False
-    if isinstance(entry, Velocity):
-        return "time_s", np.full(n, entry.at_s), False
-    return "none", np.full(n, np.nan), False

@@ -18,9 +18,8 @@ from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal, State
 from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
 from diagnosis.selection.possible_measurements import possible_measurements, proposal_of
 from geometry.scenes.scene import Scene, scene_from_mapping
-from inversion.engines.history_readings import HistoryReader, history_reader
 from inversion.engines.mpm_engine import Setup, deposit_of
-from inversion.engines.run_store import KeptRun, RunStore
+from inversion.engines.run_store import HistoryReader, KeptRun, RunStore
 from inversion.problem.parameters import Parameters
 from inversion.problem.predictions import Targets, make_targets, read
 from inversion.problem.question import ZoneBoundary
@@ -239,7 +238,7 @@ class MPMModel:
 
     def _reader(self, setup: Setup) -> HistoryReader:
         """Reads what was measured, and what could be, on all frames of a run as it ends."""
-        return history_reader([*self.targets.entries, *self._possible.entries], setup.foot)
+        return HistoryReader([*self.targets.entries, *self._possible.entries], setup.foot)
 
     def _read_all(self, states: list[State], targets: Targets) -> dict[State, np.ndarray]:
         """Measurements or proposals on distinct runs, one vector each."""

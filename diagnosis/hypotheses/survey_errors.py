@@ -16,8 +16,6 @@ import numpy as np
 
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Scene
-from geometry.survey.measured_numbers import CrestSettlement, MarkerDisplacement
-from geometry.survey.measured_series import SurfaceProfile
 from inversion.back_analysis.variants import moved
 from inversion.problem.predictions import Targets
 from inversion.problem.question import ZoneBoundary
@@ -99,27 +97,19 @@ def survey_errors(targets: Targets) -> list[SurveyError]:
 
 
 def _elevations(targets: Targets) -> tuple[np.ndarray, np.ndarray, float]:
-    """Change of each number if the datum is 1 m too high (m,), where it was levelled (m,) [m], std.
-
-    A freeboard is measured from the water, so no datum enters it.
-    """
-    height, place, std = [], [], []
+    """Change of each number by a datum 1 m too high (m,), where it was levelled (m,) [m], std."""
+    rise, place, std = [], [], []
     for entry in targets.entries:
-        n = len(entry.values)
-        if isinstance(entry, SurfaceProfile):
-            height += [1.0] * n
-            place += entry.profile.x.tolist()
+        datum = entry.datum
+        if datum is None:
+            rise.append(np.zeros(len(entry.values)))
+            place.append(np.full(len(entry.values), np.nan))
+            continue
+        rise.append(datum.rise)
+        place.append(datum.x)
+        if datum.line:
             std.append(entry.std)
-        elif isinstance(entry, CrestSettlement):
-            height += [-1.0] * n
-            place += [np.nan if entry.x_m is None else entry.x_m]
-        elif isinstance(entry, MarkerDisplacement):
-            height += [1.0 if part == "dy" else 0.0 for part in entry.parts]
-            place += [entry.x_m if part == "dy" else np.nan for part in entry.parts]
-        else:
-            height += [0.0] * n
-            place += [np.nan] * n
-    return np.array(height), np.array(place), max(std, default=1.0)
+    return np.concatenate(rise), np.concatenate(place), max(std, default=1.0)
 
 
 def boundaries(

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.survey.observables import ground_elevation, surface_profile
+from geometry.survey.surface_profile import ground_elevation, surface_profile
 from inversion.engines.run_store import write_arrays
 from pipeline.cli import InputError
 

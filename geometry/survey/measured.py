@@ -1,22 +1,30 @@
-"""What all measurements have in common: values, covariance, and a reading of points.
+"""What every measurement is: numbers with a covariance, read on material points.
 
 An entry of `measurements.yaml` is a vector of one or more values with a covariance, and `observe`
-predicts the same vector from material points by the definitions of `geometry.survey.observables`:
-one definition for field data, the material point method and learned simulators.
-
-A new type is one class with `values` and `_read`, and its name in `geometry.survey.measurements`.
+predicts the same vector from material points: one definition for field data, the material point
+method and learned simulators. `Measured` is the base of all types. Everything that differs from
+type to type is a member that the type must give (`REQUIRED`); a type that forgets one is refused
+when it is registered (`geometry.survey.registry`), not when the member is first needed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from geometry.scenes.scene import Document
+from geometry.scenes.scene import Document, Scene
+from geometry.survey.marks import Mark
+from geometry.survey.toe import Side
+from pipeline.files import content_hash
+
+if TYPE_CHECKING:
+    from geometry.survey.site import Site
 
 Confidence = Literal["published", "paper", "recalled", "assumed", "constructed"]
 
@@ -52,7 +60,7 @@ class Deposit:
 
 @dataclass(frozen=True)
 class Observed:
-    """A prediction and its derivative with respect to the positions of the frames it hangs on.
+    """A prediction and its derivative with respect to the positions of the frames it depends on.
 
     Attributes:
         values: (m,) in the unit of the measurement.
@@ -65,10 +73,65 @@ class Observed:
     change: np.ndarray
 
 
-class Measured(Document):
-    """What every measurement says about itself."""
+@dataclass(frozen=True)
+class Reading:
+    """A reading of one measurement on one run.
 
-    unit: ClassVar[str] = "m"
+    Attributes:
+        values: (m,) in the measurement's unit; NaN where it could not be read.
+        trouble: why it could not; else empty.
+    """
+
+    values: np.ndarray
+    trouble: str = ""
+
+
+@dataclass(frozen=True)
+class Along:
+    """Where or when the numbers of a measurement were taken.
+
+    Attributes:
+        axis: x of the section, or time.
+        place: (m,) in m or s.
+        series: the numbers follow each other along the axis.
+    """
+
+    axis: Literal["x_m", "time_s"]
+    place: np.ndarray
+    series: bool
+
+
+@dataclass(frozen=True)
+class Datum:
+    """How an error of the survey's datum enters the numbers.
+
+    Attributes:
+        rise: change of each number if the datum is 1 m too high, (m,).
+        x: where it was levelled, (m,) [m]; NaN: nowhere, or not known.
+        line: the numbers are a levelled line, whose standard deviation is that of the datum.
+    """
+
+    rise: np.ndarray
+    x: np.ndarray
+    line: bool
+
+
+class Measured(Document):
+    """Base of all types of measurement.
+
+    A type adds its fields, among them ``type: Literal["its_name"]``, and gives every member named
+    in `REQUIRED`.
+    """
+
+    unit: ClassVar[str]
+    """Of the values, such as "m"."""
+    history: ClassVar[tuple[str, ...] | None]
+    """Names of the fields that decide what is read on all frames of a run; None: the measurement is
+    read on the last frame alone. Runs keep such a reading by these fields, not their frames."""
+    as_one: ClassVar[bool] = False
+    """In tables of a run, the root mean square of the differences stands for all values."""
+    code: ClassVar[str] = ""
+    """Hash of the file of a user's own type."""
 
     name: str = Field(min_length=1, description="unique in its set")
     std_is: Literal["published", "assumed"] = Field(
@@ -78,15 +141,74 @@ class Measured(Document):
     source: str = Field(min_length=1, description="where the value is written")
     held_out: bool = Field(False, description="true: never enters a fit; it checks the fit instead")
 
-    @property
-    def constructed(self) -> bool:
-        """True for data drawn by hand: shown, but in no fit and no score unless asked."""
-        return self.confidence == "constructed"
+    # --- what a type must give ---
 
     @property
+    @abstractmethod
     def values(self) -> np.ndarray:
         """The measured values, (m,), in `unit`."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def with_values(self, values: np.ndarray) -> Self:
+        """The same measurement with other values, (m,), in `unit`."""
+
+    @property
+    @abstractmethod
+    def std(self) -> float:
+        """Standard deviation of the survey, in `unit`."""
+
+    @property
+    @abstractmethod
+    def model_std(self) -> float:
+        """What the user grants the model in addition to the survey's error, in `unit`."""
+
+    @property
+    @abstractmethod
+    def along(self) -> Along | None:
+        """Where or when the numbers were taken; None: they have no place."""
+
+    @property
+    @abstractmethod
+    def datum(self) -> Datum | None:
+        """How the survey's datum enters the numbers; None: not at all."""
+
+    @abstractmethod
+    def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
+        """What this measurement would read on a deposit, in `unit`.
+
+        Returns:
+            The value or values (m,). With `derivative` a tuple: the values and their derivative
+            with respect to the last positions, (N, 2) or (m, N, 2); of a type with a `history` the
+            values, the numbers of the frames they depend on, (K,) or (m, K), and the derivative
+            with respect to the positions in these, (K, N, 2) or (m, K, N, 2).
+
+        Raises:
+            ValueError: it cannot be read on this deposit, or its derivative is not known.
+        """
+
+    @abstractmethod
+    def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
+        """Refuse what cannot have been measured on a section.
+
+        Args:
+            scene: the section before the slide.
+            feet: where it ended, x [m] by side: as surveyed, else as drawn.
+            where: beginning of the message.
+
+        Raises:
+            InputError: a place or a value outside the section or its domain; one line.
+        """
+
+    @classmethod
+    @abstractmethod
+    def could_be_made(cls, site: Site) -> Sequence[Measured]:
+        """Measurements of this type that could still be made on a section; their values are 0."""
+
+    @abstractmethod
+    def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
+        """What a picture of the section shows of this measurement; `feet` as for `check_in`."""
+
+    # --- what a type may give ---
 
     @property
     def parts(self) -> list[str]:
@@ -94,28 +216,94 @@ class Measured(Document):
         return [""]
 
     @property
-    def std(self) -> float:
-        """Standard deviation of the survey, in `unit`."""
-        raise NotImplementedError
-
-    @property
-    def model_std(self) -> float:
-        """What the user grants the model beside the survey's error, in `unit`."""
-        raise NotImplementedError
-
-    @property
     def held_out_values(self) -> np.ndarray:
         """Which of the values never enter a fit, (m,) bool."""
         return np.full(len(self.values), self.held_out)
 
-    def covariance(self, *, model: bool = True) -> np.ndarray:
-        """Covariance of the values, (m, m): std^2 exp(-|distance| / correlation length).
+    @property
+    def stated_range(self) -> tuple[float, float] | None:
+        """Lower and upper end of the range that the source states; None: it states none."""
+        return None
+
+    @property
+    def toe_side(self) -> Side | None:
+        """The side on which this is the runout of the toe; None: it is another quantity."""
+        return None
+
+    @property
+    def slid_to(self) -> Side | None:
+        """The side to which, as far as this says, the soil ran; None: it does not say."""
+        return None
+
+    @property
+    def files(self) -> list[str]:
+        """Further files of the case folder that belong to this entry."""
+        return []
+
+    def read_files(self, folder: Path, where: str) -> None:
+        """Read `files`; `where` begins messages.
+
+        Raises:
+            InputError: one of them cannot be read or does not fit the entry; one line.
+        """
+
+    def by_eye(self, deposit: Deposit) -> float | None:
+        """What an eye would read in a picture of the deposit; None: an eye reads nothing else."""
+        return None
+
+    def soil_at(self, feet: Mapping[Side, float]) -> list[float]:
+        """Places to which, as far as this says, soil reached, x [m]; `feet` as for `check_in`."""
+        return []
+
+    def without_hold_out(self) -> Self:
+        """The same entry without its own statement of what is held out."""
+        return self.model_copy(update={"held_out": False})
+
+    def correlation(self) -> np.ndarray:
+        """Correlation of the errors of the values, (m, m)."""
+        return np.eye(len(self.values))
+
+    # --- what follows from it ---
+
+    @property
+    def words(self) -> str:
+        """The type in words."""
+        return self.type.replace("_", " ")  # type: ignore[attr-defined]
+
+    @property
+    def constructed(self) -> bool:
+        """True for data drawn by hand: shown, but in no fit and no score unless asked."""
+        return self.confidence == "constructed"
+
+    @property
+    def needs_history(self) -> bool:
+        """The measurement is read on all frames of a run, not on the last alone."""
+        return self.history is not None
+
+    def reading_key(self, foot: Mapping[str, float]) -> str:
+        """Name of the reading among those that are kept of a run, for a type with a `history`.
+
+        Measured values, errors and names are no part of it, so another survey of the same quantity
+        is read from the same run.
 
         Args:
-            model: with the variance granted to the model; its errors hang together as the survey's.
+            foot: where the section ended before the slide, x [m] by side.
+        """
+        deciding: dict[str, Any] = {name: getattr(self, name) for name in self.history or ()}
+        if "side" in deciding:
+            deciding["foot"] = float(foot[deciding["side"]])
+        if self.code:
+            deciding["code"] = self.code
+        return content_hash({"type": type(self).__name__, **deciding})
+
+    def covariance(self, *, model: bool = True) -> np.ndarray:
+        """Covariance of the values, (m, m): the variance times `correlation`.
+
+        Args:
+            model: with the variance granted to the model, whose errors correlate as the survey's.
         """
         variance = self.std**2 + (self.model_std**2 if model else 0.0)
-        return variance * self._correlation()
+        return variance * self.correlation()
 
     def observe(self, deposit: Deposit) -> np.ndarray:
         """What this measurement would read on a deposit, (m,), in `unit`.
@@ -124,29 +312,40 @@ class Measured(Document):
             ValueError: the deposit lacks what this needs: the ground, or the frames before.
             InputError: the run was cut off in motion before the time measured.
         """
-        return np.atleast_1d(self._read(deposit, derivative=False)).astype(float)
+        return np.atleast_1d(self.read_points(deposit, derivative=False)).astype(float)
 
     def observe_with_derivative(self, deposit: Deposit) -> Observed:
         """The same with its derivative with respect to the positions."""
-        values, change = self._read(deposit, derivative=True)
+        values, *frames, change = self.read_points(deposit, derivative=True)
         values = np.atleast_1d(values).astype(float)
-        change = np.reshape(change, (len(values), 1, *np.shape(deposit.position)))
-        return Observed(values, np.full((len(values), 1), -1), change)
+        numbers = np.reshape(frames[0] if frames else np.full(len(values), -1), (len(values), -1))
+        return Observed(
+            values, numbers, np.reshape(change, (*numbers.shape, *np.shape(deposit.position)))
+        )
 
-    def _read(self, deposit: Deposit, *, derivative: bool) -> Any:
-        """Value(s), or with `derivative` (value(s), (N, 2) or (m, N, 2)), as `observables` has."""
-        raise NotImplementedError
+    def reading(self, deposit: Deposit) -> Reading:
+        """The same as `observe`, with the reason where it cannot be read."""
+        try:
+            return Reading(self.observe(deposit))
+        except ValueError as error:
+            return Reading(np.full(len(self.values), np.nan), str(error))
 
-    def _correlation(self) -> np.ndarray:
-        return np.eye(len(self.values))
+
+#: Members that every type must give, itself or by a base such as `Length`.
+REQUIRED = (
+    "unit", "history", "values", "with_values", "std", "model_std", "along", "datum",
+    "read_points", "check_in", "could_be_made", "marks",
+)  # fmt: skip
 
 
 class Length(Measured):
     """A measurement in metres."""
 
+    unit: ClassVar[str] = "m"
+
     std_m: float = Field(gt=0, description="standard deviation of the survey [m]")
     model_std_m: float = Field(
-        0.0, ge=0, description="what the model is granted beside the survey's error [m]"
+        0.0, ge=0, description="granted to the model in addition to the survey's error [m]"
     )
 
     @property
@@ -156,8 +355,41 @@ class Length(Measured):
 
     @property
     def model_std(self) -> float:
-        """What the user grants the model beside the survey's error [m]."""
+        """What the user grants the model in addition to the survey's error [m]."""
         return self.model_std_m
+
+
+class SingleLength(Length):
+    """A measurement that is one length."""
+
+    value_m: float = Field(description="the measured value [m]")
+    low_m: float | None = Field(None, description="lower end of the stated range [m]")
+    high_m: float | None = Field(None, description="upper end of the stated range [m]")
+
+    @model_validator(mode="after")
+    def _in_range(self) -> Self:
+        if (self.low_m is None) != (self.high_m is None):
+            raise ValueError("low_m and high_m: give both or neither")
+        if self.low_m is not None and not self.low_m <= self.value_m <= self.high_m:
+            raise ValueError(
+                f"value_m {self.value_m:g} lies outside low_m {self.low_m:g} to "
+                f"high_m {self.high_m:g}"
+            )
+        return self
+
+    @property
+    def values(self) -> np.ndarray:
+        """The measured length, (1,) [m]."""
+        return np.array([self.value_m])
+
+    def with_values(self, values: np.ndarray) -> Self:
+        """The same with another length, (1,) [m]."""
+        return self.model_copy(update={"value_m": float(values[0])})
+
+    @property
+    def stated_range(self) -> tuple[float, float] | None:
+        """Lower and upper end of the stated range [m]."""
+        return None if self.low_m is None else (self.low_m, self.high_m)
 
 
 def exponential_correlation(places: np.ndarray, length: float | None) -> np.ndarray:

@@ -1,67 +1,32 @@
-"""What was measured after a slide: the document beside a case's scene, and how it is read.
+"""What was measured after a slide: the document in a case's folder, and how it is read.
 
 In: `measurements.yaml` of a folder of `case_histories/` and the CSV files it names. Out: a
 `Measurements` document whose entries know their values, their covariance, how far they may be
 trusted, whether a fit may use them, and how the same is read on points (`observe`).
 
-The types are in `geometry.survey.measured_numbers` and `geometry.survey.measured_series`; a new one
-is one class there and its name in `Measurement`. File format: docs/method/measurements.md.
+The types of its entries are those of `geometry.survey.registry`. File format:
+docs/method/measurements.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
-from shapely.geometry import Point as PlacedPoint
-from shapely.geometry import Polygon
+from pydantic import Field, ValidationError, model_validator
 
 from geometry.scenes.limits import check_level
 from geometry.scenes.scene import Document, Scene, document_error
-from geometry.survey.measured import Confidence, Deposit, Measured, Observed
-from geometry.survey.measured_numbers import (
-    CrestSettlement,
-    Freeboard,
-    MarkerDisplacement,
-    ToeRunout,
-)
-from geometry.survey.measured_series import SlideDuration, SurfaceProfile, ToeHistory, Velocity
-from geometry.survey.profiles import Profile, load_profile
+from geometry.survey.checks import check_in_domain, check_in_section
+from geometry.survey.measured import Measured, SingleLength
+from geometry.survey.registry import Measurement, measurement_types
+from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe import Side
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 
-__all__ = [
-    "FILE_NAME",
-    "Confidence",
-    "CrestSettlement",
-    "Deposit",
-    "Freeboard",
-    "InitialSection",
-    "MarkerDisplacement",
-    "Measured",
-    "Measurement",
-    "Measurements",
-    "Number",
-    "Observed",
-    "Profile",
-    "SlideDuration",
-    "SurfaceProfile",
-    "ToeHistory",
-    "ToeRunout",
-    "Velocity",
-    "check_places",
-    "load_measurements",
-    "load_profile",
-]
-
 FILE_NAME = "measurements.yaml"
-
-Number = ToeRunout | CrestSettlement | Freeboard
-Anything = Number | MarkerDisplacement | SurfaceProfile | ToeHistory | Velocity | SlideDuration
-Measurement = Annotated[Anything, Field(discriminator="type")]
 
 
 class InitialSection(Document):
@@ -103,7 +68,7 @@ class Measurements(Document):
                     raise ValueError(f"sets.{group}: two measurements are called {name!r}")
         return self
 
-    def chosen(self, name: str | None = None) -> list[Anything]:
+    def chosen(self, name: str | None = None) -> list[Measured]:
         """The measurements of a set; None: of the default one.
 
         Raises:
@@ -117,9 +82,9 @@ class Measurements(Document):
         return list(self.sets[wanted])
 
     @property
-    def numbers(self) -> list[Number]:
+    def numbers(self) -> list[SingleLength]:
         """The measurements of the default set that are one length each."""
-        return [m for m in self.chosen() if isinstance(m, Number)]
+        return [m for m in self.chosen() if isinstance(m, SingleLength)]
 
     @property
     def profiles(self) -> list[SurfaceProfile]:
@@ -129,6 +94,12 @@ class Measurements(Document):
     def foot(self, side: Side) -> float | None:
         """Measured foot before the slide [m], or None where only the scene knows it."""
         return self.initial.toe_left_x_m if side == "left" else self.initial.toe_right_x_m
+
+    def feet(self, scene: Scene) -> dict[Side, float]:
+        """Foot of the section before the slide by side, x [m]: as surveyed, else as drawn."""
+        sides: tuple[Side, Side] = ("left", "right")
+        surveyed = {side: self.foot(side) for side in sides}
+        return {side: scene.foot(side) if x is None else x for side, x in surveyed.items()}
 
 
 def load_measurements(folder: str | Path, scene: Scene | None = None) -> Measurements:
@@ -152,8 +123,7 @@ def load_measurements(folder: str | Path, scene: Scene | None = None) -> Measure
         raise InputError(_error_line(error, str(path))) from None
     for group, entries in measurements.sets.items():
         for entry in entries:
-            if isinstance(entry, SurfaceProfile):
-                _attach(entry, path, group)
+            entry.read_files(path.parent, f"{path}: sets.{group}: {entry.name!r}")
     if scene is not None:
         check_places(measurements, scene, str(path))
     return measurements
@@ -168,58 +138,19 @@ def check_places(measurements: Measurements, scene: Scene, source: str) -> None:
     for side in ("left", "right"):
         foot = measurements.foot(side)
         if foot is not None:
-            _in_domain(foot, scene, f"{source}: initial.toe_{side}_x_m")
+            check_in_domain(foot, scene, f"{source}: initial.toe_{side}_x_m")
     _check_initial(measurements.initial, scene, f"{source}: initial")
+    feet = measurements.feet(scene)
     for group, entries in measurements.sets.items():
         for entry in entries:
-            _check_entry(entry, measurements, scene, f"{source}: sets.{group}: {entry.name!r}")
-
-
-def _check_entry(entry: Anything, measurements: Measurements, scene: Scene, where: str) -> None:
-    if isinstance(entry, ToeRunout) and scene.domain.walls == "closed":
-        surveyed = measurements.foot(entry.side)
-        foot = scene.foot(entry.side) if surveyed is None else surveyed
-        outward = -1.0 if entry.side == "left" else 1.0
-        _in_domain(foot + outward * entry.value_m, scene, f"{where}: the toe")
-    elif isinstance(entry, CrestSettlement):
-        if entry.x_m is not None:
-            _in_section(entry.x_m, scene, f"{where}: x_m")
-        height = scene.extent[1] - scene.ground.lowest
-        if not -height <= entry.value_m <= height:
-            raise InputError(
-                f"{where}: value_m {entry.value_m:g} is more than the section is high above its "
-                f"ground, {height:g} m"
-            )
-    elif isinstance(entry, Freeboard):
-        if not scene.ground.lowest <= entry.water_level_m <= scene.domain.y_max:
-            raise InputError(
-                f"{where}: water_level_m {entry.water_level_m:g} lies outside the domain, "
-                f"y {scene.ground.lowest:g} to {scene.domain.y_max:g} m"
-            )
-        ground = entry.water_level_m + entry.value_m
-        if not scene.ground.lowest <= ground <= scene.domain.y_max:
-            raise InputError(
-                f"{where}: value_m {entry.value_m:g} over water at {entry.water_level_m:g} m is "
-                f"ground at y {ground:g}; the domain has {scene.ground.lowest:g} to "
-                f"{scene.domain.y_max:g} m"
-            )
-    elif isinstance(entry, MarkerDisplacement):
-        place = PlacedPoint(entry.x_m, entry.y_m)
-        if min(place.distance(Polygon(zone.polygon)) for zone in scene.zones) > 0.0:
-            raise InputError(
-                f"{where}: the marker ({entry.x_m:g}, {entry.y_m:g}) lies in no zone of the section"
-            )
-    elif isinstance(entry, SurfaceProfile):
-        _check_profile(entry.whole, scene, f"{where}: {entry.file}")
-    elif isinstance(entry, Velocity):
-        _in_domain(entry.x_m, scene, f"{where}: x_m")
+            entry.check_in(scene, feet, f"{source}: sets.{group}: {entry.name!r}")
 
 
 def _check_initial(initial: InitialSection, scene: Scene, where: str) -> None:
     """The crest lies on the section, the feet on their own sides of it, the water near it."""
     crest = initial.crest_x_m
     if crest is not None:
-        _in_section(crest, scene, f"{where}.crest_x_m")
+        check_in_section(crest, scene, f"{where}.crest_x_m")
     for side, foot, sign in (
         ("left", initial.toe_left_x_m, 1.0),
         ("right", initial.toe_right_x_m, -1.0),
@@ -246,51 +177,6 @@ def _check_initial(initial: InitialSection, scene: Scene, where: str) -> None:
             raise InputError(f"{where}.{error}") from None
 
 
-def _in_section(x: float, scene: Scene, where: str) -> None:
-    left, right = scene.foot("left"), scene.foot("right")
-    if not left <= x <= right:
-        raise InputError(f"{where} {x:g} lies outside the section, x {left:g} to {right:g} m")
-
-
-def _check_profile(profile: Profile, scene: Scene, where: str) -> None:
-    for x, y in zip(profile.x, profile.y, strict=True):
-        _in_domain(x, scene, f"{where}: x_m")
-        base = float(scene.ground.height(x))
-        if not base - scene.spacing <= y <= scene.domain.y_max:
-            raise InputError(
-                f"{where}: ({x:g}, {y:g}) lies outside the domain, from the ground at "
-                f"y {base:g} to y_max {scene.domain.y_max:g} m"
-            )
-
-
-def _in_domain(x: float, scene: Scene, where: str) -> None:
-    domain = scene.domain
-    if not domain.x_min <= x <= domain.x_max:
-        raise InputError(
-            f"{where}: {x:g} lies outside the domain, x {domain.x_min:g} to {domain.x_max:g} m"
-        )
-
-
-def _attach(entry: SurfaceProfile, path: Path, group: str) -> None:
-    """Read the file of a profile and check that the entry finds in it what it names."""
-    file, where = path.parent / entry.file, f"{path}: sets.{group}: {entry.name!r}"
-    if not file.is_file():
-        raise InputError(f"{where}: file: {file}: no such file")
-    profile = load_profile(file)
-    if entry.part is not None and entry.part not in profile.part:
-        known = ", ".join(dict.fromkeys(profile.part))
-        raise InputError(f"{where}: part: {entry.part!r} is not in {file}; it has {known}")
-    entry.attach(profile)
-    if entry.held_out_x_m is not None:
-        held = entry.held_out_values
-        if held.all() or not held.any():
-            first, last = entry.held_out_x_m
-            found = "every point" if held.all() else "no point"
-            raise InputError(
-                f"{where}: held_out_x_m: {found} of {file} lies between {first:g} and {last:g} m"
-            )
-
-
 def _error_line(error: ValidationError, source: str) -> str:
     """`document_error`, with a hint where a key merely lacks its unit."""
     # A misspelt key is also a missing one; the misspelling says more.
@@ -310,12 +196,9 @@ def _error_line(error: ValidationError, source: str) -> str:
 
 def _fields_at(where: tuple[int | str, ...]) -> list[str]:
     """Keys that are allowed at a place of the document, as far as that is known."""
-    models: dict[str, type[BaseModel]] = {
-        model.model_fields["type"].annotation.__args__[0]: model for model in get_args(Anything)
-    }
     if not where:
         return list(Measurements.model_fields)
     if where == ("initial",):
         return list(InitialSection.model_fields)
-    model = models.get(str(where[-1]))
+    model = measurement_types().get(str(where[-1]))
     return list(model.model_fields) if model else []

@@ -1,4 +1,4 @@
-"""The toe of a deposit, and how far it ran.
+"""The toe of a deposit.
 
 The toe is where the smoothed column height of the mass still connected to the dam falls below 0.5 m
 or one spacing, whichever is larger. Walking outwards from the dam, the first such place counts.
@@ -20,6 +20,17 @@ from geometry.survey.columns import (
 )
 
 Side = Literal["left", "right"]
+
+
+def outward_of(side: Side) -> int:
+    """Direction away from the dam: -1 on the left, 1 on the right.
+
+    Raises:
+        ValueError: no such side.
+    """
+    if side not in ("left", "right"):
+        raise ValueError(f"side is {side!r}; allowed are 'left' and 'right'")
+    return -1 if side == "left" else 1
 
 
 def toe(
@@ -47,7 +58,7 @@ def toe(
     Raises:
         ValueError: no column at the anchor is thick enough to be a dam.
     """
-    outward = _outward(side)
+    outward = outward_of(side)
     member = connected(position, volume, spacing)
     weight = np.where(member, volume, 0.0)
     length, limit = kernel_length(spacing), toe_thickness(spacing)
@@ -77,44 +88,6 @@ def toe(
     return x, change
 
 
-def toe_runout(
-    position: np.ndarray,
-    volume: np.ndarray | float,
-    *,
-    spacing: float,
-    side: Side,
-    initial_toe: float,
-    anchor_x: float | None = None,
-    derivative: bool = False,
-) -> float | tuple[float, np.ndarray]:
-    """Distance of the toe from the foot of the section, outward positive.
-
-    Args:
-        position: (N, 2) [m].
-        volume: (N,) or one number [m2 per m].
-        spacing: distance between material points [m].
-        side: left or right of the dam.
-        initial_toe: x of the foot before the slide [m], `Scene.foot`.
-        anchor_x: see `toe`.
-        derivative: return also the derivative.
-
-    Returns:
-        Runout [m], or with `derivative` (runout, (N, 2)).
-    """
-    outward = _outward(side)
-    result = toe(
-        position,
-        volume,
-        spacing=spacing,
-        side=side,
-        anchor_x=anchor_x,
-        derivative=derivative,
-    )
-    if derivative:
-        return outward * (result[0] - initial_toe), outward * result[1]
-    return outward * (result - initial_toe)
-
-
 def naked_eye_toe(
     position: np.ndarray, volume: np.ndarray | float, *, spacing: float, side: Side
 ) -> float:
@@ -122,17 +95,11 @@ def naked_eye_toe(
 
     What an eye sees in a picture. One point decides and there is no useful derivative; for reports.
     """
-    outward = _outward(side)
+    outward = outward_of(side)
     member = connected(position, volume, spacing)
     return outward * float(np.max(outward * np.asarray(position)[member, 0])) + (
         outward * 0.5 * spacing
     )
-
-
-def _outward(side: Side) -> int:
-    if side not in ("left", "right"):
-        raise ValueError(f"side is {side!r}; allowed are 'left' and 'right'")
-    return -1 if side == "left" else 1
 
 
 def _crossing(

@@ -174,8 +174,7 @@ def load_case(
     if question.duration_s is not None:
         simulation = simulation.model_copy(update={"duration_s": question.duration_s})
     chosen = measurement_set or measurements.default_set
-    feet = {side: measurements.foot(side) for side in ("left", "right")}
-    foot = {side: scene.foot(side) if x is None else x for side, x in feet.items()}
+    foot = measurements.feet(scene)
     fit = _fit_of(question, measurements, chosen)
     source = str(folder / FILE_NAME)
     targets = make_targets(

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from geometry.survey.measured_numbers import SingleLength, ToeRunout
 from inversion.back_analysis.equivalent_answers import Stop
 from inversion.back_analysis.load import LoadedCase
 from inversion.back_analysis.result import (
@@ -81,7 +80,7 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
         entry, value = targets.entries[group], prediction.values[place]
         if not np.isfinite(value):
             continue
-        ends = (entry.low_m, entry.high_m) if isinstance(entry, SingleLength) else (None, None)
+        ends = entry.stated_range or (None, None)
         lines.append(
             MeasurementAnswer(
                 name=targets.names[place],
@@ -100,9 +99,7 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
                 role=targets.roles[place],
                 confidence=entry.confidence,
                 source=entry.source,
-                by_eye=(
-                    prediction.by_eye.get(entry.name) if isinstance(entry, ToeRunout) else None
-                ),
+                by_eye=prediction.by_eye.get(entry.name),
             )
         )
     return lines

@@ -14,7 +14,6 @@ import numpy as np
 from pydantic import ValidationError
 
 from geometry.scenes.scene import Point, Scene, document_error, scene_from_mapping
-from geometry.survey.measured_numbers import SingleLength
 from inversion.engines.mpm_engine import Setup
 from inversion.problem.parameters import with_properties
 from inversion.problem.predictions import Targets
@@ -244,8 +243,9 @@ def _target(setup: Setup, sensitivity: Target, where: str) -> list[Changed]:
         raise InputError(
             f"{where}: measurement: {sensitivity.measurement!r} is not fitted; fitted are {fitted}"
         )
-    if isinstance(entry, SingleLength) and entry.low_m is not None:
-        changes = [entry.high_m - entry.value_m, entry.low_m - entry.value_m]
+    if entry.stated_range is not None:
+        low, high = entry.stated_range
+        changes = [high - entry.values[0], low - entry.values[0]]
     else:
         changes = [entry.std, -entry.std]
     found = []

@@ -15,7 +15,8 @@ from typing import Literal
 from pydantic import Field, ValidationError, model_validator
 
 from geometry.scenes.scene import Document, document_error
-from geometry.survey.measurements import Confidence, Measurements, ToeRunout
+from geometry.survey.measured import Confidence
+from geometry.survey.measurements import Measurements
 from geometry.survey.toe import Side
 from inversion.classical.kinetics import EndSlope, Stages
 from inversion.classical.morph import BaseStrength
@@ -147,7 +148,8 @@ def default_judgements(measurements: Measurements, source: str) -> list[Judgemen
     Raises:
         InputError: there is none.
     """
-    sides = {m.side for m in measurements.numbers if isinstance(m, ToeRunout) and m.value_m > 0}
+    toes = [m for m in measurements.chosen() if m.toe_side is not None]
+    sides = {toe.toe_side for toe in toes if toe.values[0] > 0}
     if not sides:
         raise InputError(
             f"{source}: no toe_runout above 0 among the measurements; name the side of the slide "

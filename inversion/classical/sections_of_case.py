@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from geometry.scenes.scene import Scene, load_scene
-from geometry.survey.measurements import Measurements, load_measurements, load_profile
-from geometry.survey.observables import surface_profile
+from geometry.survey.measurements import Measurements, load_measurements
+from geometry.survey.profiles import load_profile
+from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe import Side
 from inversion.classical.judgement import SEARCH, Judgement
 from inversion.classical.morph import Slide

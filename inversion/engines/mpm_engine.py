@@ -15,8 +15,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Deposit
-from inversion.engines.history_readings import HistoryReader, history_reader
-from inversion.engines.run_store import KeptRun, RunStore
+from inversion.engines.run_store import HistoryReader, KeptRun, RunStore
 from inversion.problem.forward import Forward, Prediction, by_differences
 from inversion.problem.parameters import Parameters
 from inversion.problem.predictions import Targets, read, toes_by_eye
@@ -43,8 +42,8 @@ class Setup:
 
     @cached_property
     def reader(self) -> HistoryReader:
-        """Reads what hangs on the whole history of a run."""
-        return history_reader(self.targets.entries, self.foot)
+        """Reads what needs the whole history of a run."""
+        return HistoryReader(self.targets.entries, self.foot)
 
 
 class MPMEngine:

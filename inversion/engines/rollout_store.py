@@ -15,8 +15,14 @@ import numpy as np
 
 import geometry
 import gns
-from inversion.engines.history_readings import HistoryReader
-from inversion.engines.run_store import DAMAGE, KeptRun, load_kept, save_kept, write_arrays
+from inversion.engines.run_store import (
+    DAMAGE,
+    HistoryReader,
+    KeptRun,
+    load_kept,
+    save_kept,
+    write_arrays,
+)
 from inversion.problem.parameters import Parameters
 from inversion.problem.predictions import Targets
 from pipeline.files import content_hash
@@ -53,7 +59,7 @@ class RolloutStore:
             if found is not None:
                 self._runs[key] = found
         found = self._runs.get(key)
-        if found is None or any(name not in found.readings for name in reader.keys):
+        if found is None or any(name not in found.readings for name in reader.wanted):
             return None
         return found
 

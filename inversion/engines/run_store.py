@@ -10,16 +10,17 @@ from __future__ import annotations
 import sys
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.lib import format as npy
 
-from inversion.engines.history_readings import HistoryReader, Reading
+from geometry.survey.measured import Deposit, Measured, Reading
 from mpm_taichi.batch import run_key
 from mpm_taichi.effects import changes_volume
 from pipeline.files import atomic_path
@@ -57,7 +58,7 @@ class KeptRun:
         status: "finished" or "failed"; reason: why.
         end_s: simulated motion [s]; at_rest: it stopped of itself.
         wall_time_s: computing time when it was computed [s].
-        readings: of measurements that hang on the whole history, by `reading_key`.
+        readings: of measurements that need the whole history, by `Measured.reading_key`.
     """
 
     initial: np.ndarray
@@ -71,6 +72,45 @@ class KeptRun:
     wall_time_s: float
     readings: dict[str, Reading] = field(default_factory=dict)
     volume: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class HistoryReader:
+    """Reads measurements on all frames of a run as it ends, so that no frames are kept.
+
+    Attributes:
+        entries: measurements; only those that need the history are read.
+        foot: where the section ended before the slide, x [m] by side.
+    """
+
+    entries: Sequence[Measured]
+    foot: Mapping[str, float]
+
+    @cached_property
+    def wanted(self) -> dict[str, Measured]:
+        """The measurements that are read, by the name of their reading."""
+        return {e.reading_key(self.foot): e for e in self.entries if e.needs_history}
+
+    def read(self, run: Run) -> dict[str, Reading]:
+        """Readings by name."""
+        if run.status == "failed":
+            return {
+                key: Reading(np.full(len(entry.values), np.nan), run.reason)
+                for key, entry in self.wanted.items()
+            }
+        deposit = Deposit(
+            position=run.positions[-1].astype(float),
+            initial_position=run.positions[0].astype(float),
+            volume=run.bulk_volume,
+            spacing=run.scene.spacing,
+            foot=self.foot,
+            ground=np.asarray(run.scene.ground.points, dtype=float),
+            positions=run.positions,
+            time=run.time,
+            at_rest=run.came_to_rest,
+            initial_volume=run.scene.spacing**2,
+        )
+        return {key: entry.reading(deposit) for key, entry in self.wanted.items()}
 
 
 class RunStore:
@@ -128,7 +168,7 @@ class RunStore:
             if run is not None:
                 self._kept[key] = run
         return run is not None and all(
-            name in run.readings for reader in readers for name in reader.keys
+            name in run.readings for reader in readers for name in reader.wanted
         )
 
     def _compute(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.survey.observables import surface_profile
+from geometry.survey.surface_profile import surface_profile
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.response import Response, Sections, design, response
 from inversion.problem.forward import Forward, Prediction

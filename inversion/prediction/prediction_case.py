@@ -15,10 +15,10 @@ import numpy as np
 
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 from geometry.survey.measured import Measured
-from geometry.survey.measured_numbers import SingleLength, ToeRunout
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import load_measurements
 from geometry.survey.toe import Side
+from geometry.survey.toe_runout import ToeRunout
 from inversion.back_analysis.load import SCENE_FILE
 from inversion.engines.mpm_engine import Setup
 from inversion.prediction.known_strength import KnownStrength
@@ -131,11 +131,7 @@ def load_prediction_case(
     surveyed: dict[Side, float | None] = dict.fromkeys(SIDES)
     if measurements is not None:
         surveyed = {side: measurements.foot(side) for side in SIDES}
-        entries = [
-            entry
-            for entry in measurements.chosen()
-            if isinstance(entry, SingleLength) and not entry.constructed
-        ]
+        entries = [entry for entry in measurements.numbers if not entry.constructed]
     return PredictionCase(
         name=folder.resolve().name,
         scene=scene,
@@ -155,7 +151,7 @@ def load_prediction_case(
 
 def _other_toes(entries: Sequence[Measured], scene: Scene) -> list[ToeRunout]:
     """Runouts of the sides that nobody measured and that have room to run."""
-    taken = {entry.side for entry in entries if isinstance(entry, ToeRunout)}
+    taken = {entry.toe_side for entry in entries}
     found = []
     for side in SIDES:
         wall = scene.domain.x_min if side == "left" else scene.domain.x_max

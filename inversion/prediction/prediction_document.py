@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from geometry.survey.measured_numbers import ToeRunout
 from inversion import PHYSICS_VERSION
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import ENVELOPE, QUANTILES, Distribution, Envelope
@@ -99,12 +98,12 @@ def _worth_telling(case: PredictionCase, found: Distribution, number: int) -> bo
 def _at_the_edge(case: PredictionCase, found: Distribution, number: int) -> float | None:
     """Share of the slides that end at the edge of the domain: they would have run farther."""
     entry, scene = case.entries[number], case.scene
-    if not isinstance(entry, ToeRunout):
+    if entry.toe_side is None:
         return None
     if scene.domain.walls == "open":
         return 0.0
-    edge = scene.domain.x_min if entry.side == "left" else scene.domain.x_max
-    room = abs(edge - case.foot[entry.side])
+    edge = scene.domain.x_min if entry.toe_side == "left" else scene.domain.x_max
+    room = abs(edge - case.foot[entry.toe_side])
     return _round(np.mean(found.samples[:, number] > room - 2.0 * scene.spacing))
 
 

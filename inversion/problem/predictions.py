@@ -13,11 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from geometry.survey.measured import Deposit, Measured
-from geometry.survey.measured_numbers import ToeRunout
-from geometry.survey.observables import naked_eye_toe
+from geometry.survey.measured import Deposit, Measured, Reading
 from inversion.back_analysis.result import Role
-from inversion.engines.history_readings import Reading, needs_history, reading_key
 from pipeline.cli import InputError
 
 
@@ -105,7 +102,7 @@ def make_targets(
     names, roles = [], []
     for entry in entries:
         allowed = fit is None or entry.name in fit
-        allowed = allowed and (loss == "misfit" or isinstance(entry, ToeRunout))
+        allowed = allowed and (loss == "misfit" or entry.toe_side is not None)
         for part, held in zip(entry.parts, entry.held_out_values, strict=True):
             names.append(f"{entry.name} {part}".strip())
             roles.append(_role(entry, bool(held), allowed, use_constructed))
@@ -166,7 +163,7 @@ def _check_may_enter(
         raise InputError(
             f"{source}: fit: {name!r} is constructed and enters no fit without --use-constructed"
         )
-    if loss == "runout" and not isinstance(entry, ToeRunout):
+    if loss == "runout" and entry.toe_side is None:
         raise InputError(
             f"{source}: fit: {name!r} is no toe_runout; the loss `runout` takes nothing else, "
             "use loss: misfit"
@@ -195,22 +192,12 @@ def read(
 
 
 def _read_one(entry: Measured, deposit: Deposit, readings: Mapping[str, Reading] | None) -> Reading:
-    if readings is not None and needs_history(entry):
-        return readings[reading_key(entry, deposit.foot)]
-    try:
-        return Reading(entry.observe(deposit))
-    except ValueError as error:
-        return Reading(np.full(len(entry.values), np.nan), str(error))
+    if readings is not None and entry.needs_history:
+        return readings[entry.reading_key(deposit.foot)]
+    return entry.reading(deposit)
 
 
 def toes_by_eye(targets: Targets, deposit: Deposit) -> dict[str, float]:
     """Runout of the last connected point, for each measured toe [m]."""
-    found = {}
-    for entry in targets.entries:
-        if isinstance(entry, ToeRunout):
-            toe = naked_eye_toe(
-                deposit.position, deposit.volume, spacing=deposit.spacing, side=entry.side
-            )
-            foot = deposit.foot[entry.side]
-            found[entry.name] = foot - toe if entry.side == "left" else toe - foot
-    return found
+    read = {entry.name: entry.by_eye(deposit) for entry in targets.entries}
+    return {name: value for name, value in read.items() if value is not None}

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.survey.measurements import ToeRunout, load_measurements
+from geometry.survey.measurements import load_measurements
 from inversion.back_analysis.result import ParameterAnswer, Result, load_result
 from inversion.back_analysis.result_files import RUN, SECTIONS, classical_beside
 from inversion.engines.registry import side_by_side
@@ -67,11 +68,11 @@ class ReportData:
     sections: Sections | None = None
 
     @property
-    def toes(self) -> list[ToeRunout]:
+    def toes(self) -> list[Measured]:
         """The measured toes; none where the case is not at hand."""
         if self.case is None:
             return []
-        return [m for m in self.case.measured if isinstance(m, ToeRunout)]
+        return [m for m in self.case.measured if m.toe_side is not None]
 
     @property
     def strengths(self) -> list[ParameterAnswer]:
@@ -95,7 +96,7 @@ class ReportData:
         """
         if self.case is None:
             return "left"
-        sides = {toe.side for toe in self.toes}
+        sides = {toe.toe_side for toe in self.toes}
         if len(sides) == 1:
             return sides.pop()
         corners = [np.asarray(zone.polygon) for zone in self.case.scene.zones]
@@ -112,7 +113,7 @@ class ReportData:
 
     def toe_place(self, side: str, runout: float) -> float:
         """The x of a toe [m], from how far it is beyond the foot of the section [m]."""
-        foot = self.case.foot(side)
+        foot = self.case.feet[side]
         return foot - runout if side == "left" else foot + runout
 
 

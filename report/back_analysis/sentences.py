@@ -260,7 +260,7 @@ def toe_words(data: ReportData) -> list[str]:
         judges = [row for row in data.result.engines if row.engine == "mpm"]
         known = next(row.predicted for row in judges if row.values == answer)
     return [
-        f"the {toe.name} moves {plain(known[toe.name])} m; {toe.value_m:g} m was measured"
+        f"the {toe.name} moves {plain(known[toe.name])} m; {toe.values[0]:g} m was measured"
         for toe in data.toes
         if toe.name in known
     ]

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from geometry.survey.measured import Measured
 from inversion.back_analysis.result import Iteration
 from mpm_taichi.trajectory import Run
 from report.back_analysis.data import ReportData
@@ -25,7 +26,7 @@ from report.charts.style import (
     words,
     wrapped,
 )
-from report.pictures.case_history import profile_overlay
+from report.pictures.case_history import line_overlay
 from report.pictures.colouring import colouring_of
 from report.pictures.frame import LAYER, Overlay, draw_frame, overlays, view_limits
 from report.pictures.scene import HALO, TEXT_COLOUR
@@ -90,16 +91,16 @@ def _as_run(run: Run, positions: np.ndarray) -> Run:
 
 def _marks(data: ReportData) -> list[Overlay]:
     """The measured surface, the measured toe and its stated range."""
-    return [profile_overlay(data.case), *(_toe(data, toe) for toe in data.toes)]
+    return [line_overlay(data.case), *(_toe(data, toe) for toe in data.toes)]
 
 
-def _toe(data: ReportData, toe) -> Overlay:  # noqa: ANN001
+def _toe(data: ReportData, toe: Measured) -> Overlay:
     def draw(ax: Axes) -> None:
-        x = data.toe_place(toe.side, toe.value_m)
+        x = data.toe_place(toe.toe_side, toe.values[0])
         y = float(data.case.scene.ground.height(x))
         order = LAYER["overlay"] + 2
-        if toe.low_m is not None:
-            ends = [data.toe_place(toe.side, end) for end in (toe.low_m, toe.high_m)]
+        if toe.stated_range is not None:
+            ends = [data.toe_place(toe.toe_side, end) for end in toe.stated_range]
             ax.plot(ends, [y, y], color="white", linewidth=5, zorder=order, solid_capstyle="butt")
             ax.plot(ends, [y, y], color="black", linewidth=2, zorder=order, solid_capstyle="butt")
         ax.plot([x], [y], marker="^", color="black", markersize=8, markeredgecolor="white",
@@ -112,7 +113,7 @@ def _predicted_toes(ax: Axes, data: ReportData, line: Iteration) -> None:
     for toe in data.toes:
         runout = line.predicted.get(toe.name)
         if runout is not None:
-            x = data.toe_place(toe.side, runout)
+            x = data.toe_place(toe.toe_side, runout)
             y = float(data.case.scene.ground.height(x))
             ax.plot([x], [y], marker="v", color=OURS, markersize=8, markeredgecolor="white",
                     linestyle="none", zorder=LAYER["overlay"] + 3)  # fmt: skip
@@ -126,7 +127,7 @@ def _heading(data: ReportData, look: int) -> str:
         for p in data.result.answer.parameters
     )
     toes = ", ".join(
-        f"{toe.name} {line.predicted[toe.name]:.1f} m (measured {toe.value_m:g})"
+        f"{toe.name} {line.predicted[toe.name]:.1f} m (measured {toe.values[0]:g})"
         for toe in data.toes
         if toe.name in line.predicted
     )

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from shapely.geometry import Polygon
 from shapely.ops import polylabel
 
-from geometry.survey.measurements import ToeRunout
+from geometry.survey.marks import Distance, Line
 from mpm_taichi.case import Case, Reading, label
 from mpm_taichi.trajectory import Run
 from pipeline.files import atomic_path
@@ -48,7 +48,7 @@ LINES, LOWEST_LINE = (0.11, 0.25), 0.36
 
 def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: Path) -> None:
     """Save the section before and the deposit after, with what was measured."""
-    after = overlays(profile_overlay(case), toe_distances(case, readings))
+    after = overlays(line_overlay(case), distances(case, readings))
     limits = _limits(case, run, after)
     bottom = case.scene.ground.lowest
     width = WIDTH_IN - LEFT - RIGHT
@@ -101,13 +101,12 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
 
 def save_case_film(case: Case, run: Run, path: Path) -> None:
     """Save the run as a film, with the measured profile and toe laid over it."""
-    marks = [profile_overlay(case)]
-    for measurement in case.measured:
-        if isinstance(measurement, ToeRunout):
-            x = _toe_place(case, measurement.side, measurement.value_m)
-            y = float(case.scene.ground.height(x))
-            marks.append(toe_overlay(x, y, label=f"measured toe, {measurement.value_m:g} m"))
-    save_animation(run, path, colour="material", overlay=overlays(*marks))
+    shown = [line_overlay(case)]
+    for mark in case.marks:
+        if isinstance(mark, Distance):
+            y = float(case.scene.ground.height(mark.end))
+            shown.append(toe_overlay(mark.end, y, label=f"measured toe, {mark.value:g} m"))
+    save_animation(run, path, colour="material", overlay=overlays(*shown))
 
 
 def _limits(case: Case, run: Run, overlay: Overlay) -> tuple[tuple[float, float], ...]:
@@ -120,55 +119,60 @@ def _limits(case: Case, run: Run, overlay: Overlay) -> tuple[tuple[float, float]
 # --- overlays ---
 
 
-def profile_overlay(case: Case) -> Overlay:
-    """The measured surfaces; constructed parts dotted and named so."""
+def line_overlay(case: Case) -> Overlay:
+    """The measured lines, such as surfaces; constructed ones dotted and named so."""
 
     def draw(ax: Axes) -> None:
         labelled = set()
-        for profile, constructed in case.profiles:
-            for part, x, y in profile.pieces():
-                drawn = constructed and part != "unchanged"
-                style = CONSTRUCTED_LINE if drawn else MEASURED_LINE
-                name = f"profile after the slide: {part}"
-                ax.plot(
-                    x,
-                    y,
-                    color="white",
-                    alpha=0.8,
-                    linewidth=3.4,
-                    zorder=LAYER["overlay"],
-                    solid_capstyle="round",
-                )
-                ax.plot(
-                    x,
-                    y,
-                    color=MEASURED,
-                    zorder=LAYER["overlay"],
-                    label=name if name not in labelled else "_nolegend_",
-                    **style,
-                )
-                labelled.add(name)
+        for line in case.marks:
+            if not isinstance(line, Line):
+                continue
+            style = CONSTRUCTED_LINE if line.constructed else MEASURED_LINE
+            ax.plot(
+                line.x,
+                line.y,
+                color="white",
+                alpha=0.8,
+                linewidth=3.4,
+                zorder=LAYER["overlay"],
+                solid_capstyle="round",
+            )
+            ax.plot(
+                line.x,
+                line.y,
+                color=MEASURED,
+                zorder=LAYER["overlay"],
+                label=line.label if line.label not in labelled else "_nolegend_",
+                **style,
+            )
+            labelled.add(line.label)
 
     return draw
 
 
-def toe_distances(case: Case, readings: Sequence[Reading]) -> Overlay:
+def distances(case: Case, readings: Sequence[Reading]) -> Overlay:
     """Measured and simulated runout as two dimension lines below the ground, from the foot."""
-    runouts = [r for r in readings if isinstance(r.measurement, ToeRunout)]
+    pairs = [
+        (reading, mark)
+        for reading in readings
+        if reading.measurement is not None
+        for mark in reading.measurement.marks(case.feet)
+        if isinstance(mark, Distance)
+    ]
 
     def draw(ax: Axes) -> None:
-        for reading in runouts:
-            m = reading.measurement
-            foot, outward = case.foot(m.side), _outward(m.side)
+        for reading, mark in pairs:
+            foot, outward = mark.start, mark.outward
             upper, lower = (share * _height(case) for share in LINES)
-            words = f"{m.value_m:g} m measured"
-            if m.low_m is not None:
-                words += f" ({m.low_m:g}-{m.high_m:g} m)"
-                ends = [foot + outward * m.low_m, foot + outward * m.high_m]
+            words = f"{mark.value:g} m measured"
+            if mark.stated_range is not None:
+                low, high = mark.stated_range
+                words += f" ({low:g}-{high:g} m)"
+                ends = [foot + outward * low, foot + outward * high]
                 y = np.full(2, _ground(case, foot) - upper)
                 ax.plot(ends, y, color="white", linewidth=6, alpha=0.75, solid_capstyle="butt",
                         zorder=LAYER["overlay"])  # fmt: skip
-            _dimension(ax, case, foot, outward * m.value_m, upper, words, MEASURED)
+            _dimension(ax, case, foot, outward * mark.value, upper, words, MEASURED)
             words = f"{reading.simulated:.1f} m simulated"
             _dimension(ax, case, foot, outward * reading.simulated, lower, words, SIMULATED)
 
@@ -304,14 +308,6 @@ def _material_handles(case: Case) -> list[Artist]:
 
 
 # --- small things ---
-
-
-def _outward(side: str) -> float:
-    return -1.0 if side == "left" else 1.0
-
-
-def _toe_place(case: Case, side: str, runout: float) -> float:
-    return case.foot(side) + _outward(side) * runout
 
 
 def _ground(case: Case, x: np.ndarray | float) -> np.ndarray:

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from geometry.survey.observables import surface_profile
+from geometry.survey.surface_profile import surface_profile
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.evaluation.metrics import energy_history
 from report.pictures.packed_data import GROUND_COLOUR, KINEMATIC_COLOUR, limits_of, save, tidy

@@ -17,9 +17,10 @@ from diagnosis.fitting.space import Amplitude, Space
 from diagnosis.fitting.whitened import Data
 from diagnosis.hypotheses.model import Candidate, State
 from diagnosis.options import HoldOut
-from geometry.survey.measured_numbers import ToeRunout
-from geometry.survey.measured_series import SurfaceProfile, ToeHistory
 from geometry.survey.profiles import Profile
+from geometry.survey.surface_profile import SurfaceProfile
+from geometry.survey.toe_history import ToeHistory
+from geometry.survey.toe_runout import ToeRunout
 from inversion.problem.parameters import Parameters
 from inversion.problem.predictions import make_targets
 from inversion.problem.question import ParameterSpec, Prior

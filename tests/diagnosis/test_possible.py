@@ -7,8 +7,10 @@ import pytest
 
 from diagnosis.case import load_diagnosis
 from diagnosis.hypotheses.model import Proposing, state
-from diagnosis.selection.possible_measurements import possible_measurements, reach
-from geometry.survey.measured_series import SlideDuration, SurfaceProfile, ToeHistory
+from diagnosis.selection.possible_measurements import possible_measurements, site_of
+from geometry.survey.slide_duration import SlideDuration
+from geometry.survey.surface_profile import SurfaceProfile
+from geometry.survey.toe_history import ToeHistory
 from inversion.engines.run_store import RunStore
 from pipeline.config import Config
 
@@ -20,7 +22,7 @@ def case(embankment):
 
 def test_what_was_measured_is_not_proposed(case):
     entries = possible_measurements(case.setup)
-    assert reach(case.setup) == (-37.059, 64.0)
+    assert site_of(case.setup).reach == (-37.059, 64.0)
     places = [e.profile.x[0] for e in entries if isinstance(e, SurfaceProfile)]
     # The survey has the surface every 4 m up to x = 40.
     assert places and min(places) > 40.0 + 2 * 2.0

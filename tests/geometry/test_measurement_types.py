@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from geometry.scenes.fill import fill
-from geometry.survey.measurements import Deposit, Measurements, check_places
+from geometry.survey.measured import Deposit
+from geometry.survey.measurements import Measurements, check_places
 from geometry.survey.profiles import Profile, load_profile
 from pipeline.cli import InputError
 

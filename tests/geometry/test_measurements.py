@@ -7,12 +7,10 @@ import pytest
 import yaml
 
 from geometry.scenes.fill import fill
-from geometry.survey.measurements import (
-    CrestSettlement,
-    Deposit,
-    load_measurements,
-    load_profile,
-)
+from geometry.survey.crest_settlement import CrestSettlement
+from geometry.survey.measured import Deposit
+from geometry.survey.measurements import load_measurements
+from geometry.survey.profiles import load_profile
 from pipeline.cli import InputError
 
 

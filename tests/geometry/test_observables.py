@@ -9,19 +9,18 @@ from hypothesis import strategies as st
 
 from geometry.scenes.fill import fill
 from geometry.survey.columns import column_grid, column_height, connected, kernel, kernel_slope
-from geometry.survey.observables import (
-    column_velocity,
+from geometry.survey.crest_settlement import (
     crest_points,
     crest_settlement,
     crest_settlement_of_points,
-    freeboard,
-    marker_displacement,
-    naked_eye_toe,
-    surface_profile,
-    toe,
-    toe_history,
-    toe_runout,
 )
+from geometry.survey.freeboard import freeboard
+from geometry.survey.marker_displacement import marker_displacement
+from geometry.survey.surface_profile import surface_profile
+from geometry.survey.toe import naked_eye_toe, toe
+from geometry.survey.toe_history import toe_history
+from geometry.survey.toe_runout import toe_runout
+from geometry.survey.velocity import column_velocity
 
 POOL, CREST = 35.9, 190.0
 few = settings(

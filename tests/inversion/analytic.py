@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geometry.survey.measured_numbers import ToeRunout
+from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.finite_steps import FiniteSteps
 from inversion.estimation.objective import Objective
 from inversion.estimation.search import Search

@@ -9,9 +9,13 @@ import torch
 import yaml
 
 from geometry.scenes.scene import load_scene
-from geometry.survey.measured_numbers import CrestSettlement, MarkerDisplacement, ToeRunout
-from geometry.survey.measured_series import SurfaceProfile, ToeHistory, Velocity
+from geometry.survey.crest_settlement import CrestSettlement
+from geometry.survey.marker_displacement import MarkerDisplacement
 from geometry.survey.profiles import Profile
+from geometry.survey.surface_profile import SurfaceProfile
+from geometry.survey.toe_history import ToeHistory
+from geometry.survey.toe_runout import ToeRunout
+from geometry.survey.velocity import Velocity
 from gns.data.scene_facts import start_of
 from gns.network.simulator import Simulator, SimulatorConfig
 from inversion.engines.mpm_engine import Setup

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from geometry.scenes.polygon_checks import gaps
-from geometry.survey.measured_numbers import MarkerDisplacement
+from geometry.survey.marker_displacement import MarkerDisplacement
 from inversion.back_analysis.load import load_case
 from inversion.problem.predictions import make_targets
 from inversion.problem.question import (

@@ -10,10 +10,10 @@ import pytest
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import scene_from_mapping
-from geometry.survey.measured_series import SlideDuration, ToeHistory
+from geometry.survey.slide_duration import SlideDuration
+from geometry.survey.toe_history import ToeHistory
 from inversion.back_analysis import result_builder
-from inversion.engines.history_readings import history_reader
-from inversion.engines.run_store import KeptRun, RunStore, load_kept, save_kept
+from inversion.engines.run_store import HistoryReader, KeptRun, RunStore, load_kept, save_kept
 from inversion.problem.forward import Prediction
 from pipeline.config import SimulationSettings
 
@@ -129,42 +129,44 @@ def test_what_hangs_on_the_whole_way_is_read_once_and_kept_without_frames(tmp_pa
     film = ToeHistory(name="film", type="toe_history", side="left", times_s=[1.0, 2.5, 9.0],
                       values_m=[0.0, 0.0, 0.0], std_m=1.0, **about)  # fmt: skip
     told = SlideDuration(name="told", type="slide_duration", value_s=3.0, std_s=1.0, **about)
-    reader = history_reader([film, told], {"left": 0.0, "right": 10.0})
+    reader = HistoryReader([film, told], {"left": 0.0, "right": 10.0})
+    filmed, timed = reader.wanted
     store = RunStore(tmp_path)
     (run,) = store.fetch([(scene, settings)], [reader])
-    toe = run.readings[reader.keys[0]].values
+    toe = run.readings[filmed].values
     assert toe - toe[0] == pytest.approx([0.0, 1.5, 3.0])
-    assert run.readings[reader.keys[1]].values == pytest.approx([0.9 * 4.0])
+    assert run.readings[timed].values == pytest.approx([0.9 * 4.0])
 
     again = RunStore(tmp_path)
     # Another survey of the same quantity is read from the same run.
     resurveyed = film.model_copy(update={"name": "again", "values_m": [1.0, 2.0, 3.0]})
-    (kept,) = again.fetch([(scene, settings)], [history_reader([resurveyed, told], reader.foot)])
+    (kept,) = again.fetch([(scene, settings)], [HistoryReader([resurveyed, told], reader.foot)])
     assert len(simulated) == 1 and again.computed == 0
-    assert np.array_equal(kept.readings[reader.keys[0]].values, toe)
+    assert np.array_equal(kept.readings[filmed].values, toe)
     assert (tmp_path / next(iter(tmp_path.iterdir())).name).stat().st_size < 8000
 
     # Another quantity needs the run again; what was read before stays.
-    other = history_reader([film.model_copy(update={"times_s": [2.0, 3.0, 4.0]})], reader.foot)
+    other = HistoryReader([film.model_copy(update={"times_s": [2.0, 3.0, 4.0]})], reader.foot)
     (kept,) = again.fetch([(scene, settings)], [other])
     assert len(simulated) == 2
-    assert set(kept.readings) == {*reader.keys, *other.keys}
+    assert set(kept.readings) == {*reader.wanted, *other.wanted}
     assert set(load_kept(next(iter(tmp_path.iterdir()))).readings) == set(kept.readings)
     # The same measured from another foot is another quantity, but not for a duration.
-    assert history_reader([film], {"left": 1.0, "right": 10.0}).keys[0] != reader.keys[0]
-    assert history_reader([told], {"left": 1.0, "right": 10.0}).keys[0] == reader.keys[1]
+    assert filmed not in HistoryReader([film], {"left": 1.0, "right": 10.0}).wanted
+    assert timed in HistoryReader([told], {"left": 1.0, "right": 10.0}).wanted
 
 
 def test_a_history_of_a_run_that_was_cut_off_is_told_not_made_up(sliding):
     scene, _ = sliding
     told = SlideDuration(name="told", type="slide_duration", value_s=3.0, std_s=1.0,
                          confidence="assumed", source="a test")  # fmt: skip
-    reader = history_reader([told], {"left": 0.0, "right": 10.0})
+    reader = HistoryReader([told], {"left": 0.0, "right": 10.0})
+    (timed,) = reader.wanted
     from mpm_taichi.simulate import simulate_each
 
     ((_, run),) = simulate_each([scene], SimulationSettings())
     run.came_to_rest = False
-    reading = reader.read(run)[reader.keys[0]]
+    reading = reader.read(run)[timed]
     assert np.isnan(reading.values).all() and "stopped in motion" in reading.trouble
     run.status, run.reason = "failed", "energy balance"
-    assert reader.read(run)[reader.keys[0]].trouble == "energy balance"
+    assert reader.read(run)[timed].trouble == "energy balance"

@@ -9,8 +9,9 @@ from shapely.geometry import Polygon
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene, load_scene
+from geometry.survey.crest_settlement import crest_settlement
 from geometry.survey.measurements import load_measurements
-from geometry.survey.observables import crest_settlement, toe_runout
+from geometry.survey.toe_runout import toe_runout
 from inversion.back_analysis.load import LoadedCase, load_case
 from pipeline.config import load_config
 

@@ -16,7 +16,7 @@ from flowslide.commands.simulation import main
 from mpm_taichi import case as history
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import SimulationSettings
-from report.pictures.case_history import profile_overlay, toe_distances
+from report.pictures.case_history import distances, line_overlay
 
 SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
 LIQUEFIED = "liquefied_hydraulic_fill"
@@ -167,11 +167,11 @@ def test_a_run_that_a_guard_stops_is_failed_work(folder, tmp_path):
 def test_marks_of_the_picture(simulated):
     case, run = simulated
     ax = Figure().add_subplot()
-    profile_overlay(case)(ax)
+    line_overlay(case)(ax)
     labels = ax.get_legend_handles_labels()[1]
     assert labels == ["profile after the slide: constructed", "profile after the slide: unchanged"]
     ax = Figure().add_subplot()
-    toe_distances(case, history.read_deposit(case, run))(ax)
+    distances(case, history.read_deposit(case, run))(ax)
     words = [text.get_text() for text in ax.texts if text.get_text()]
     assert words[0] == "53 m measured (42-65 m)" and words[1].endswith(" m simulated")
 

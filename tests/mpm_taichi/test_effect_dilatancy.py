@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry.scenes.scene import scene_from_mapping
-from geometry.survey.observables import surface_profile
+from geometry.survey.surface_profile import surface_profile
 from mpm_taichi.effects import effect
 from mpm_taichi.simulate import simulate
 from pipeline.config import SimulationSettings

@@ -21,7 +21,6 @@ from benchmarks.hidden_effects.making.laboratory import Laboratory, Request
 from benchmarks.hidden_effects.making.sections import Section
 from diagnosis.fitting.covariance import covariance
 from geometry.survey.measured import Deposit
-from geometry.survey.measured_series import SurfaceProfile
 from pipeline.cli import InputError
 
 #: Levels of the strength between its bounds, equally spaced in its logarithm.
@@ -51,7 +50,7 @@ class Read:
             return None
         foot = section.scene.foot(section.survey.side)
         entries = surveys.entries_of(section, surveys.SURVEYS[-1], foot)
-        rest = [entry for entry in entries if not isinstance(entry, SurfaceProfile)]
+        _, *rest = entries  # the first is the profile
         try:
             values = surveys.reading(rest, deposit)
         except ValueError:

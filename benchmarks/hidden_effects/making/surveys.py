@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 from scipy.linalg import block_diag
 
 from benchmarks.hidden_effects.making.sections import Section
 from geometry.survey.measured import Deposit, Measured
-from geometry.survey.measured_series import SurfaceProfile
-from geometry.survey.measurements import Measurement
-from geometry.survey.observables import toe_runout
 from geometry.survey.profiles import WHOLE, Profile
+from geometry.survey.registry import measurement_of
+from geometry.survey.toe_runout import toe_runout
 
 SURVEYS = ("sparse", "profile", "markers", "history")
 #: Places of the profile of a sparse survey.
@@ -32,8 +30,6 @@ INSIDE = 0.05
 #: Places keep so many spacings away from the ends of the section's domain.
 MARGIN = 3.0
 PROFILE_FILE = "profile.csv"
-
-_ENTRY = TypeAdapter(Measurement)
 
 
 def toe_of(section: Section, deposit: Deposit) -> float:
@@ -79,14 +75,10 @@ def with_values(
         places: of the profile, (n,) [m].
         values: of all measurements in their order, (m,) [m]; None: zeros.
     """
-    entries = [
-        _ENTRY.validate_python(entry) for entry in documents(section, survey, values, places)
-    ]
-    for entry in entries:
-        if isinstance(entry, SurfaceProfile):
-            y = np.zeros(len(places)) if values is None else np.asarray(values[: len(places)])
-            entry.attach(Profile(places, y, [WHOLE] * len(places)))
-    return entries
+    profile, *rest = (measurement_of(entry) for entry in documents(section, survey, values, places))
+    y = np.zeros(len(places)) if values is None else np.asarray(values[: len(places)])
+    profile.attach(Profile(places, y, [WHOLE] * len(places)))
+    return [profile, *rest]
 
 
 def documents(

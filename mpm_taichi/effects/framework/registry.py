@@ -6,10 +6,7 @@ come from a file of their own (`--effects FILE`): it is code, and is run only wh
 
 from __future__ import annotations
 
-import hashlib
 import importlib
-import importlib.util
-import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -18,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from mpm_taichi.effects.framework.base import Active, Effect
 from mpm_taichi.effects.framework.faults import faults
 from pipeline.cli import InputError
+from pipeline.user_code import load_user_code
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -202,13 +200,7 @@ def load_effects_file(path: str | Path) -> list[Effect]:
         InputError: no such file, an error in it, no effect in it, a name that is taken or no name,
             fields of the wrong kind, numbers that do not fit together; one line.
     """
-    path = Path(path)
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    version = hashlib.sha256(text).hexdigest()[:16]
-    module = _module(path, f"_flowslide_effects_{version}")
+    module, version = load_user_code(path, "flowslide_effects")
     found = [value for value in vars(module).values() if isinstance(value, Effect)]
     mine = {id(one) for one in library()}
     own = [one for one in dict.fromkeys(found) if id(one) not in mine]
@@ -235,21 +227,3 @@ def load_effects_file(path: str | Path) -> list[Effect]:
             f"{path}: more than {MOST_ON_DEVICE} effects with hooks on points or nodes"
         )
     return own
-
-
-def _module(path: Path, name: str) -> Any:
-    """The file as a module; the same content is run once."""
-    if path.suffix != ".py":
-        raise InputError(f"{path}: is no Python file (.py)")
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        del sys.modules[name]
-        words = " ".join(str(error).split())
-        raise InputError(f"{path}: does not load: {type(error).__name__}: {words}") from None
-    return module
