@@ -52,13 +52,29 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
         first = first if best is first else search.look(best.values, "scan", 0)
     else:
         search.measure_noise(first, start)
-    found = METHODS[method](search, first)
+    found = _searched(search, first, method)
     if _far_off(search, found.look) and search.runs < search.max_runs:
         better = look_around(search, search.objective.parameters.start, found.look)
         if better is not None:
+            search.start_again()
             first = search.look(better.values, "scan", better.iteration)
-            found = METHODS[method](search, first)
+            found = _searched(search, first, method)
     return _polished(search, found)
+
+
+def _searched(search: Search, first: Look, method: Method) -> Found:
+    """Search from a look; an end that is not a minimum is not an end.
+
+    L-BFGS-B may stop at a point whose derivative still promises a better fit, when its line search
+    fails in a ripple of the loss. It then starts once more from there, with no memory of curvature.
+    """
+    found = METHODS[method](search, first)
+    if method != "lbfgsb" or found.look is first or found.reached or search.exhausted:
+        return found
+    if _promise(search, found.look) < LEAST_PROMISE:
+        return found
+    search.start_again()
+    return METHODS[method](search, found.look)
 
 
 def _polished(search: Search, found: Found) -> Found:
@@ -96,10 +112,15 @@ def _says_nothing(search: Search, look: Look, least_m: float) -> bool:
         return False
     if not moved(search, look, least_m).any():
         return True
+    return _promise(search, look) < LEAST_PROMISE
+
+
+def _promise(search: Search, look: Look) -> float:
+    """Share of the sum of squares that the best linear step from a look would remove."""
     residuals = search.objective.residuals(
         look.prediction, search.objective.parameters.to_fitted(look.values)
     )
-    return best_step(search, look, LARGEST_BOX).gain < LEAST_PROMISE * float(residuals @ residuals)
+    return best_step(search, look, LARGEST_BOX).gain / max(float(residuals @ residuals), 1e-300)
 
 
 def further_starts(parameters: Parameters, number: int) -> Sequence[np.ndarray]:

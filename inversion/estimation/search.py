@@ -59,7 +59,7 @@ class Search:
         steps: chooses the finite differences.
         seeds: engines that differ in the seed of the jitter; they measure the noise at the first
             point where something moves. Empty: the noise in `steps` is taken as it is.
-        max_iterations: looks with a derivative after the first.
+        max_iterations: looks with a derivative after the first, for each place the search starts from.
         max_runs: simulations after which no further look is taken.
         on_look: told of each look.
     """
@@ -75,6 +75,7 @@ class Search:
     began: float = field(default_factory=time.perf_counter)
     runs_before: int = field(init=False)
     _for_noise: int = field(init=False, default=0)
+    _iterations_before: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         self.runs_before = self.engine.runs
@@ -87,8 +88,20 @@ class Search:
     @property
     def exhausted(self) -> bool:
         """No further look is allowed."""
-        iterations = max((look.iteration for look in self.looks), default=0)
+        iterations = self._iterations - self._iterations_before
         return iterations >= self.max_iterations or self.runs >= self.max_runs
+
+    def start_again(self) -> None:
+        """Allow as many iterations again, for a search from another place.
+
+        Without them a search that used up its iterations in the wrong valley could see the right
+        one and not go there.
+        """
+        self._iterations_before = self._iterations
+
+    @property
+    def _iterations(self) -> int:
+        return max((look.iteration for look in self.looks), default=0)
 
     def look(self, values: np.ndarray, kind: Kind, iteration: int) -> Look:
         """Run at `values` with the derivative; learn the next steps from it."""

@@ -29,6 +29,21 @@ def test_a_search_that_ends_far_from_the_data_looks_around(start, method):
     assert np.all(np.diff([look.runs for look in found.looks]) >= 0)
 
 
+@pytest.mark.parametrize("method", ["gauss_newton", "lbfgsb"])
+@pytest.mark.parametrize("seed", range(12))
+def test_the_answer_does_not_depend_on_the_last_bit(seed, method):
+    """Processors round exp and log differently; in ripples that sends a search elsewhere."""
+    draw = np.random.default_rng(seed)
+
+    def rounded(values):
+        return gone(values) * (1.0 + 2.2e-16 * draw.integers(-2, 3, 2))
+
+    goal = targets(36.0, 6.5, loss="misfit")
+    search = problem([strength("a", low=2.0)], rounded, goal, loss="misfit", tolerance=0.01)
+    found = calibrate(search, np.array([8.0]), method=method, least_m=0.5)
+    assert found.values[0] == pytest.approx(33.0, rel=0.01)
+
+
 def test_a_search_that_fits_does_not_look_around():
     search = problem(
         [strength("a")], lambda v: np.array([80.0 - v[0]]), targets(53.0), tolerance=0.1
