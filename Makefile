@@ -1,6 +1,7 @@
 # make lsfd     back-analyse the Lower San Fernando dam: S_r, how sure, and what the other methods say
 # make test     the fast tests, under 5 minutes on two processor cores
 # make verify   the whole verification suite, with its pictures
+# make docs     the documentation as a site with search: results/site/html/index.html
 # make lint     the linters
 # make clean    remove what tests and linters have left (neither results/ nor .venv)
 #
@@ -10,11 +11,11 @@
 
 VENV ?= .venv
 PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(shell command -v $(name))))
-EXTRAS := dxf,paraview,video,workflow,dev
+EXTRAS := dxf,paraview,video,workflow,dev,docs
 READY := $(VENV)/.flowslide-installed
 IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH"
 
-.PHONY: lsfd test verify lint format install clean
+.PHONY: lsfd test verify docs lint format install clean
 .DELETE_ON_ERROR:
 
 lsfd: $(READY)
@@ -27,6 +28,9 @@ test: $(READY)
 verify: $(READY)
 	$(IN_VENV) python -m pytest -m slow || test $$? -eq 5  # 5: there are none
 	$(IN_VENV) python -m benchmarks.verification
+
+docs: $(READY)
+	$(IN_VENV) python docs/build.py
 
 lint: $(READY)
 	$(IN_VENV) ruff check .
