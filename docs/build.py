@@ -1,9 +1,9 @@
 """Build the documentation site: `python docs/build.py` (or `make docs`).
 
-Collects the pages in results/site/source: docs/, README.md as first page, the other Markdown files of
-the root, and an API reference with one page for every room (a folder of a package). The generator
-then turns them into results/site/html. Its only configuration is mkdocs.yml, so another generator
-that reads this file needs no change here. Nothing of flowslide is imported.
+Collects the pages in results/site/source: docs/, README.md as the first page, the other Markdown
+files of the root, and an API reference with one page for each room (a folder of a package). The
+generator turns them into results/site/html. Its only configuration is mkdocs.yml, so another
+generator that reads this file needs no change here. Nothing of flowslide is imported.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ OTHERS = {
 
 
 def rooms(package: str) -> dict[str, list[str]]:
-    """Modules by room: `inversion.classical` -> [`inversion.classical`, `...classical.imm`, ...]."""
+    """Modules by room: `geometry.scenes` -> `geometry.scenes`, `geometry.scenes.fill`, ..."""
     found: dict[str, list[str]] = {}
     for path in sorted((ROOT / package).rglob("*.py")):
         room = ".".join(path.relative_to(ROOT).parent.parts)
