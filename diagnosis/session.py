@@ -1,14 +1,12 @@
-"""What the commands of a diagnosis share: options, the case, its model, its folder, its clock.
+"""What the questions of a diagnosis share: the case, its model, its folder, its clock.
 
-In: the arguments of a command. Out: a `Session`. Runs are kept by content in `runs/` of the folder,
+In: a case folder and the settings. Out: a `Session`. Runs are kept by content in `runs/` of the folder,
 so a command goes on where another ended, or where it was killed itself. What hangs on the clock or
 the machine goes into `timing.json`; every other file has the same bytes whenever it is made.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -37,11 +35,9 @@ from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from geometry.scenes.scene import scene_hash
 from geometry.survey.toe import outward_of
 from inversion.back_analysis.load import case_folder
-from inversion.engines.run_store import RunStore
-from mpm_taichi.effects import add_effects_option, load_given_effects
-from pipeline.batch_lines import BatchLines
-from pipeline.cli import InputError, add_common, at_least_one
-from pipeline.config import Config, load_config
+from inversion.engines.run_store import OnRun, RunStore
+from pipeline.cli import InputError
+from pipeline.config import Config
 from pipeline.files import content_hash, file_hash, read_json, write_json
 from pipeline.manifest import code_version, machine, package_versions
 
@@ -52,29 +48,9 @@ HASH_DIGITS = 16
 Document = TypeVar("Document", CompareDocument, ExplainDocument, Verdict)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
-    """Options that every command of a case has."""
-    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
-    parser.add_argument(
-        "--out", metavar="DIR", help="folder of the results; default: results/<case>/diagnosis"
-    )
-    parser.add_argument("--spacing", type=float, metavar="M", help="of material points, m")
-    parser.add_argument(
-        "--model",
-        metavar="FILE",
-        help="a model to go on from, a file or its name in models/; default: the base model",
-    )
-    add_effects_option(parser)
-    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
-    parser.add_argument(
-        "--page", choices=("yes", "no"), default="yes", help="write the page; default: yes"
-    )
-    return add_common(parser)
-
-
 @dataclass
 class Session:
-    """One command on one case.
+    """One question about one case.
 
     Attributes:
         case: what is asked.
@@ -84,8 +60,7 @@ class Session:
         model_name: of the model that stands in place of the base model.
         model_file: the same; None: the base model itself.
         say: tells a line of progress.
-        write_page: a page is wanted.
-        spacing_m: as asked for on the command line.
+        spacing_m: as asked for; None: the case's own.
     """
 
     case: DiagnosisCase
@@ -95,7 +70,6 @@ class Session:
     model_name: str
     model_file: ModelFile | None
     say: Callable[[str], None]
-    write_page: bool
     spacing_m: float | None = None
     began: float = field(default_factory=time.perf_counter)
 
@@ -253,36 +227,40 @@ def describe(state: State) -> str:
     return ", ".join(words)
 
 
-def open_session(arguments: argparse.Namespace) -> Session:
-    """Read everything a command needs, before the first simulation.
+def open_session(
+    case: str | Path,
+    config: Config,
+    *,
+    out: str | Path | None = None,
+    hypothesis: str | None = None,
+    spacing_m: float | None = None,
+    threads: int | None = None,
+    say: Callable[[str], None] = lambda line: None,
+    on_run: OnRun | None = None,
+) -> Session:
+    """Read everything a diagnosis needs, before the first simulation.
+
+    Args:
+        case: folder of a case, or its name in `case_histories`.
+        config: settings.
+        out: folder of the results; None: `<results_folder>/<case>/diagnosis`.
+        hypothesis: a model to go on from, a file or its name in `models/` of the folder; None: the
+            base model.
+        spacing_m: of material points; None: the case's own.
+        threads: CPU threads; None: all.
+        say: told a line of what is going on.
+        on_run: told of each run of a batch.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    config = load_config(arguments.config, arguments.overrides)
-    if arguments.threads is not None:
-        at_least_one("--threads", arguments.threads)
-    if arguments.spacing is not None and not arguments.spacing > 0:
-        raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
-    load_given_effects(arguments)
-    place = case_folder(arguments.case)
-    folder = Path(arguments.out or Path(config.results_folder) / place.resolve().name / "diagnosis")
+    place = case_folder(str(case))
+    folder = Path(out or Path(config.results_folder) / place.resolve().name / "diagnosis")
     name, model, origin = BASE, None, ""
-    if arguments.model is not None:
-        name, path = find_model(folder, arguments.model)
+    if hypothesis is not None:
+        name, path = find_model(folder, hypothesis)
         model, origin = load_model_file(path), str(path)
         check_parent(model, path, folder)
-    case = load_diagnosis(
-        place, config, spacing_m=arguments.spacing, model=model, model_source=origin
-    )
-
-    def say(line: str) -> None:
-        if not arguments.quiet:
-            print(line, file=sys.stderr, flush=True)
-
-    store = RunStore(
-        folder / "runs", threads=arguments.threads, on_run=BatchLines(quiet=arguments.quiet)
-    )
-    return Session(
-        case, config, folder, store, name, model, say, arguments.page == "yes", arguments.spacing
-    )
+    loaded = load_diagnosis(place, config, spacing_m=spacing_m, model=model, model_source=origin)
+    store = RunStore(folder / "runs", threads=threads, on_run=on_run)
+    return Session(loaded, config, folder, store, name, model, say, spacing_m)

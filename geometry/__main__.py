@@ -1,7 +1,13 @@
-"""Commands about scenes: `python -m geometry sample|show|check|import`."""
+"""`python -m geometry`: the commands of this package; `flowslide --help` has all of them."""
 
-from flowslide.commands.scenes import main
+from __future__ import annotations
+
+from functools import partial
+
+from flowslide.command_line import package_main
 from pipeline.cli import main_exit
+
+main = partial(package_main, "geometry")
 
 if __name__ == "__main__":
     main_exit(main)

@@ -1,7 +1,13 @@
-"""Commands of the solver: `python -m mpm_taichi run|case|show|export|status|effects`."""
+"""`python -m mpm_taichi`: the commands of this package; `flowslide --help` has all of them."""
 
-from flowslide.commands.simulation import main
+from __future__ import annotations
+
+from functools import partial
+
+from flowslide.command_line import package_main
 from pipeline.cli import main_exit
+
+main = partial(package_main, "mpm_taichi")
 
 if __name__ == "__main__":
     main_exit(main)

@@ -1,4 +1,5 @@
-"""The commands, one module each: `add_parser(subparsers)` and `run(arguments)`.
+"""The commands, one module each: `DESCRIPTION`, `add_arguments(parser)` and `run(arguments)`.
 
-In: a command line. Out: files, tables and an exit code. Nothing is imported before it is needed.
+In: a command line. Out: files, tables and an exit code. `flowslide.command_line.COMMANDS` lists
+them. A module imports nothing heavy before its `run`, so that every `--help` is there at once.
 """

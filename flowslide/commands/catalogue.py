@@ -1,4 +1,4 @@
-"""`python -m inversion catalogue`: the catalogue as a table, and as a picture with our answers."""
+"""`flowslide catalogue`: the catalogue as a table, and as a picture with our answers."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from pipeline.cli import InputError
 from pipeline.table import aligned
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Describe the command's options."""
-    parser = subparsers.add_parser(
-        "catalogue",
-        help="the 16 flow slides, published strengths and correlations, and our answers",
-        description="Print the catalogue of flow slides with the strengths others found, and draw "
-        "strength ratio against blow count with the published correlations and our answers.",
-    )
-    parser.add_argument("--out", metavar="FILE", help="picture: png, svg or pdf; default: none")
+DESCRIPTION = (
+    "Print the catalogue of flow slides with the strengths others found, and draw "
+    "strength ratio against blow count with the published correlations and our answers."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    options.add_out(parser, "picture: png, svg or pdf; default: none", metavar="FILE")
     parser.add_argument(
         "--result",
         action="append",

@@ -1,4 +1,4 @@
-"""`python -m inversion classical CASE`: Kinetics, ZIF and IMM on one case.
+"""`flowslide classical CASE`: Kinetics, ZIF and IMM on one case.
 
 Prints a table and writes `classical.json` and one picture per slide. Judgement calls come from the
 case's `classical.yaml`; an option given here replaces the same call of every slide.
@@ -40,15 +40,15 @@ CALLS: list[tuple[str, str, dict[str, Any]]] = [
 ]
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Add the command `classical` with its options."""
-    parser = subparsers.add_parser(
-        "classical",
-        help="S_r by Kinetics, ZIF and IMM",
-        description="Find S_r by the classical methods on the sections before and after a slide. "
-        "Each reports a value and a range over the judgement calls.",
-    )
-    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
+DESCRIPTION = (
+    "Find S_r by the classical methods on the sections before and after a slide. "
+    "Each reports a value and a range over the judgement calls."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    options.add_case(parser)
     parser.add_argument(
         "--out", metavar="DIR", help="folder of the results; default: RESULTS/CASE/classical"
     )
@@ -65,7 +65,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         action="store_true",
         help="leave the strength of soil that did not liquefy out",
     )
-    return add_common(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

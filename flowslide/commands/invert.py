@@ -1,4 +1,4 @@
-"""`python -m inversion invert CASE`: the back-analysis of a case folder."""
+"""`flowslide invert CASE`: the back-analysis of a case folder."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from inversion.back_analysis.back_analysis import BackAnalysis
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Add the command."""
-    parser = commands.add_parser(
-        "invert",
-        help="find the strengths of a case history",
-        description="Find the strengths that CASE/inversion.yaml asks for, how sure they are, and "
-        "what every other assumption does to them. Started again after a kill, it goes on where it "
-        "stopped.",
-    )
-    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
+DESCRIPTION = (
+    "Find the strengths that CASE/inversion.yaml asks for, how sure they are, and "
+    "what every other assumption does to them. Started again after a kill, it goes on where it "
+    "stopped."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    options.add_case(parser)
     parser.add_argument(
         "--out",
         metavar="DIR",
@@ -46,10 +46,8 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     parser.add_argument(
         "--model", metavar="DIR", help="of the engine gns: a folder, or a name in models/"
     )
-    parser.add_argument(
-        "--set-of-measurements", metavar="NAME", help="default: the one the file names"
-    )
-    parser.add_argument("--spacing", type=float, metavar="M", help="of material points, m")
+    options.add_set_of_measurements(parser)
+    options.add_spacing(parser)
     parser.add_argument(
         "--method", choices=("gauss_newton", "lbfgsb"), help="default: inversion.method"
     )
@@ -65,17 +63,15 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         default="film",
         help="report.html with pictures and a film, without a new film, or none; default: film",
     )
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
-    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
-    add_effects_option(parser)
-    return add_common(parser)
+    options.add_device(parser)
+    options.add_effects(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Find the answer, write it, print it."""
     from inversion.back_analysis.result_files import save_all  # scipy.optimize takes its time
 
-    load_given_effects(arguments)
     config = _config(arguments)
     _check_numbers(arguments)
     case = load_case(

@@ -1,4 +1,4 @@
-"""`python -m inversion predict CASE --residual-strength 18+-5`: how far such a slide would run."""
+"""`flowslide predict CASE --residual-strength 18+-5`: how far such a slide would run."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from pipeline.files import write_json
 FILE_NAME, PICTURE = "prediction.json", "prediction.png"
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Add the command."""
-    parser = commands.add_parser(
-        "predict",
-        help="how far a slide with such a strength would run",
-        description="The distribution of the runout that follows from the distribution of the "
-        "residual strength: exceedance curve, envelope of the final sections, table.",
-    )
-    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
+DESCRIPTION = (
+    "The distribution of the runout that follows from the distribution of the "
+    "residual strength: exceedance curve, envelope of the final sections, table."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    options.add_case(parser)
     parser.add_argument(
         OPTION, dest="strengths", metavar="MEAN+-STD", action="append", required=True,
         help="kPa, such as 18+-5; of some zones: 1,6=4+-1; may be repeated",
@@ -43,12 +43,11 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         "--seeds", type=int, default=3, metavar="N",
         help="jitter seeds that measure the numerical noise; 0: none. Default: 3",
     )  # fmt: skip
-    parser.add_argument("--spacing", type=float, metavar="M", help="of material points, m")
-    parser.add_argument("--out", metavar="DIR", help="default: results/<case>/prediction")
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
-    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
-    add_effects_option(parser)
-    return add_common(parser)
+    options.add_spacing(parser)
+    options.add_out(parser, "default: results/<case>/prediction")
+    options.add_device(parser)
+    options.add_effects(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -56,7 +55,6 @@ def run(arguments: argparse.Namespace) -> int:
     from inversion.prediction.predict import envelope, predict  # scipy.optimize takes its time
     from inversion.prediction.prediction_document import document_of, summary
 
-    load_given_effects(arguments)
     _check(arguments)
     config = load_config(arguments.config, arguments.overrides)
     read = [parse_strength(text, arguments.distribution) for text in arguments.strengths]

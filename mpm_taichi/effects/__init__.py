@@ -18,13 +18,7 @@ from mpm_taichi.effects.framework.base import (
     needs_liquefied_soil,
     ti,
 )
-from mpm_taichi.effects.framework.options import (
-    add_effects_command,
-    add_effects_option,
-    effects_table,
-    effects_text,
-    load_given_effects,
-)
+from mpm_taichi.effects.framework.description import effects_table, effects_text
 from mpm_taichi.effects.framework.registry import (
     LIBRARY,
     acting_scene,
@@ -32,6 +26,7 @@ from mpm_taichi.effects.framework.registry import (
     effect,
     effects,
     effects_on,
+    given_effects,
     kernel_effects,
     key_of_effects,
     load_effects_file,
@@ -53,8 +48,6 @@ __all__ = [
     "Effect",
     "Parameter",
     "acting_scene",
-    "add_effects_command",
-    "add_effects_option",
     "always",
     "changes_volume",
     "effect",
@@ -62,11 +55,11 @@ __all__ = [
     "effects_on",
     "effects_table",
     "effects_text",
+    "given_effects",
     "kernel_effects",
     "key_of_effects",
     "liquefied_zones",
     "load_effects_file",
-    "load_given_effects",
     "needs_liquefied_soil",
     "ti",
     "user_effects",

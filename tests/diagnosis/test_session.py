@@ -14,7 +14,7 @@ from diagnosis.session import TIMING, Session
 @pytest.fixture
 def session(tmp_path):
     told = []
-    made = Session(None, None, tmp_path, None, BASE, None, told.append, write_page=True)
+    made = Session(None, None, tmp_path, None, BASE, None, told.append)
     made.model = SimpleNamespace(runs=3, computed=2)
     made.told = told
     return made

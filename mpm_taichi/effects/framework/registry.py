@@ -7,7 +7,8 @@ come from a file of their own (`--effects FILE`): it is code, and is run only wh
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -227,3 +228,16 @@ def load_effects_file(path: str | Path) -> list[Effect]:
             f"{path}: more than {MOST_ON_DEVICE} effects with hooks on points or nodes"
         )
     return own
+
+
+@contextmanager
+def given_effects(paths: Iterable[str | Path]) -> Iterator[None]:
+    """Load files of effects for the length of a `with` block; see `load_effects_file`."""
+    before = dict(_users)
+    try:
+        for path in paths:
+            load_effects_file(path)
+        yield
+    finally:
+        _users.clear()
+        _users.update(before)

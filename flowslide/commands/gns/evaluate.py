@@ -1,4 +1,4 @@
-"""`python -m gns evaluate`: judge a model on held-out runs and write its card."""
+"""`flowslide gns evaluate`: judge a model on held-out runs and write its card."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from pipeline.progress import Progress
 from pipeline.table import aligned
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """The command line."""
-    parser = commands.add_parser(
-        "evaluate",
-        help="judge a model on held-out runs; write its card",
-        description="Roll out held-out runs, compare them with the simulations, print a table, "
-        "and write card.yaml, evaluation.csv, worst.png and training.png beside the weights.",
-    )
-    parser.add_argument("--scale", help="scale of the data; names data and model")
+DESCRIPTION = (
+    "Roll out held-out runs, compare them with the simulations, print a table, "
+    "and write card.yaml, evaluation.csv, worst.png and training.png beside the weights."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    options.add_scale(parser, "scale of the data; names data and model")
     parser.add_argument("--data", metavar="DIR", help="default: RESULTS/SCALE/dataset")
     parser.add_argument("--model", metavar="DIR", help="default: RESULTS/SCALE/model")
     parser.add_argument("--split", choices=SPLITS[1:], default="test", help="default: test")
@@ -32,9 +32,8 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     )
     parser.add_argument("--name", help="of the model, in the card; default: its folder's or scale")
     parser.add_argument("--note", default="", help="a sentence for the card")
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
-    parser.add_argument("--threads", type=int, help="CPU threads; default: all")
-    return add_common(parser)
+    options.add_device(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

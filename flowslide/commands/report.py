@@ -1,4 +1,4 @@
-"""`python -m inversion show CASE|FOLDER`: a back-analysis told again, and its page made anew."""
+"""`flowslide show CASE|FOLDER`: a back-analysis told again, and its page made anew."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pipeline.config import load_config
 from report.back_analysis.summary import summary
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Add the command."""
-    parser = commands.add_parser(
-        "show",
-        help="print a back-analysis again and rewrite its page",
-        description="Print the tables of a back-analysis that is done, and write its report.html "
-        "and pictures anew. Nothing is simulated.",
-    )
+DESCRIPTION = (
+    "Print the tables of a back-analysis that is done, and write its report.html "
+    "and pictures anew. Nothing is simulated."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "case",
         metavar="CASE|FOLDER",
@@ -36,7 +36,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         default="page",
         help="film: page with a new film; page: with the film that is there; none; default: page",
     )
-    return add_common(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`python -m gns train`: learn from packed data, alone or under torchrun, in any number of pieces.
+"""`flowslide gns train`: learn from packed data, alone or under torchrun, in any number of pieces.
 
     python -m gns train --scale coarse
     torchrun --nproc_per_node 3 -m gns train --scale large
@@ -30,16 +30,16 @@ TRIAL_STEPS = 3
 """Steps from which that is estimated, after one that is not counted."""
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """The command line."""
-    parser = commands.add_parser(
-        "train",
-        help="learn from packed data",
-        description="Learn from packed data. Started again, it goes on where it was stopped.",
-    )
-    parser.add_argument("--scale", help="scale of the data; its settings, data and folder")
+DESCRIPTION = (
+    "Learn from packed data. Started again, it goes on where it was stopped."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    options.add_scale(parser, "scale of the data; its settings, data and folder")
     parser.add_argument("--data", metavar="DIR", help="default: RESULTS/SCALE/dataset")
-    parser.add_argument("--out", metavar="DIR", help="default: RESULTS/SCALE/model")
+    options.add_out(parser, "default: RESULTS/SCALE/model")
     parser.add_argument(
         "--from",
         dest="start",
@@ -72,7 +72,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     parser.add_argument(
         "--yes", action="store_true", help=f"start even what takes over {LONG_H:g} h without a GPU"
     )
-    return add_common(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`python -m gns rollout`: simulate a scene by a trained model, from the scene alone."""
+"""`flowslide gns rollout`: simulate a scene by a trained model, from the scene alone."""
 
 from __future__ import annotations
 
@@ -14,26 +14,25 @@ from pipeline.progress import Progress
 from pipeline.table import aligned
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """The command line."""
-    parser = commands.add_parser(
-        "rollout",
-        help="simulate a scene by a trained model",
-        description="Simulate a scene by a trained model and write rollout.npz (positions of every "
-        "frame) and rollout.png.",
-    )
+DESCRIPTION = (
+    "Simulate a scene by a trained model and write rollout.npz (positions of every "
+    "frame) and rollout.png."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "scene", metavar="SCENE", help="scene.yaml, scene.json, or the folder of a case history"
     )
     parser.add_argument(
         "--model", required=True, metavar="DIR", help="folder of a model, or a name in models/"
     )
-    parser.add_argument("--out", required=True, metavar="DIR", help="where the files go")
+    options.add_out(parser, "where the files go", required=True)
     parser.add_argument("--spacing", type=float, help="another distance between points, m")
     parser.add_argument("--duration", type=float, help="s; default: simulation.duration_s")
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default: cpu")
-    parser.add_argument("--threads", type=int, help="CPU threads; default: all")
-    return add_common(parser)
+    options.add_device(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

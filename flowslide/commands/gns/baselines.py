@@ -1,4 +1,4 @@
-"""`python -m gns baselines`: what a trained model must beat on a data set."""
+"""`flowslide gns baselines`: what a trained model must beat on a data set."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from pipeline.config import load_config
 from pipeline.table import aligned
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Describe the options."""
-    parser = commands.add_parser(
-        "baselines",
-        help="how well runouts of held-out runs are guessed without simulating",
-        description="Guess the runouts of held-out runs from the nearest training run and from a "
-        "sliding-block regression, and print how far off they are.",
-    )
+DESCRIPTION = (
+    "Guess the runouts of held-out runs from the nearest training run and from a "
+    "sliding-block regression, and print how far off they are."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("data", nargs="?", metavar="DIR", help="packed data")
-    parser.add_argument("--scale", help="take RESULTS/SCALE/dataset instead")
+    options.add_scale(parser, "take RESULTS/SCALE/dataset instead")
     parser.add_argument("--split", choices=SPLITS[1:], default="test", help="default: test")
-    return add_common(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -1,48 +1,10 @@
-"""Effects on the command line: `--effects FILE`, the command `effects`, effects in words."""
+"""Effects in words: a table for the documents, paragraphs for a terminal."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable
 
 from mpm_taichi.effects.framework.base import Effect
-from mpm_taichi.effects.framework.registry import effect, effects, load_effects_file
-
-
-def add_effects_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--effects FILE`, which may be repeated; `load_given_effects` acts on it."""
-    parser.add_argument(
-        "--effects",
-        action="append",
-        default=[],
-        metavar="FILE",
-        dest="effect_files",
-        help="Python file with your own effects; it is executed (docs/how-to/your-own-effect.md)",
-    )
-
-
-def load_given_effects(arguments: argparse.Namespace) -> list[Effect]:
-    """Load the files of `--effects`; see `registry.load_effects_file`."""
-    return [one for path in arguments.effect_files for one in load_effects_file(path)]
-
-
-def add_effects_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command `effects`, which lists what a scene can switch on."""
-    parser = commands.add_parser(
-        "effects", help="list the physical effects that a scene can switch on"
-    )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="of effects; default: all")
-    parser.add_argument(
-        "--markdown", action="store_true", help="as the table of docs/method/effects.md"
-    )
-    add_effects_option(parser)
-    parser.set_defaults(handler=_list)
-
-
-def _list(arguments: argparse.Namespace) -> None:
-    load_given_effects(arguments)
-    chosen = [effect(name) for name in arguments.names] or effects().values()
-    print((effects_table if arguments.markdown else effects_text)(chosen))
 
 
 def effects_table(effects: Iterable[Effect]) -> str:

@@ -1,4 +1,4 @@
-"""`python -m gns show`: a quick look at packed data."""
+"""`flowslide gns show`: a quick look at packed data."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from report.pictures.packed_data import RunNumbers
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Describe the options."""
-    parser = commands.add_parser(
-        "show",
-        help="draw a packed run, or an overview of packed data",
-        description="Draw one run as a learner is shown it; without its number an overview of "
-        "all runs of a folder or of one shard.",
-    )
+DESCRIPTION = (
+    "Draw one run as a learner is shown it; without its number an overview of "
+    "all runs of a folder or of one shard."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "data", metavar="DATA[:RUN]", help="folder of packed data or one shard, number of a run"
     )
-    parser.add_argument("--out", required=True, metavar="FILE", help="png, svg or pdf")
+    options.add_out(parser, "png, svg or pdf", metavar="FILE", required=True)
     return parser
 
 

@@ -1,4 +1,4 @@
-"""`python -m gns pack`: trajectory files -> packed data."""
+"""`flowslide gns pack`: trajectory files -> packed data."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 FORMATS = ("npz", "geoelements")
 
 
-def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Describe the options."""
-    parser = commands.add_parser(
-        "pack",
-        help="pack trajectories into what a training reads",
-        description="Pack trajectory files into shards, split by run, with their statistics. "
-        "Started again after a kill, it keeps the shards that are whole.",
-    )
+DESCRIPTION = (
+    "Pack trajectory files into shards, split by run, with their statistics. "
+    "Started again after a kill, it keeps the shards that are whole."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "files", nargs="*", metavar="FILE", help="trajectory files; default: all of --scale"
     )
-    parser.add_argument("--scale", help="the scale that the runs are of")
-    parser.add_argument("--out", metavar="DIR", help="default: RESULTS/SCALE/dataset")
+    options.add_scale(parser, "the scale that the runs are of")
+    options.add_out(parser, "default: RESULTS/SCALE/dataset")
     parser.add_argument(
         "--leave-out",
         metavar="FILE",
@@ -48,7 +48,7 @@ def add_parser(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
         choices=("both", "friction"),
         help="geoelements only: tan phi and c/100 kPa (default), or tan phi alone",
     )
-    return add_common(parser)
+    add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -1,0 +1,297 @@
+"""What a session answers: one function for each question, which also writes the documents.
+
+In: a `Session`. Out: `compare.json`, `explain.json`, `verdict.json` and hypotheses in its folder,
+and the same as objects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnosis.adequacy.compare import Comparison, compare
+from diagnosis.hypotheses.hypothesis_file import (
+    BASE,
+    ModelEffect,
+    ModelFile,
+    load_model_file,
+    model_files,
+    new_name,
+)
+from diagnosis.loop import find
+from diagnosis.selection.extend import Extension, check_addition, extend
+from diagnosis.session import Session
+from diagnosis.signatures.explain import explain
+from diagnosis.verdict.documents import compare_document, explain_document
+from diagnosis.verdict.kept_steps import judge, judge_anew, keep, kept_step, step_of
+from diagnosis.verdict.stages import effect_answers
+from diagnosis.verdict.transfer_check import transfer_check
+from diagnosis.verdict.verdict import (
+    COMPARE_FILE,
+    EXPLAIN_FILE,
+    FILE_NAME,
+    CompareDocument,
+    ExplainDocument,
+    Step,
+    Verdict,
+    save_document,
+)
+from diagnosis.verdict.verdict_document import Diagnosed, verdict_document
+from pipeline.cli import InputError
+
+
+def compared(session: Session) -> CompareDocument:
+    """Compare the model of a session with the measurements, and write what was found."""
+    found = compare(session.model, session.options)
+    document = compare_document(
+        session.model, found, session.options, case=session.case.name, title=session.case.title
+    )
+    document = session.timeless(document)
+    save_document(document, session.folder / COMPARE_FILE)
+    state = found.base.fit.space.state(found.base.fit.x)
+    session.write_sections(state, state)
+    _keep_comparison(session, found)
+    return document
+
+
+def _keep_comparison(session: Session, found: Comparison) -> None:
+    """Keep the error of the model, under the covariance of the base model."""
+    model: ModelFile | None = ModelFile(by="compare")
+    note = "base model"
+    effects: dict[str, float] = {}
+    judged = judge(found.base.data, found.base.fit)
+    if not session.is_base:
+        root = compare(session.root.model, session.root.options)
+        judged = judge_anew(root.base.data, found.base.fit)
+        model, note = None, session.model_file.notes.strip() or "by hand"
+        effects = {name: effect.amplitude for name, effect in session.model_file.effects.items()}
+    step = step_of(
+        session.model_name,
+        list(dict.fromkeys([*model_files(session.folder), session.model_name])).index(
+            session.model_name
+        ),
+        judged,
+        note=note,
+        effects=effects,
+    )
+    made_from = session.made_from(session.model_file or model)
+    keep(session.folder, session.model_name, model, step, made_from)
+
+
+def explained(session: Session) -> ExplainDocument:
+    """Rank the effects against the misfit of a session's model, and write what was found."""
+    model, options = session.model, session.options
+    comparison = compare(model, options)
+    session.say(f"base model: combined p {comparison.adequacy.p_combined:.2g}")
+    document = explain_document(
+        model,
+        comparison,
+        explain(model, comparison, options),
+        options,
+        case=session.case.name,
+        title=session.case.title,
+        left_out=session.case.left_out(model),
+    )
+    document = session.timeless(document)
+    save_document(document, session.folder / EXPLAIN_FILE)
+    fit = comparison.base.fit
+    session.write_sections(fit.space.state(fit.x), fit.space.state(fit.x))
+    return document
+
+
+def diagnosed(session: Session) -> Verdict:
+    """Run the loop on a session's model, and write what was found."""
+    found = find(session.model, session.options, session.say)
+    verdict = verdict_document(
+        found,
+        case=session.case.name,
+        title=session.case.title,
+        left_out=session.case.left_out(session.model),
+    )
+    check = transfer_check(session, found)
+    verdict = session.timeless(verdict.model_copy(update={"transfer_check": check}))
+    base, final = found.comparison.base.fit, found.decision.final.model.fit
+    session.write_sections(base.space.state(base.x), final.space.state(final.x))
+    _keep_models(session, found)
+    save_document(verdict, session.folder / FILE_NAME)
+    return verdict
+
+
+def _keep_models(session: Session, found: Diagnosed) -> None:
+    """Write the models of the loop beside those of a person; those of an earlier loop give way."""
+    data, way = found.comparison.base.data, found.register.way
+    parent = session.model_name
+    words = {c.name: (c.unit, c.words) for c in found.model.candidates}
+    there = list(model_files(session.folder))
+    for number, adopted in enumerate(way):
+        name, model = parent, ModelFile(by="run")
+        if number:
+            effects = {
+                answer.name: ModelEffect(
+                    amplitude=round(answer.amplitude, 6),
+                    std=round(answer.std, 6),
+                    parameters=session.case.question.parameters.get(answer.name, {}),
+                )
+                for answer in effect_answers(data, adopted.model.fit, words)
+            }
+            model = ModelFile(parent=parent, by="run", notes=adopted.note, effects=effects)
+            if session.model_file is not None:
+                model = model.model_copy(update={"scene_changes": session.model_file.scene_changes})
+            name = _same_model(session, model) or new_name(
+                session.folder, " ".join(adopted.model.names)
+            )
+        elif not session.is_base:
+            model = None
+        step = step_of(
+            name,
+            there.index(name) if name in there else len(there),
+            judge(data, adopted.model.fit),
+            note=adopted.note if number or not session.is_base else "base model",
+            ln_evidence=adopted.model.ln_evidence - way[0].model.ln_evidence,
+        )
+        keep(session.folder, name, model, step, session.made_from(model or session.model_file))
+        there = list(model_files(session.folder))
+        parent = name
+
+
+def _same_model(session: Session, wanted: ModelFile) -> str | None:
+    """The model of an earlier loop with the same parent and effects, which is written anew."""
+    for name, path in model_files(session.folder).items():
+        other = load_model_file(path)
+        if (
+            name != BASE
+            and (other.by, other.parent) == ("run", wanted.parent)
+            and set(other.effects) == set(wanted.effects)
+        ):
+            return name
+    return None
+
+
+@dataclass(frozen=True)
+class Extended:
+    """An extension that was written.
+
+    Attributes:
+        asked: the session whose model was extended; effects that were fitted are sought again.
+        comparison: of its base model.
+        found: the extension.
+        before: error of the model before.
+        after: error of the new model.
+    """
+
+    asked: Session
+    comparison: Comparison
+    found: Extension
+    before: Step
+    after: Step
+
+
+def extended(session: Session, add: str, notes: str) -> Extended:
+    """Add an effect; write the new model and its step."""
+    fitted = _fitted_effects(session.model_file)
+    asked = session.without(fitted) if fitted else session
+    check_addition(asked.model, fitted, add)  # before the first simulation
+    comparison = compare(asked.model, asked.options)
+    found = extend(asked.model, comparison, asked.options, before=fitted, add=add)
+    data = comparison.base.data
+    before = step_of(
+        session.model_name, _place(session, session.model_name), judge(data, found.before.fit),
+        note="base model" if session.is_base else "",
+    )  # fmt: skip
+    if session.is_base:
+        base = ModelFile(by="compare")
+        keep(session.folder, BASE, base, before, session.made_from(base))
+    model = _new_model(asked, session.model_name, comparison, found, notes)
+    name = new_name(session.folder, add)
+    after = step_of(
+        name,
+        len(model_files(session.folder)),
+        judge(data, found.after.fit),
+        note=notes or f"{add} added by hand",
+        effects={n: e.amplitude for n, e in model.effects.items() if e.std is None},
+        ln_evidence=found.after.ln_evidence - found.before.ln_evidence,
+    )
+    keep(session.folder, name, model, after, session.made_from(model))
+    asked.write_sections(
+        found.before.fit.space.state(found.before.fit.x),
+        found.after.fit.space.state(found.after.fit.x),
+    )
+    return Extended(asked, comparison, found, before, after)
+
+
+def _new_model(
+    asked: Session, parent: str, comparison: Comparison, found: Extension, notes: str
+) -> ModelFile:
+    """The model as a file: effects that are sought with their sizes, others as they were."""
+    old = asked.model_file
+    effects = {} if old is None else dict(old.effects)
+    words = {c.name: (c.unit, c.words) for c in asked.model.candidates}
+    for answer in effect_answers(comparison.base.data, found.after.fit, words):
+        effects[answer.name] = ModelEffect(
+            amplitude=round(answer.amplitude, 6),
+            std=round(answer.std, 6),
+            parameters=asked.case.question.parameters.get(answer.name, {}),
+        )
+    return ModelFile(
+        parent=parent,
+        by="extend",
+        notes=notes,
+        effects=effects,
+        scene_changes={} if old is None else old.scene_changes,
+    )
+
+
+def _fitted_effects(model: ModelFile | None) -> tuple[str, ...]:
+    """Effects whose size was found by a fit, and is sought again; others stay as they are."""
+    if model is None:
+        return ()
+    return tuple(name for name, effect in model.effects.items() if effect.std is not None)
+
+
+def _place(session: Session, name: str) -> int:
+    """How many models were before one."""
+    names = list(model_files(session.folder))
+    return names.index(name) if name in names else 0
+
+
+@dataclass(frozen=True)
+class Track:
+    """The models that were judged, in their order.
+
+    Attributes:
+        steps: their errors.
+        notes: a note for each.
+        by_hand: names of those that a person made, or asked for by name.
+    """
+
+    steps: list[Step]
+    notes: list[str]
+    by_hand: list[str]
+
+
+def tracked(session: Session) -> Track:
+    """The error over the models so far. Nothing is simulated.
+
+    Raises:
+        InputError: none has been judged.
+    """
+    steps, notes, hands = [], [], []
+    for name, path in model_files(session.folder).items():
+        model, kept = load_model_file(path), kept_step(session.folder, name)
+        by_hand = model.by in ("engineer", "extend")
+        if by_hand:
+            hands.append(name)
+        if kept is None:
+            continue
+        note = model.notes.strip() or kept.step.note
+        if by_hand:
+            note = f"by hand: {note}"
+        if kept.made_from != session.made_from(model):
+            note += " (outdated: case or settings have changed since)"
+        steps.append(kept.step)
+        notes.append(note)
+    if not steps:
+        raise InputError(
+            f"{session.folder}: no model has been judged; begin with flowslide diagnose compare "
+            f"{session.case.folder}"
+        )
+    return Track(steps, notes, hands)

@@ -1,0 +1,95 @@
+"""`flowslide check`: scene files and cases, and what they hold."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from geometry.scenes.scene import Scene
+    from geometry.survey.measurements import Measurements
+
+DESCRIPTION = (
+    "Check scene files, and in the folder of a case its measurements as well. The first one that "
+    "is not valid ends the command with one line and exit code 2."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    parser.add_argument(
+        "scenes",
+        nargs="+",
+        metavar="SCENE",
+        help="scene files, folders with a scene.yaml or with NNNNN.json files, or names of cases",
+    )
+    parser.add_argument("--quiet", action="store_true", help="print the sum only")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Check them one after another."""
+    from geometry.random_scenes.sketch import signed_area
+    from geometry.scenes.fill import fill
+    from geometry.scenes.scene import load_scene, scene_files
+
+    paths = scene_files(arguments.scenes)
+    points_in_all, draws, worst = 0, 0, 0.0
+    for number, path in enumerate(paths):
+        scene = load_scene(path)
+        measurements = _measurements_beside(path, scene)
+        points = fill(scene)
+        area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
+        missed = len(points) * points.volume / area - 1.0
+        worst = max(worst, abs(missed))
+        points_in_all += len(points)
+        draws += scene.origin.draws if scene.origin else 0
+        if arguments.quiet:
+            continue
+        if number == 0:
+            print(f"{'scene':<24}{'zones':>6}{'points':>8}{'area m2':>10}{'filled':>9}{'draws':>7}")
+        drawn = scene.origin.draws if scene.origin else "-"
+        filled = f"{100.0 * (1.0 + missed):.2f} %"
+        print(
+            f"{scene.name:<24}{len(scene.zones):>6}{len(points):>8}{area:>10.1f}{filled:>9}{drawn:>7}"
+        )
+        print_gaps(scene)
+        if measurements is not None:
+            _print_measurements(measurements)
+    print(
+        f"{len(paths)} valid, {points_in_all} points, filled to within {100.0 * worst:.2f} % of "
+        "the area" + (f", {draws} draws" if draws else "")
+    )
+
+
+def print_gaps(scene: Scene) -> None:
+    """Print where zones leave gaps between them."""
+    from geometry.scenes.polygon_checks import gaps
+
+    found = gaps({zone.name: zone.polygon for zone in scene.zones}, scene.spacing)
+    for area, (x, y) in found[:5]:
+        print(f"  gap of {area:.3g} m2 between zones at ({x:.2f}, {y:.2f})")
+    if len(found) > 5:
+        print(f"  and {len(found) - 5} smaller gaps")
+
+
+def _measurements_beside(path: Path, scene: Scene) -> Measurements | None:
+    """The measurements of the case whose scene this is, checked against it; None: no case."""
+    from geometry.survey.measurements import FILE_NAME, load_measurements
+
+    if path.name != "scene.yaml" or not (path.parent / FILE_NAME).is_file():
+        return None
+    return load_measurements(path.parent, scene)
+
+
+def _print_measurements(measurements: Measurements) -> None:
+    for name, entries in measurements.sets.items():
+        numbers = sum(len(entry.values) for entry in entries)
+        held = sum(int(entry.held_out_values.sum()) for entry in entries)
+        drawn = sum(len(entry.values) for entry in entries if entry.constructed)
+        kinds = ", ".join(f"{entry.name} ({entry.type})" for entry in entries)
+        print(
+            f"  measurements {name!r}: {numbers} values, {held} held out, {drawn} constructed: "
+            f"{kinds}"
+        )

@@ -1,0 +1,1 @@
+"""Commands of the diagnosis: which physical effect does the model of a case lack?"""

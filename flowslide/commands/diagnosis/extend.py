@@ -1,0 +1,56 @@
+"""`flowslide diagnose extend CASE --add EFFECT`: a model with one effect more, by hand."""
+
+from __future__ import annotations
+
+import argparse
+
+from flowslide.commands.diagnosis.session_options import add_session_options, session_of
+from flowslide.commands.diagnosis.track import write_page_of_track
+
+DESCRIPTION = (
+    "Add an effect to the base model of CASE, or to the model that --model names, calibrate it "
+    "again, write it to a new file in models/, and show the error before and after on fitted and "
+    "held-out data."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    parser.add_argument(
+        "--add", metavar="EFFECT", required=True, help="name of the effect (docs/effects.md)"
+    )
+    parser.add_argument("--notes", metavar="TEXT", default="", help="why; kept in the model's file")
+    add_session_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Extend, write, print."""
+    from diagnosis.answers import extended
+    from diagnosis.hypotheses.hypothesis_file import FOLDER
+    from diagnosis.verdict.stages import effect_answers, measurement_lines
+    from report.diagnosis import terminal
+
+    session = session_of(arguments)
+    done = extended(session, arguments.add, arguments.notes)
+    found, data = done.found, done.comparison.base.data
+    words = {c.name: (c.unit, c.words) for c in done.asked.model.candidates}
+    for answer in effect_answers(data, found.after.fit, words):
+        low, high = answer.interval_95
+        unit = f" {answer.unit}" if answer.unit else ""
+        print(f"{answer.name}: {answer.amplitude:.3g}{unit}, 95 % {low:.3g} to {high:.3g}")
+    lines = measurement_lines(
+        done.asked.model.targets,
+        done.comparison.places,
+        data,
+        done.comparison.base.covariance.survey,
+        found.before.fit.prediction,
+        found.after.fit.prediction,
+    )
+    passes = "passes every condition of the loop" if not found.why_not else found.why_not
+    print(f"\n{terminal.steps([done.before, done.after])}")
+    print(f"\n{arguments.add}: {passes}")
+    print(f"\n{terminal.measurements(lines)}")
+    print(f"\nwrote {session.folder / FOLDER / done.after.model}.yaml")
+    print(done.asked.runs_line())
+    done.asked.write_timing("extend")
+    write_page_of_track(arguments, session)

@@ -1,0 +1,39 @@
+"""`flowslide diagnose suggest CASE --n 2`: what to measure next."""
+
+from __future__ import annotations
+
+import argparse
+
+from flowslide.commands.diagnosis.session_options import add_session_options, session_of
+from pipeline.cli import at_least_one
+
+DESCRIPTION = (
+    "Say which measurements would best tell apart what the measurements of CASE leave open: the "
+    "first by itself, each further one in addition to those before it. Where the model is "
+    "adequate: which would best have shown what may still hide."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    parser.add_argument(
+        "--n", type=int, default=2, metavar="N", help="how many measurements; default: 2"
+    )
+    add_session_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Suggest, print."""
+    from diagnosis.loop import find
+    from diagnosis.verdict.verdict_document import next_part, sentence
+    from report.diagnosis import terminal
+
+    at_least_one("--n", arguments.n)
+    session = session_of(arguments)
+    found = find(session.model, session.options, session.say, count=arguments.n)
+    lines = next_part(found.next_measurement)
+    print(f"{sentence(found)}\n")
+    print(terminal.next_measurements(lines) if lines else "Nothing can be suggested here.")
+    print("\ngain: expected squared separation, in variances of the measurement and the models")
+    print(session.runs_line())
+    session.write_timing("suggest")

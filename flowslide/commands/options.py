@@ -1,0 +1,111 @@
+"""Options that several commands share, each described once."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+from pipeline.cli import InputError
+
+DEVICES = ("cpu", "cuda")
+PICTURE = "png, svg or pdf"
+
+
+def add_case(parser: argparse.ArgumentParser) -> None:
+    """Add CASE."""
+    parser.add_argument("case", metavar="CASE", help="case folder, or its name in case_histories")
+
+
+def add_out(
+    parser: argparse.ArgumentParser, words: str, *, metavar: str = "DIR", required: bool = False
+) -> None:
+    """Add `--out`: a folder, or with `metavar` FILE a file."""
+    parser.add_argument("--out", metavar=metavar, required=required, help=words)
+
+
+def add_scale(parser: argparse.ArgumentParser, words: str, *, required: bool = False) -> None:
+    """Add `--scale`."""
+    parser.add_argument("--scale", metavar="NAME", required=required, help=words)
+
+
+def add_spacing(parser: argparse.ArgumentParser, default: str = "the case's own") -> None:
+    """Add `--spacing`."""
+    parser.add_argument(
+        "--spacing",
+        type=float,
+        metavar="M",
+        help=f"distance between material points [m]; default: {default}",
+    )
+
+
+def add_threads(parser: argparse.ArgumentParser) -> None:
+    """Add `--threads`."""
+    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+
+
+def add_device(parser: argparse.ArgumentParser) -> None:
+    """Add `--device` and `--threads`."""
+    parser.add_argument("--device", choices=DEVICES, default="cpu", help="default: cpu")
+    add_threads(parser)
+
+
+def add_set_of_measurements(parser: argparse.ArgumentParser) -> None:
+    """Add `--set-of-measurements`."""
+    parser.add_argument(
+        "--set-of-measurements", metavar="NAME", help="default: the one that the file names"
+    )
+
+
+def add_drawing(parser: argparse.ArgumentParser) -> None:
+    """Add what is said of a drawn section: `--materials`, `--unit` and `--snap`."""
+    parser.add_argument("--materials", metavar="FILE", help="YAML with the fields of each material")
+    parser.add_argument(
+        "--unit", choices=("m", "mm", "cm", "ft"), help="of the drawing; default: its own, or m"
+    )
+    parser.add_argument(
+        "--snap", type=float, default=0.0, metavar="M", help="join vertices closer than M metres"
+    )
+
+
+def add_effects(parser: argparse.ArgumentParser) -> None:
+    """Add `--effects FILE`, which may be repeated."""
+    parser.add_argument(
+        "--effects",
+        action="append",
+        default=[],
+        metavar="FILE",
+        dest="effect_files",
+        help="Python file with your own effects; it is code and is run (docs/your-own-effect.md)",
+    )
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Check the numbers of the shared options.
+
+    Raises:
+        InputError: one of them is out of its range.
+    """
+    rules: tuple[tuple[str, Callable[[float], bool], str], ...] = (
+        ("threads", lambda value: value >= 1, "at least 1"),
+        ("spacing", lambda value: value > 0.0, "must be greater than 0 m"),
+        ("snap", lambda value: value >= 0.0, "must be at least 0"),
+    )
+    for name, allowed, words in rules:
+        value = getattr(arguments, name, None)
+        if value is not None and not allowed(value):
+            raise InputError(f"--{name} {value:g}: {words}")
+
+
+def numbers(text: str) -> list[float]:
+    """`0,5,20` -> [0.0, 5.0, 20.0], for argparse."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: numbers with commas between, 0,5,20") from None
+
+
+def positive(text: str) -> int:
+    """`12` -> 12, for argparse; 0 is refused."""
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
+    return int(text)

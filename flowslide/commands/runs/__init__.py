@@ -1,0 +1,1 @@
+"""Commands about generated scenes and trajectory files."""
