@@ -1,8 +1,9 @@
 """What the questions of a diagnosis share: the case, its model, its folder, its clock.
 
-In: a case folder and the settings. Out: a `Session`. Runs are kept by content in `runs/` of the folder,
-so a command goes on where another ended, or where it was killed itself. What hangs on the clock or
-the machine goes into `timing.json`; every other file has the same bytes whenever it is made.
+In: a case folder and the settings. Out: a `Session`. Runs are kept by content in `runs/` of the
+folder, so a question goes on where another ended, or where it was killed itself. What depends on
+the clock or the machine goes into `timing.json`; every other file has the same bytes whenever it is
+made.
 """
 
 from __future__ import annotations

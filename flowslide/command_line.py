@@ -186,13 +186,13 @@ DOORS: dict[str, tuple[str, dict[str, Command]]] = {
 """Commands of `python -m <package>`: what a package is for, and its commands by name."""
 
 
-def main(argv: Sequence[str] | None = None) -> int | None:
-    """Run `flowslide`; the exit code is None or 0 for success."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `flowslide`; the exit code, 0 for success."""
     return _run(build_parser(), _with_default(sys.argv[1:] if argv is None else list(argv)))
 
 
-def package_main(package: str, argv: Sequence[str] | None = None) -> int | None:
-    """Run `python -m <package>`; the exit code is None or 0 for success."""
+def package_main(package: str, argv: Sequence[str] | None = None) -> int:
+    """Run `python -m <package>`; the exit code, 0 for success."""
     description, commands = DOORS[package]
     parser = CommandParser(prog=f"python -m {package}", description=description)
     _add(parser, commands)
@@ -275,15 +275,15 @@ def _parser_of(*args: Any, entry: Command | Group, **keywords: Any) -> CommandPa
     return _CommandParser(*args, command=entry, **keywords)
 
 
-def _run(parser: CommandParser, argv: Sequence[str] | None) -> int | None:
+def _run(parser: CommandParser, argv: Sequence[str] | None) -> int:
     arguments = parser.parse_args(argv)
     options.check(arguments)
     if not getattr(arguments, "effect_files", None):
-        return arguments.handler(arguments)
+        return arguments.handler(arguments) or 0
     from mpm_taichi.effects import given_effects
 
     with given_effects(arguments.effect_files):
-        return arguments.handler(arguments)
+        return arguments.handler(arguments) or 0
 
 
 def _with_default(argv: list[str]) -> list[str]:

@@ -450,3 +450,23 @@ def nearest_frame(run: Run, time: float) -> int:
     if not 0.0 <= time <= end:
         raise InputError(f"{run.scene.name}: no frame at {time:g} s; allowed are 0 to {end:g} s")
     return int(np.argmin(np.abs(run.time - time)))
+
+
+def file_and_run(text: str) -> tuple[str, int | None]:
+    """`FILE:12` -> ("FILE", 12); `FILE` -> ("FILE", None)."""
+    found = re.fullmatch(r"(.+):(?:run_)?(\d+)", text)
+    return (found[1], int(found[2])) if found else (text, None)
+
+
+def run_named(text: str) -> tuple[str, int]:
+    """The run that `FILE[:RUN]` names; the number may be left out if there is one run only."""
+    path, index = file_and_run(text)
+    if index is not None:
+        return path, index
+    indices = [run.index for run in list_runs(path)]
+    if len(indices) > 1:
+        raise InputError(
+            f"{path}: holds {len(indices)} runs; name one of {indices[0]} to {indices[-1]}, "
+            f"for instance {path}:{indices[0]}"
+        )
+    return path, indices[0]

@@ -12,7 +12,6 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from typing import NoReturn
 
 EXIT_FAILED = 1
@@ -44,31 +43,6 @@ class CommandParser(argparse.ArgumentParser):
 def base_parser(prog: str, description: str) -> CommandParser:
     """A parser for `prog`, for instance "python -m geometry"; add sub-commands or options to it."""
     return CommandParser(prog=prog, description=description)
-
-
-def run_command(
-    prog: str, description: str, modules: Sequence[str], argv: Sequence[str] | None
-) -> int | None:
-    """Read a command line and run the command it names.
-
-    Args:
-        prog: for instance "python -m gns".
-        description: what the commands are for.
-        modules: names of the commands' modules, in the order of the help; each has
-            `add_parser(subparsers)`, which returns its parser, and `run(arguments)`. They are
-            imported here and not before.
-        argv: the arguments; None takes them from the command line.
-
-    Returns:
-        the exit code; None or 0 for success.
-    """
-    parser = base_parser(prog, description)
-    commands = parser.add_subparsers(dest="command", required=True)
-    for name in modules:
-        module = import_module(name)
-        module.add_parser(commands).set_defaults(handler=module.run)
-    arguments = parser.parse_args(argv)
-    return arguments.handler(arguments)
 
 
 def add_common(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:

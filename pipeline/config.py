@@ -10,7 +10,6 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -21,8 +20,6 @@ from pipeline.schemas import text_of
 from pipeline.strict_numbers import StrictNumbers
 
 Model = TypeVar("Model", bound=BaseModel)
-
-SCHEMA_FILE = Path("config/config.schema.json")
 
 
 def _in_order(limits: tuple[float, float]) -> tuple[float, float]:

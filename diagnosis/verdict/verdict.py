@@ -21,7 +21,6 @@ from pipeline.schemas import document_schema
 FILE_NAME = "verdict.json"
 COMPARE_FILE = "compare.json"
 EXPLAIN_FILE = "explain.json"
-SCHEMA_FILE = Path("config/verdict.schema.json")
 
 Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 

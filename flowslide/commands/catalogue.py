@@ -5,17 +5,15 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from inversion.back_analysis.result import FILE_NAME
-from inversion.catalogue.catalogue import (
-    Entry,
-    Strength,
-    load_answers,
-    load_catalogue,
-    load_strengths,
-)
+from flowslide.commands import options
 from pipeline.cli import InputError
-from pipeline.table import aligned
+
+if TYPE_CHECKING:
+    from inversion.catalogue.catalogue import Entry, Strength
+
+FILE_NAME = "result.json"
 
 
 DESCRIPTION = (
@@ -38,11 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help=f"folder in which */inversion/{FILE_NAME} are looked for; default: results",
     )
-    return parser
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table; draw the picture if asked."""
+    from inversion.catalogue.catalogue import load_answers, load_catalogue, load_strengths
+
     found = arguments.result
     if found is None:
         found = sorted(_results(arguments.results).glob(f"*/inversion/{FILE_NAME}"))
@@ -76,6 +75,8 @@ def _results(given: str | None) -> Path:
 
 def catalogue_table(entries: Sequence[Entry], strengths: Sequence[Strength]) -> str:
     """Cases and strengths as text; what is recalled says so."""
+    from pipeline.table import aligned
+
     heading = ["case", "length m", "height m", "template", "S_r kPa", "range", "by", "sigma'_v0",
                "(N1)60", ""]  # fmt: skip
     rows = [heading]

@@ -8,35 +8,75 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
-from geometry.scenes.scene import document_error
-from inversion.back_analysis.load import case_folder
-from inversion.classical.analysis import Analysis, analyse
-from inversion.classical.document import document, table
-from inversion.classical.judgement import FILE_NAME, Judgement, load_judgements
-from inversion.classical.sections_of_case import CaseSections, load_sections
+from flowslide.commands import options
 from pipeline.cli import InputError, add_common
-from pipeline.config import load_config
-from pipeline.files import write_json
+
+if TYPE_CHECKING:
+    from inversion.classical.analysis import Analysis
+    from inversion.classical.judgement import Judgement
+    from inversion.classical.sections_of_case import CaseSections
 
 RESULT = "classical.json"
 
-#: Options of the command that replace a judgement call: option, field, what argparse needs.
+#: Options that replace a judgement call, by the name of its field in `Judgement`.
 CALLS: list[tuple[str, str, dict[str, Any]]] = [
-    ("--water", "water", {"choices": ("buoyant", "boundary", "none")}),
-    ("--water-line", "water_line", {"choices": ("level", "phreatic")}),
-    ("--slip-surface", "slip_surface", {"metavar": "FILE"}),
-    ("--base-strength", "base_strength", {"choices": ("weaker", "place", "carried")}),
-    ("--unit-weight-factor", "unit_weight_factor", {"type": float, "metavar": "F"}),
-    ("--method", "method", {"choices": ("spencer", "force", "ordinary")}),
-    ("--zif-share", "zif_share", {"type": float, "metavar": "F"}),
-    ("--sections", "sections", {"type": int, "metavar": "N"}),
-    ("--path-end", "path_end", {"choices": ("slip", "level")}),
-    ("--path-stages", "path_stages", {"choices": ("varying", "before", "after")}),
-    ("--time-step", "time_step_s", {"type": float, "metavar": "S"}),
+    (
+        "--water",
+        "water",
+        {
+            "help": "buoyant weights, boundary and pore pressures, or no water; never two of them",
+            "choices": ("buoyant", "boundary", "none"),
+        },
+    ),
+    (
+        "--water-line",
+        "water_line",
+        {
+            "help": "level: still water at pool level in the whole mass; phreatic: as in the scene",
+            "choices": ("level", "phreatic"),
+        },
+    ),
+    (
+        "--slip-surface",
+        "slip_surface",
+        {"help": "CSV beside classical.yaml (x_m, y_m), or `search`", "metavar": "FILE"},
+    ),
+    (
+        "--base-strength",
+        "base_strength",
+        {
+            "help": "of what lay there (place), what came (carried), or the weaker of the two",
+            "choices": ("weaker", "place", "carried"),
+        },
+    ),
+    (
+        "--unit-weight-factor",
+        "unit_weight_factor",
+        {"help": "all densities times this", "type": float, "metavar": "F"},
+    ),
+    ("--method", "method", {"help": "of ZIF", "choices": ("spencer", "force", "ordinary")}),
+    (
+        "--zif-share",
+        "zif_share",
+        {"help": "zero inertial factor of ZIF", "type": float, "metavar": "F"},
+    ),
+    ("--sections", "sections", {"help": "number of sections of IMM", "type": int, "metavar": "N"}),
+    (
+        "--path-end",
+        "path_end",
+        {"help": "end slope of the path of Kinetics", "choices": ("slip", "level")},
+    ),
+    (
+        "--path-stages",
+        "path_stages",
+        {
+            "help": "which section's weight and lengths Kinetics takes",
+            "choices": ("varying", "before", "after"),
+        },
+    ),
+    ("--time-step", "time_step_s", {"help": "of Kinetics", "type": float, "metavar": "S"}),
 ]
 
 
@@ -58,8 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--slide", metavar="NAME", help="one slide of the case alone")
     calls = parser.add_argument_group("judgement calls (see docs/method/classical.md)")
     for option, name, kind in CALLS:
-        words = Judgement.model_fields[name].description
-        calls.add_argument(option, dest=name, default=None, help=words, **kind)
+        calls.add_argument(option, dest=name, default=None, **kind)
     calls.add_argument(
         "--liquefied-alone",
         action="store_true",
@@ -70,13 +109,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
+    from inversion.back_analysis.load import case_folder
+    from inversion.classical.document import document, table
+    from inversion.classical.sections_of_case import load_sections
+    from pipeline.config import load_config
+    from pipeline.files import write_json
+    from report.pictures.classical import save_picture
+
     config = load_config(arguments.config, arguments.overrides)
     case = load_sections(case_folder(arguments.case), run=arguments.run)
     name = case.folder.resolve().name
     out = Path(arguments.out or Path(config.results_folder) / name / "classical")
     analyses, refused = analyse_all(case, arguments)
-    from report.pictures.classical import save_picture  # matplotlib takes its time
-
     for analysis in analyses:
         print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")
         save_picture(case, analysis, out / f"{_file_name(analysis.judgement.name)}.png")
@@ -98,6 +142,9 @@ def analyse_all(
     Raises:
         InputError: what the file or the options ask for cannot be.
     """
+    from inversion.classical.analysis import analyse
+    from inversion.classical.judgement import FILE_NAME
+
     asked = (case.folder / FILE_NAME).is_file() or arguments.slide is not None
     analyses, refused = [], []
     try:
@@ -118,6 +165,11 @@ def analyse_all(
 
 def _judgements(case: CaseSections, arguments: argparse.Namespace) -> list[Judgement]:
     """The judgements of the case with the options given on the command line."""
+    from pydantic import ValidationError
+
+    from geometry.scenes.scene import document_error
+    from inversion.classical.judgement import FILE_NAME, Judgement, load_judgements
+
     changes = _changes(arguments)
     judgements = load_judgements(case.folder, case.measurements)
     if arguments.slide is not None:

@@ -12,7 +12,9 @@ DESCRIPTION = "List the physical effects that a scene can switch on."
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="of effects; default: all")
-    parser.add_argument("--markdown", action="store_true", help="as the table of docs/effects.md")
+    parser.add_argument(
+        "--markdown", action="store_true", help="as the table of docs/method/effects.md"
+    )
     options.add_effects(parser)
 
 

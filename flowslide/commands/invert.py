@@ -8,17 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from inversion.back_analysis.load import LoadedCase, case_folder, load_case
-from inversion.engines.registry import FOLDERS, Choice, chosen_engine
-from inversion.engines.run_store import RunStore
-from mpm_taichi.effects import add_effects_option, load_given_effects
-from pipeline.batch_bar import BatchBar
-from pipeline.cli import InputError, add_common, at_least_one
-from pipeline.config import Config, load_config
-from report.back_analysis.summary import summary
+from flowslide.commands import options
+from pipeline.cli import add_common
 
 if TYPE_CHECKING:
     from inversion.back_analysis.back_analysis import BackAnalysis
+    from inversion.back_analysis.load import LoadedCase
+    from inversion.engines.registry import Choice
+    from inversion.engines.run_store import RunStore
+    from pipeline.config import Config
 
 
 DESCRIPTION = (
@@ -70,10 +68,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Find the answer, write it, print it."""
-    from inversion.back_analysis.result_files import save_all  # scipy.optimize takes its time
+    from inversion.back_analysis.load import case_folder, load_case
+    from inversion.back_analysis.result_files import save_all
+    from inversion.engines.registry import FOLDERS, chosen_engine
+    from inversion.engines.run_store import RunStore
+    from pipeline.batch_bar import BatchBar
+    from report.back_analysis.summary import summary
 
     config = _config(arguments)
-    _check_numbers(arguments)
     case = load_case(
         case_folder(arguments.case),
         config,
@@ -124,6 +126,7 @@ def _analysis(
     from inversion.engines.gns_engine import prepare  # torch takes its time
     from inversion.engines.rollout_store import RolloutStore
     from inversion.engines.trained_model import load_model
+    from pipeline.batch_bar import BatchBar
 
     prepare(arguments.device, arguments.threads)
     return SurrogateAnalysis(
@@ -137,6 +140,8 @@ def _analysis(
 
 
 def _config(arguments: argparse.Namespace) -> Config:
+    from pipeline.config import load_config
+
     overrides = list(arguments.overrides)
     if arguments.method is not None:
         overrides.append(f"inversion.method={arguments.method}")
@@ -148,10 +153,3 @@ def _config(arguments: argparse.Namespace) -> Config:
             "inversion.sensitivities=false",
         ]
     return load_config(arguments.config, overrides)
-
-
-def _check_numbers(arguments: argparse.Namespace) -> None:
-    if arguments.threads is not None:
-        at_least_one("--threads", arguments.threads)
-    if arguments.spacing is not None and not arguments.spacing > 0:
-        raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")

@@ -6,18 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from inversion.back_analysis.load import case_folder
-from inversion.engines.mpm_engine import MPMEngine
-from inversion.engines.run_store import RunStore
-from inversion.prediction.known_strength import KINDS, OPTION, parse_strength, placed
-from inversion.prediction.prediction_case import PredictionCase, load_prediction_case
-from mpm_taichi.effects import add_effects_option, load_given_effects
-from pipeline.batch_bar import BatchBar
+from flowslide.commands import options
 from pipeline.cli import InputError, add_common
-from pipeline.config import load_config
-from pipeline.files import write_json
 
 FILE_NAME, PICTURE = "prediction.json", "prediction.png"
+OPTION, KINDS = "--residual-strength", ("lognormal", "normal")
 
 
 DESCRIPTION = (
@@ -52,8 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Predict, write, print."""
-    from inversion.prediction.predict import envelope, predict  # scipy.optimize takes its time
+    from inversion.back_analysis.load import case_folder
+    from inversion.engines.mpm_engine import MPMEngine
+    from inversion.engines.run_store import RunStore
+    from inversion.prediction.known_strength import parse_strength, placed
+    from inversion.prediction.predict import envelope, predict
+    from inversion.prediction.prediction_case import load_prediction_case
     from inversion.prediction.prediction_document import document_of, summary
+    from pipeline.batch_bar import BatchBar
+    from pipeline.config import load_config
+    from pipeline.files import write_json
+    from report.charts.prediction import save_prediction_picture
 
     _check(arguments)
     config = load_config(arguments.config, arguments.overrides)
@@ -82,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     sections = envelope(found, spacing=case.scene.spacing, ground=case.ground)
     document = document_of(case, strengths, found, sections)
     write_json(folder / FILE_NAME, document)
-    _draw(case, document, folder)
+    save_prediction_picture(case.scene, document, folder / PICTURE)
     print(summary(document))
     if not arguments.quiet:
         print(f"wrote {folder}", file=sys.stderr)
@@ -90,15 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    for name, least in (("samples", 100), ("seeds", 0), ("threads", 1)):
+    for name, least in (("samples", 100), ("seeds", 0)):
         value = getattr(arguments, name)
         if value is not None and value < least:
             raise InputError(f"--{name} {value}: at least {least}")
-    if arguments.spacing is not None and not arguments.spacing > 0:
-        raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0 m")
-
-
-def _draw(case: PredictionCase, document: dict, folder: Path) -> None:
-    from report.charts.prediction import save_prediction_picture
-
-    save_prediction_picture(case.scene, document, folder / PICTURE)

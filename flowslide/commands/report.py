@@ -1,19 +1,22 @@
-"""`flowslide show CASE|FOLDER`: a back-analysis told again, and its page made anew."""
+"""`flowslide report CASE|FOLDER`: a back-analysis printed again, and its page rewritten."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from inversion.back_analysis.result import FILE_NAME, Result, load_result
 from pipeline.cli import InputError, add_common
-from pipeline.config import load_config
-from report.back_analysis.summary import summary
+
+if TYPE_CHECKING:
+    from inversion.back_analysis.result import Result
+
+FILE_NAME = "result.json"
 
 
 DESCRIPTION = (
     "Print the tables of a back-analysis that is done, and write its report.html "
-    "and pictures anew. Nothing is simulated."
+    "and pictures again. Nothing is simulated."
 )
 
 
@@ -41,6 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the tables; write the page."""
+    from inversion.back_analysis.result import load_result
+    from pipeline.config import load_config
+    from report.back_analysis.summary import summary
+
     results = load_config(arguments.config, arguments.overrides).results_folder
     folder, case = folders(arguments.case, results)
     result = load_result(folder)
@@ -89,6 +96,6 @@ def folders(text: str, results: str | Path = "results") -> tuple[Path, Path | No
     if not (found / FILE_NAME).is_file():
         raise InputError(
             f"{text}: neither a folder with a {FILE_NAME} nor a case that has {found}/{FILE_NAME}; "
-            f"ask first: python -m inversion invert {text}"
+            f"ask first: flowslide invert {text}"
         )
     return found, path if (path / "scene.yaml").is_file() else None

@@ -62,9 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
         strengths=dict(arguments.strength),
         measurement_set=arguments.set_of_measurements,
     )
-    out = Path(
-        arguments.out or Path(config.results_folder) / folder.resolve().name / "simulation"
-    )
+    out = Path(arguments.out or Path(config.results_folder) / folder.resolve().name / "simulation")
     film = None if arguments.film == "none" else out / f"runout.{arguments.film}"
     if film is not None:
         check_video(film)
@@ -90,9 +88,7 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"; film: {film}" if film else "")
 
 
-def _write(
-    case: Case, run: Run, readings: Sequence[Reading], out: Path, film: Path | None
-) -> None:
+def _write(case: Case, run: Run, readings: Sequence[Reading], out: Path, film: Path | None) -> None:
     from mpm_taichi.case import write_observables
     from report.pictures.case_history import save_case_film, save_case_picture
 

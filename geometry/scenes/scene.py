@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +22,7 @@ from geometry.scenes.limits import check_density, check_level, extent
 from geometry.scenes.polygon_checks import check_ground, check_zones
 from pipeline.cli import InputError
 from pipeline.files import read_json, read_yaml, write_text, yaml_text
+from pipeline.places import CASES, resolve
 from pipeline.strict_numbers import StrictNumbers
 
 Point = tuple[float, float]
@@ -391,3 +392,22 @@ def document_error(error: ValidationError, source: str) -> str:
     more = error.error_count() - 1
     tail = f"; and {more} more" if more else ""
     return f"{source}: {where + ': ' if where else ''}{message}{shown}{tail}"
+
+
+def scene_files(paths: Iterable[str]) -> list[Path]:
+    """Files of scenes: those given, those in given folders, and those of cases given by name."""
+    found: list[Path] = []
+    for text in paths:
+        path = Path(text) if Path(text).exists() else resolve(text, CASES)
+        if not path.is_dir():
+            found.append(path)
+        elif (path / "scene.yaml").is_file():
+            found.append(path / "scene.yaml")
+        else:
+            inside = sorted(path.glob("*.json"))
+            if not inside:
+                raise InputError(
+                    f"{path}: the folder holds no scene.yaml and no scene file (.json)"
+                )
+            found.extend(inside)
+    return found

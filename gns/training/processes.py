@@ -26,6 +26,14 @@ LINES_TOLD = 20
 """Last lines that are shown of a process that failed where the first did not."""
 
 
+def use_threads(number: int | None) -> None:
+    """Let torch use so many CPU threads in this process; None: as many as it takes itself."""
+    if number is not None:
+        import torch
+
+        torch.set_num_threads(number)
+
+
 def in_processes(number: int, arguments: Sequence[str]) -> int:
     """Run `python -m ARGUMENTS` in several processes at once.
 

@@ -20,7 +20,6 @@ from pipeline.schemas import document_schema
 from pipeline.strict_numbers import StrictNumbers
 
 FILE_NAME = "result.json"
-SCHEMA_FILE = Path("config/result.schema.json")
 
 Role = Literal["fitted", "held out", "compared", "constructed"]
 

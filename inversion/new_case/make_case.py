@@ -1,4 +1,4 @@
-"""`python -m inversion new`: a folder for a dam of your own, from a drawn section and a survey.
+"""A folder for a dam of your own, from a drawn section and a survey.
 
 In: a section (CSV, GeoJSON, DXF) and a measured runout or a surveyed profile. Out: a commented
 folder with `scene.yaml`, `measurements.yaml`, `inversion.yaml`, `README.md` and the profile, which
@@ -10,12 +10,12 @@ section without a liquefied zone are refused.
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,91 +39,84 @@ from pipeline.config import load_config
 from pipeline.files import make_folder
 
 CASES = Path("case_histories")
-FORMATS = ("csv", "geojson", "dxf")
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 #: A runout whose uncertainty is not given is taken to be known to this share, and to one spacing.
 ASSUMED_SHARE = 0.1
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:
-    """Describe the command's options."""
-    parser = subparsers.add_parser(
-        "new",
-        help="make the folder of a case of your own from a drawn section",
-        description="Make a commented, working case folder from a section (CSV, GeoJSON, DXF) and "
-        "a measured runout or a surveyed profile. docs/start/your-own-case.md shows how.",
-    )
-    parser.add_argument(
-        "case",
-        metavar="CASE",
-        help=f"name of the case, made in {CASES}/; or a folder, told by a slash in it",
-    )
-    parser.add_argument("--section", required=True, metavar="FILE", help="the drawing")
-    parser.add_argument("--format", choices=FORMATS, help="of the drawing; default: its suffix")
-    parser.add_argument("--materials", metavar="FILE", help="YAML with the fields of each material")
-    parser.add_argument(
-        "--unit", choices=tuple(UNITS), help="of the drawing; default: its own, or m"
-    )
-    parser.add_argument(
-        "--snap", type=float, default=0.0, metavar="M", help="make one of vertices nearer than M m"
-    )
-    parser.add_argument(
-        "--spacing", type=float, metavar="M", help="of material points, m; default: height / 25"
-    )
-    parser.add_argument(
-        "--liquefied",
-        action="append",
-        default=[],
-        metavar="ZONE",
-        help="a zone whose S_r is sought, may be repeated; beside those the drawing marks",
-    )
-    parser.add_argument("--water-level", type=float, metavar="Y", help="pool or water table, m")
-    parser.add_argument(
-        "--runout",
-        action="append",
-        default=[],
-        metavar="SIDE=M",
-        help="measured runout of the toe, such as left=53 or left=53+-6; may be repeated",
-    )
-    parser.add_argument("--profile", metavar="FILE", help="surveyed surface: CSV with x_m, y_m")
-    parser.add_argument(
-        "--profile-std", type=float, default=0.5, metavar="M", help="of the survey, m; default 0.5"
-    )
-    parser.add_argument(
-        "--upstream", choices=("left", "right"), default="left", help="default: left"
-    )
-    return parser
+@dataclass(frozen=True)
+class Given:
+    """What is known of a new case.
+
+    Attributes:
+        section: file of the drawn section.
+        format: of the section: csv, geojson or dxf; None: from its suffix.
+        materials: YAML file with the fields of each material.
+        unit: of the drawing; None: its own, or m.
+        snap: vertices closer than this are joined [m].
+        spacing_m: of material points; None: height / 25, rounded.
+        liquefied: zones whose S_r is unknown, in addition to those that the drawing marks.
+        water_level: pool or water table, y [m]; None: none, or the drawing's.
+        runouts: measured runouts of the toe, such as "left=53" or "left=53+-6".
+        profile: CSV file of the surveyed surface (x_m, y_m).
+        profile_std_m: standard deviation of the survey [m].
+        upstream: "left" or "right".
+    """
+
+    section: str
+    format: str | None = None
+    materials: str | None = None
+    unit: str | None = None
+    snap: float = 0.0
+    spacing_m: float | None = None
+    liquefied: Sequence[str] = ()
+    water_level: float | None = None
+    runouts: Sequence[str] = ()
+    profile: str | None = None
+    profile_std_m: float = 0.5
+    upstream: str = "left"
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Make the folder, check it as an inversion would, and say what comes next."""
-    folder = _folder(arguments.case)
-    scene = _scene(arguments, folder.name)
-    profile = None if arguments.profile is None else load_profile(arguments.profile)
-    if not arguments.profile_std > 0:
-        raise InputError(f"--profile-std {arguments.profile_std:g}: must be greater than 0")
-    runouts = _runouts(arguments.runout, profile, scene)
+@dataclass(frozen=True)
+class NewCase:
+    """A case folder that was written.
+
+    Attributes:
+        folder: of the case.
+        scene: its section.
+        runouts: measured or read from the profile.
+    """
+
+    folder: Path
+    scene: Scene
+    runouts: list[Runout]
+
+
+def make_case(name: str, given: Given) -> NewCase:
+    """Make the folder of a case, checked as a back-analysis would.
+
+    Args:
+        name: of the case, made in `case_histories` here; with a slash in it the folder itself.
+        given: what is known of it.
+
+    Raises:
+        InputError: one line: what is missing or wrong; nothing is written then.
+    """
+    folder = _folder(name)
+    scene = _scene(given, folder.name)
+    profile = None if given.profile is None else load_profile(given.profile)
+    if not given.profile_std_m > 0:
+        raise InputError(f"--profile-std {given.profile_std_m:g}: must be greater than 0")
+    runouts = _runouts(given.runouts, profile, scene)
     scene = _with_room(scene, runouts, profile)
     words = CaseWords(
         folder.name,
-        Path(arguments.section).name,
-        arguments.upstream,
-        None if profile is None else arguments.profile_std,
+        Path(given.section).name,
+        given.upstream,
+        None if profile is None else given.profile_std_m,
     )
     _write(folder, scene, runouts, profile, words)
-    _tell(folder, scene, runouts)
-    return 0
-
-
-def _tell(folder: Path, scene: Scene, runouts: Sequence[Runout]) -> None:
-    ran = ", ".join(f"{r.side} {r.value_m:g} +- {r.std_m:.2g} m" for r in runouts)
-    print(f"wrote {folder}: {len(scene.zones)} zones; runout {ran}")
-    print("It works as it is; lines with FILL IN wait for what only you know. Next:")
-    print(f"  python -m geometry check {folder}")
-    print(f"  python -m geometry show {folder} --out {folder.name}.png")
-    print(f"  python -m inversion invert {folder} --quick")
-    if folder.resolve().parent == CASES.resolve():
-        print(f"  snakemake -c 2 invert_{folder.name}")
+    return NewCase(folder, scene, runouts)
 
 
 def _folder(text: str) -> Path:
@@ -144,39 +137,34 @@ def _folder(text: str) -> Path:
 # --- the section ---
 
 
-def _scene(arguments: argparse.Namespace, name: str) -> Scene:
+def _scene(given: Given, name: str) -> Scene:
     """The section as a scene, with its liquefied zones marked and its water."""
-    if not arguments.snap >= 0:
-        raise InputError(f"--snap {arguments.snap:g}: must be at least 0")
-    if arguments.spacing is not None and not arguments.spacing > 0:
-        raise InputError(f"--spacing {arguments.spacing:g}: must be greater than 0")
-    section = read_section(arguments.section, arguments.format)
-    factor = UNITS[arguments.unit or section.unit or "m"]
+    section = read_section(given.section, given.format)
+    factor = UNITS[given.unit or section.unit or "m"]
     y = [factor * place for ring in section.zones.values() for _, place in ring]
-    spacing = arguments.spacing or _round_spacing((max(y) - min(y)) / 25.0)
+    spacing = given.spacing_m or _round_spacing((max(y) - min(y)) / 25.0)
     scene = section_scene(
         section,
-        source=arguments.section,
+        source=given.section,
         name=name,
         spacing=spacing,
-        unit=arguments.unit,
-        materials=read_materials(arguments.materials) if arguments.materials else None,
-        snap=arguments.snap,
+        unit=given.unit,
+        materials=read_materials(given.materials) if given.materials else None,
+        snap=given.snap,
     )
-    scene = _mark_liquefied(scene, arguments.liquefied, arguments.section)
-    if arguments.water_level is None:
+    scene = _mark_liquefied(scene, given.liquefied, given.section)
+    if given.water_level is None:
         return scene
     if scene.has_water:
         raise InputError(
-            f"--water-level {arguments.water_level:g}: {arguments.section} has a water table "
-            "already"
+            f"--water-level {given.water_level:g}: {given.section} has a water table already"
         )
-    if not scene.ground.lowest < arguments.water_level < scene.domain.y_max:
+    if not scene.ground.lowest < given.water_level < scene.domain.y_max:
         raise InputError(
-            f"--water-level {arguments.water_level:g}: must lie above the base at "
+            f"--water-level {given.water_level:g}: must lie above the base at "
             f"{scene.ground.lowest:g} m and below {scene.domain.y_max:g} m"
         )
-    return scene.changed(water_level=arguments.water_level)
+    return scene.changed(water_level=given.water_level)
 
 
 def _round_spacing(length: float) -> float:

@@ -6,10 +6,10 @@ import re
 
 import pytest
 
-from diagnosis.__main__ import COMMANDS
 from diagnosis.hypotheses.hypothesis_file import ModelEffect, ModelFile
 from diagnosis.question import DiagnosisQuestion
 from diagnosis.verdict.verdict import Verdict
+from flowslide.command_line import DIAGNOSE
 from pipeline.config import DiagnosisSettings
 
 
@@ -27,10 +27,8 @@ def test_every_key_is_explained(text, model):
 
 
 def test_every_command_is_there(text):
-    for module in COMMANDS:
-        name = module.removeprefix("flowslide.commands.").replace("diagnose", "run")
-        if name != "diagnosis_schema":
-            assert f"python -m diagnosis {name} " in text, name
+    for name in DIAGNOSE.commands:
+        assert f"python -m diagnosis {name} " in text, name
 
 
 def test_every_file_of_the_package_has_its_line(text, root):

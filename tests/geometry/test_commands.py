@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from flowslide.commands.scenes import main, parse_indices
+from flowslide.commands.runs.sample import parse_indices
 from geometry import draw_scene, load_scene
+from geometry.__main__ import main
 from pipeline.cli import InputError
 
 

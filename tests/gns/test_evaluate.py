@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 
-from flowslide.commands.gns_schema import SCHEMA_FILE
 from geometry.scenes.scene import save_scene
 from gns.__main__ import main
 from gns.data.dataset import Windows
@@ -123,7 +122,7 @@ def test_evaluate_writes_a_card_that_fits_its_schema(packed, model, root, tmp_pa
     assert card.accuracy.runs == len(runs) and card.accuracy.mpm_seconds_a_run == 1.5
     assert card.network["width"] == 4 and card.training.settings["steps"] == 3
     assert card.ranges == Windows(packed, "train").metadata.ranges
-    text = (root / SCHEMA_FILE).read_text()
+    text = (root / "config/card.schema.json").read_text()
     assert text == schema_text(), "run: python -m gns schema --write"
     jsonschema.validate(read_yaml(model / "card.yaml"), json.loads(text))
     with (model / "evaluation.csv").open() as file:
@@ -176,7 +175,7 @@ def test_wrong_input_is_one_line(packed, model, tmp_path):
     with pytest.raises(InputError, match="no such file"):
         main(["evaluate", "--data", str(packed), "--model", str(tmp_path)])
     for option, value, words in (
-        ("--spacing", "-1", "--spacing -1: spacing: Input should be greater than 0"),
+        ("--spacing", "-1", "--spacing -1: must be greater than 0 m"),
         ("--spacing", "50", "--spacing 50: zones: "),
         ("--duration", "nan", "--duration nan: must be greater than 0 s, and finite"),
         ("--duration", "-1", "--duration -1: must be greater than 0 s, and finite"),

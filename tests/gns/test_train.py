@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import torch
 
-from flowslide.commands.gns_train import TRIAL_STEPS, _Watch, open_windows
+from flowslide.commands.gns.train import TRIAL_STEPS, _Watch, open_windows
 from gns.data.dataset import Windows
 from gns.data.statistics import run_moments
 from gns.network.simulator import Simulator

@@ -16,7 +16,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from inversion.back_analysis.result import SCHEMA_FILE, Result, load_result, schema_text
+from inversion.back_analysis.result import Result, load_result, schema_text
 from pipeline.cli import InputError
 from tests.inversion.conftest import QUESTION
 
@@ -111,7 +111,7 @@ def test_the_trajectory_is_that_of_the_answer(solved):
 
 
 def test_result_fits_its_schema_and_the_schema_is_up_to_date(solved, root):
-    text = (root / SCHEMA_FILE).read_text()
+    text = (root / "config/result.schema.json").read_text()
     assert text == schema_text(), "run: python -m inversion schema --write"
     jsonschema.validate(json.loads((solved[2] / "result.json").read_text()), json.loads(text))
 

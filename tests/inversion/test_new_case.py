@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowslide.commands.scenes import main as geometry
+from geometry.__main__ import main as geometry
 from geometry.scenes.drawings import read_section
 from geometry.scenes.scene import load_scene
 from geometry.survey.measurements import load_measurements

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowslide.commands.inversion_show import folders
+from flowslide.commands.report import folders
 from inversion.__main__ import main
 from inversion.back_analysis.result import Result, save_result
 from pipeline.cli import InputError

@@ -12,8 +12,8 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
-from flowslide.commands.simulation import main
 from mpm_taichi import case as history
+from mpm_taichi.__main__ import main
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import SimulationSettings
 from report.pictures.case_history import distances, line_overlay
@@ -127,7 +127,7 @@ def test_options_change_the_scene(folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["--spacing", "-1"], "spacing: Input should be greater than 0"),
+        (["--spacing", "-1"], "--spacing -1: must be greater than 0 m"),
         (["--spacing", "30"], "scene.yaml with the options given"),
         (["--strength", "jelly=3"], "has no material 'jelly'; it has liquefied_hydraulic_fill"),
         (["--set", "simulation.corant=1"], "did you mean courant"),

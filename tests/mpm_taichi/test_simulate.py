@@ -14,9 +14,9 @@ import h5py
 import numpy as np
 import pytest
 
-from flowslide.commands.simulation import main
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import Scene, save_scene, scene_from_mapping
+from mpm_taichi.__main__ import main
 from mpm_taichi.batch import parts_folder, run_batch
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import Run, list_runs, read_run

@@ -17,7 +17,7 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument(
-        "--add", metavar="EFFECT", required=True, help="name of the effect (docs/effects.md)"
+        "--add", metavar="EFFECT", required=True, help="name of the effect (docs/method/effects.md)"
     )
     parser.add_argument("--notes", metavar="TEXT", default="", help="why; kept in the model's file")
     add_session_options(parser)

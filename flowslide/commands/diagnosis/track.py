@@ -45,7 +45,5 @@ def write_page_of_track(arguments: argparse.Namespace, session: Session) -> None
         from report.diagnosis.page import write_track
 
         track = tracked(session)
-        page = write_track(
-            session.folder, session.case.title, track.steps, by_hand=track.by_hand
-        )
+        page = write_track(session.folder, session.case.title, track.steps, by_hand=track.by_hand)
         session.say(f"wrote {page}")

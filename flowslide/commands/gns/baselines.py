@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gns.data.shard import SPLITS
+from flowslide.commands import options
+from flowslide.commands.gns.evaluate import SPLITS
 from pipeline.cli import InputError, add_common
-from pipeline.config import load_config
-from pipeline.table import aligned
-
 
 DESCRIPTION = (
     "Guess the runouts of held-out runs from the nearest training run and from a "
@@ -21,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("data", nargs="?", metavar="DIR", help="packed data")
     options.add_scale(parser, "take RESULTS/SCALE/dataset instead")
-    parser.add_argument("--split", choices=SPLITS[1:], default="test", help="default: test")
+    parser.add_argument("--split", choices=SPLITS, default="test", help="default: test")
     add_common(parser)
 
 
@@ -29,6 +27,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Fit on the training runs, print a table for each baseline by template."""
     from gns.data.dataset import Windows
     from gns.evaluation.baselines import baselines, judge, summary
+    from pipeline.table import aligned
 
     folder = data_folder(arguments)
     held_out = Windows(folder, arguments.split)
@@ -58,6 +57,8 @@ def data_folder(arguments: argparse.Namespace) -> Path:
         raise InputError("name a folder of packed data, or a --scale, and not both")
     if arguments.data is not None:
         return Path(arguments.data)
+    from pipeline.config import load_config
+
     config = load_config(arguments.config, arguments.overrides)
     config.scale(arguments.scale)
     return Path(config.results_folder) / arguments.scale / "dataset"

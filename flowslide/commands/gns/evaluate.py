@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gns.data.shard import SPLITS
-from pipeline.cli import InputError, add_common, at_least_one
-from pipeline.config import Config, load_config
-from pipeline.files import file_hash
-from pipeline.progress import Progress
-from pipeline.table import aligned
+from flowslide.commands import options
+from pipeline.cli import InputError, add_common
+
+if TYPE_CHECKING:
+    from pipeline.config import Config
+
+SPLITS = ("valid", "test")
 
 
 DESCRIPTION = (
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_scale(parser, "scale of the data; names data and model")
     parser.add_argument("--data", metavar="DIR", help="default: RESULTS/SCALE/dataset")
     parser.add_argument("--model", metavar="DIR", help="default: RESULTS/SCALE/model")
-    parser.add_argument("--split", choices=SPLITS[1:], default="test", help="default: test")
+    parser.add_argument("--split", choices=SPLITS, default="test", help="default: test")
     parser.add_argument("--runs", type=int, help="the first so many of them; default: all")
     parser.add_argument(
         "--mpm", metavar="FILE", help="runs.csv of the data, for the time of the simulations"
@@ -38,10 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate, print, write."""
+    from pipeline.config import load_config
+    from pipeline.progress import Progress
+
     config = load_config(arguments.config, arguments.overrides)
     data, model = _folders(arguments, config)
-
-    import torch
 
     from gns.data.dataset import Windows
     from gns.evaluation.baselines import baselines, judge, summary
@@ -49,10 +51,10 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.evaluation.evaluate import evaluate, read_mpm_seconds, save_scores
     from gns.network.simulator import Simulator, read_document
     from gns.training.checkpoints import METRICS_FILE, MODEL_FILE, ModelFolder
+    from gns.training.processes import use_threads
     from report.pictures.rollouts import save_history
 
-    if arguments.threads is not None:
-        torch.set_num_threads(at_least_one("--threads", arguments.threads))
+    use_threads(arguments.threads)
     document = read_document(model / MODEL_FILE)
     simulator = Simulator.from_document(document, str(model / MODEL_FILE)).to(arguments.device)
     every = Windows(data, arguments.split)
@@ -105,6 +107,7 @@ def _card(name, arguments, config, simulator, model, document, learned_from, fou
     """The card of a model that has been evaluated."""
     from gns.evaluation.card import Card, Training, known_failures
     from gns.training.checkpoints import MODEL_FILE
+    from pipeline.files import file_hash
     from pipeline.manifest import manifest
 
     settings = dict(document.get("made_from", {}))
@@ -170,6 +173,8 @@ def _draw_worst(simulator, windows, found, path: Path) -> None:
 
 
 def _print(result, found) -> None:
+    from pipeline.table import aligned
+
     columns = list(result.by_template["all"])
     rows = [["template", *columns]]
     table = {**result.by_template, **({"far": result.far} if result.far else {})}

@@ -6,10 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flowslide.commands import options
 from pipeline.cli import InputError, add_common
-from pipeline.config import load_config
-from pipeline.progress import Progress
-from pipeline.table import aligned
 
 if TYPE_CHECKING:
     from gns.data.metadata import Metadata
@@ -55,7 +53,9 @@ def run(arguments: argparse.Namespace) -> None:
     """Pack, and print what there is now."""
     from gns.data.pack import pack, plan_packing
     from gns.data.trajectories import read_left_out
+    from pipeline.config import load_config
     from pipeline.manifest import manifest
+    from pipeline.progress import Progress
 
     if arguments.properties is not None and arguments.format != "geoelements":
         raise InputError(
@@ -92,6 +92,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def summary(metadata: Metadata, folder: Path) -> str:
     """What there is, by split, as a table."""
+    from pipeline.table import aligned
+
     rows = [["split", "runs", "by template", "points a run", "frames a run", "windows", "MB"]]
     for split, shards in metadata.splits.items():
         runs = metadata.runs(split)

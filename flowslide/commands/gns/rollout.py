@@ -7,12 +7,8 @@ import math
 import sys
 from pathlib import Path
 
-from pipeline.cli import InputError, WorkFailed, add_common, at_least_one
-from pipeline.config import load_config
-from pipeline.out_folder import ready_folder
-from pipeline.progress import Progress
-from pipeline.table import aligned
-
+from flowslide.commands import options
+from pipeline.cli import InputError, WorkFailed, add_common
 
 DESCRIPTION = (
     "Simulate a scene by a trained model and write rollout.npz (positions of every "
@@ -29,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--model", required=True, metavar="DIR", help="folder of a model, or a name in models/"
     )
     options.add_out(parser, "where the files go", required=True)
-    parser.add_argument("--spacing", type=float, help="another distance between points, m")
+    options.add_spacing(parser, "the scene's own")
     parser.add_argument("--duration", type=float, help="s; default: simulation.duration_s")
     options.add_device(parser)
     add_common(parser)
@@ -39,6 +35,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Roll out, write, and print the runouts."""
     from geometry.scenes.scene import load_scene, scene_from_mapping
     from gns.data.scene_facts import start_of
+    from pipeline.config import load_config
+    from pipeline.out_folder import ready_folder
+    from pipeline.progress import Progress
 
     config = load_config(arguments.config, arguments.overrides)
     settings = config.simulation
@@ -51,15 +50,13 @@ def run(arguments: argparse.Namespace) -> int:
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration {duration:g}: must be greater than 0 s, and finite")
 
-    import torch
-
     from gns.network.simulator import Simulator
     from gns.rollout.rollout import Rest, frames_of, rollout
     from gns.training.checkpoints import MODEL_FILE
+    from gns.training.processes import use_threads
     from pipeline.places import MODELS, resolve
 
-    if arguments.threads is not None:
-        torch.set_num_threads(at_least_one("--threads", arguments.threads))
+    use_threads(arguments.threads)
     simulator = Simulator.load(resolve(arguments.model, MODELS) / MODEL_FILE, arguments.device)
     facts, positions = start_of(scene, simulator.settings(settings))
     rest = None
@@ -105,6 +102,7 @@ def save(result, folder: Path, name: str) -> None:
 
 def _print(result) -> None:
     from gns.evaluation.metrics import SIDES, runout
+    from pipeline.table import aligned
 
     first, last = result.positions[0], result.positions[-1]
     rows = [["", "at t = 0, m", "at the end, m"]]

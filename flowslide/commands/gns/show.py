@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flowslide.commands import options
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:

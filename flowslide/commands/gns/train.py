@@ -16,13 +16,13 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gns.training.processes import in_processes
+from flowslide.commands import options
 from pipeline.cli import InputError, WorkFailed, add_common, at_least_one
-from pipeline.config import Config, TrainSettings, load_config
-from pipeline.progress import Progress
 
 if TYPE_CHECKING:
     from gns.data.dataset import Windows
+    from pipeline.config import Config, TrainSettings
+    from pipeline.progress import Progress
 
 LONG_H = 48.0
 """A training on processors that would take longer than this has to be confirmed [h]."""
@@ -30,9 +30,7 @@ TRIAL_STEPS = 3
 """Steps from which that is estimated, after one that is not counted."""
 
 
-DESCRIPTION = (
-    "Learn from packed data. Started again, it goes on where it was stopped."
-)
+DESCRIPTION = "Learn from packed data. Started again, it goes on where it was stopped."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,11 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Train; 0 when it is done or `--minutes` are over."""
+    from gns.training.processes import in_processes, use_threads
+    from pipeline.config import load_config
+
     config = load_config(arguments.config, arguments.overrides)
     settings, data, out = _what(arguments, config)
     at_least_one("--processes", arguments.processes)
-    if arguments.threads is not None:
-        at_least_one("--threads", arguments.threads)
     if arguments.minutes is not None and not arguments.minutes > 0.0:
         raise InputError(f"--minutes {arguments.minutes:g}: must be greater than 0")
     learned, held_out = open_windows(data, settings)
@@ -90,17 +89,15 @@ def run(arguments: argparse.Namespace) -> int:
         while arguments.joint_batch and settings.batch_size % processes:
             processes -= 1
         if processes > 1:
-            return in_processes(processes, ["gns", *sys.argv[1:]])
-
-    import torch
+            return in_processes(processes, ["gns", *sys.argv[sys.argv.index("train") :]])
 
     from gns.training.checkpoints import ModelFolder
     from gns.training.distributed import group
 
-    if arguments.threads is not None:
-        torch.set_num_threads(arguments.threads)
-    elif "WORLD_SIZE" not in os.environ:
-        torch.set_num_threads(len(os.sched_getaffinity(0)))
+    threads = arguments.threads
+    if threads is None and "WORLD_SIZE" not in os.environ:
+        threads = len(os.sched_getaffinity(0))
+    use_threads(threads)
     with group(arguments.device) as members:
         if arguments.joint_batch:
             settings = _shared_out(settings, members.size)
@@ -231,6 +228,8 @@ class _Watch:
 
     def begin(self, done: int) -> None:
         """There are `done` steps already."""
+        from pipeline.progress import Progress
+
         self.first = done
         left = self.settings.steps - done
         self.bar = Progress(left, "training", quiet=self.quiet).__enter__()

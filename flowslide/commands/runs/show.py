@@ -43,9 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     if out.suffix in simulated_run.VIDEO_SUFFIXES:
         if arguments.times is not None:
             raise InputError(f"--times: is for pictures, and {out} is an animation")
-        simulated_run.save_animation(
-            chosen, out, colour=arguments.colour, frames=arguments.frames
-        )
+        simulated_run.save_animation(chosen, out, colour=arguments.colour, frames=arguments.frames)
     else:
         simulated_run.save_picture(chosen, out, colour=arguments.colour, times=arguments.times)
     print(f"wrote {out}")

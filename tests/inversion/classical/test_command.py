@@ -98,17 +98,17 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
 )
 def test_every_option_has_an_effect(option, value):
     """Each judgement call changes a method's answer (solved without the other alternatives)."""
-    from flowslide.commands.classical import _judgements, add_parser
+    from flowslide.commands.classical import _judgements, add_arguments
     from inversion.classical.analysis import SOLVERS, Workbench
     from pipeline.cli import base_parser
 
     parser = base_parser("test", "")
-    add_parser(parser.add_subparsers())
+    add_arguments(parser)
     given = [option] if value is None else [option, value]
     case = load_sections(CASES / "lower_san_fernando")
     found = []
     for extra in ([], given):
-        arguments = parser.parse_args(["classical", "x", "--sections", "5", *extra])
+        arguments = parser.parse_args(["x", "--sections", "5", *extra])
         (judgement,) = _judgements(case, arguments)
         bench = Workbench(case, judgement)
         found.append([SOLVERS[method](bench, judgement).strength for method in SOLVERS])

@@ -1,0 +1,86 @@
+"""`flowslide new`: a folder for a dam of your own, from a drawn section and a survey."""
+
+from __future__ import annotations
+
+import argparse
+
+from flowslide.commands import options
+
+CASES = "case_histories"
+DESCRIPTION = (
+    "Make a commented, working case folder from a section (CSV, GeoJSON, DXF) and a measured "
+    "runout or a surveyed profile. docs/start/your-own-case.md shows how."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    parser.add_argument(
+        "case",
+        metavar="NAME",
+        help=f"name of the case, made in {CASES}/; or a folder, recognised by a slash in it",
+    )
+    parser.add_argument("--section", required=True, metavar="FILE", help="the drawing")
+    parser.add_argument(
+        "--format",
+        choices=("csv", "geojson", "dxf"),
+        help="of the drawing; default: from its suffix",
+    )
+    options.add_drawing(parser)
+    options.add_spacing(parser, "height / 25")
+    parser.add_argument(
+        "--liquefied",
+        action="append",
+        default=[],
+        metavar="ZONE",
+        help="a zone whose S_r is unknown, may be repeated; in addition to those the drawing marks",
+    )
+    parser.add_argument("--water-level", type=float, metavar="Y", help="pool or water table, m")
+    parser.add_argument(
+        "--runout",
+        action="append",
+        default=[],
+        metavar="SIDE=M",
+        help="measured runout of the toe, such as left=53 or left=53+-6; may be repeated",
+    )
+    parser.add_argument("--profile", metavar="FILE", help="surveyed surface: CSV with x_m, y_m")
+    parser.add_argument(
+        "--profile-std", type=float, default=0.5, metavar="M", help="of the survey, m; default 0.5"
+    )
+    parser.add_argument(
+        "--upstream", choices=("left", "right"), default="left", help="default: left"
+    )
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Make the folder, check it as a back-analysis would, and say what comes next."""
+    from pathlib import Path
+
+    from inversion.new_case.make_case import Given, make_case
+
+    made = make_case(
+        arguments.case,
+        Given(
+            section=arguments.section,
+            format=arguments.format,
+            materials=arguments.materials,
+            unit=arguments.unit,
+            snap=arguments.snap,
+            spacing_m=arguments.spacing,
+            liquefied=arguments.liquefied,
+            water_level=arguments.water_level,
+            runouts=arguments.runout,
+            profile=arguments.profile,
+            profile_std_m=arguments.profile_std,
+            upstream=arguments.upstream,
+        ),
+    )
+    folder = made.folder
+    ran = ", ".join(f"{r.side} {r.value_m:g} +- {r.std_m:.2g} m" for r in made.runouts)
+    print(f"wrote {folder}: {len(made.scene.zones)} zones; runout {ran}")
+    print("It works as it is; lines with FILL IN wait for what only you know. Next:")
+    print(f"  flowslide check {folder}")
+    print(f"  flowslide show {folder} --out {folder.name}.png")
+    print(f"  flowslide invert {folder} --quick")
+    if folder.resolve().parent == Path(CASES).resolve():
+        print(f"  snakemake -c 2 invert_{folder.name}")
