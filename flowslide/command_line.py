@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -278,11 +279,15 @@ def _parser_of(*args: Any, entry: Command | Group, **keywords: Any) -> CommandPa
 def _run(parser: CommandParser, argv: Sequence[str] | None) -> int:
     arguments = parser.parse_args(argv)
     options.check(arguments)
-    if not getattr(arguments, "effect_files", None):
-        return arguments.handler(arguments) or 0
-    from mpm_taichi.effects import given_effects
+    with ExitStack() as known:
+        if getattr(arguments, "effect_files", None):
+            from mpm_taichi.effects import given_effects
 
-    with given_effects(arguments.effect_files):
+            known.enter_context(given_effects(arguments.effect_files))
+        if getattr(arguments, "measurement_files", None):
+            from geometry.survey.registry import given_measurements
+
+            known.enter_context(given_measurements(arguments.measurement_files))
         return arguments.handler(arguments) or 0
 
 

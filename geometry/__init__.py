@@ -1,8 +1,8 @@
 """Scenes: what is simulated, before anything moves.
 
 In: a configuration and a number, or a section measured by hand. Out: a `Scene`, the one document
-that every later stage reads, and its filling with material points. `observables` measures a deposit
-of points the same way for field data, the material point method and the learned simulator.
+that every later stage reads, and its filling with material points. `survey` measures a deposit of
+points the same way for field data, the material point method and the learned simulator.
 
 In the paper this is the section on data and training, with its appendix of polygon coordinates.
 """

@@ -174,7 +174,7 @@ def outward_travel(
     """How far the mass spread to the left and to the right [m], for lists and statistics.
 
     The outer edges are the quantiles `share` and 1 - share of the points' x, so that no single
-    stray point decides. The measured toe runout is `geometry.survey.observables.toe_runout`, not
+    stray point decides. The measured toe runout is `geometry.survey.toe_runout`, not
     this.
 
     Args:

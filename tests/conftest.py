@@ -25,17 +25,21 @@ def root() -> Path:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _users_effects_end_with_their_file() -> Iterator[None]:
-    """Effects of users that a file of tests has loaded are known in that file alone."""
-    before = dict(_users_effects())
+def _users_code_ends_with_its_file() -> Iterator[None]:
+    """Effects and measurements of users that a file of tests has loaded end with it."""
+    before = {name: dict(_of_users(name)) for name in REGISTRIES}
     yield
-    after = _users_effects()
-    after.clear()
-    after.update(before)
+    for name, known in before.items():
+        after = _of_users(name)
+        after.clear()
+        after.update(known)
 
 
-def _users_effects() -> dict:
-    registry = sys.modules.get("mpm_taichi.effects.framework.registry")
+REGISTRIES = ("mpm_taichi.effects.framework.registry", "geometry.survey.registry")
+
+
+def _of_users(name: str) -> dict:
+    registry = sys.modules.get(name)
     return registry._users if registry else {}
 
 

@@ -80,7 +80,7 @@ def surface(
 
 
 def front(position: np.ndarray, *, spacing: float, volume: float = 1.0) -> float:
-    """Toe of the deposit [m]: where it is one spacing thick (`geometry.survey.observables.toe`).
+    """Toe of the deposit [m]: where it is one spacing thick (`geometry.survey.toe.toe`).
 
     For another thickness, give it as `spacing`, and the points' volume in its square.
     """

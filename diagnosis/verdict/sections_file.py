@@ -1,7 +1,7 @@
 """The section before and after the slide, for the pictures: `sections.npz` beside a verdict.
 
 In: the points of three kept runs. Out: surfaces by the one definition of
-`geometry.survey.observables`. The page is whole without this file; its profile then lacks the
+`geometry.survey.surface_profile`. The page is whole without this file; its profile then lacks the
 outline of the section.
 """
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from flowslide.commands import options
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -26,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="scene files, folders with a scene.yaml or with NNNNN.json files, or names of cases",
     )
     parser.add_argument("--quiet", action="store_true", help="print the sum only")
+    options.add_measurements_code(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

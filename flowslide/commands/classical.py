@@ -104,6 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="leave the strength of soil that did not liquefy out",
     )
+    options.add_measurements_code(parser)
     add_common(parser)
 
 

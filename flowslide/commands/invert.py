@@ -63,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.add_device(parser)
     options.add_effects(parser)
+    options.add_measurements_code(parser)
     add_common(parser)
 
 

@@ -79,6 +79,19 @@ def add_effects(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_measurements_code(parser: argparse.ArgumentParser) -> None:
+    """Add `--measurements-code FILE`, which may be repeated."""
+    parser.add_argument(
+        "--measurements-code",
+        action="append",
+        default=[],
+        metavar="FILE",
+        dest="measurement_files",
+        help="Python file with your own types of measurement; it is executed "
+        "(docs/how-to/your-own-measurement.md)",
+    )
+
+
 def check(arguments: argparse.Namespace) -> None:
     """Check the numbers of the shared options.
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flowslide.commands import options
 from pipeline.cli import InputError, add_common
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="page",
         help="film: page with a new film; page: with the film that is there; none; default: page",
     )
+    options.add_measurements_code(parser)
     add_common(parser)
 
 

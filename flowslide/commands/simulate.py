@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--film", choices=FILMS, default=FILMS[0], help=f"default: {FILMS[0]}")
     options.add_device(parser)
     options.add_effects(parser)
+    options.add_measurements_code(parser)
     add_common(parser)
 
 

@@ -93,7 +93,7 @@ def freeboard(
     """Highest remaining ground minus the water level; negative where the dam is overtopped.
 
     Ground is where the share of the space that soil fills, smoothed over about two spacings,
-    exceeds 0.4 (`geometry.survey.highest_ground`). Columns would cut a peak off, and single points
+    exceeds 0.4 (`highest_ground`). Columns would cut a peak off, and single points
     do not reach the share.
 
     Args:

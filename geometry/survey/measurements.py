@@ -178,7 +178,9 @@ def _check_initial(initial: InitialSection, scene: Scene, where: str) -> None:
 
 
 def _error_line(error: ValidationError, source: str) -> str:
-    """`document_error`, with a hint where a key merely lacks its unit."""
+    """`document_error`, with a hint where a key merely lacks its unit or a type is not known."""
+    if error.errors(include_url=False)[0]["type"] == "union_tag_invalid":
+        return f"{document_error(error, source)}; your own types need --measurements-code FILE"
     # A misspelt key is also a missing one; the misspelling says more.
     unknown = [e for e in error.errors(include_url=False) if e["type"] == "extra_forbidden"]
     if not unknown:

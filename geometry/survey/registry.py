@@ -7,6 +7,8 @@ named.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache, reduce
 from operator import or_
 from pathlib import Path
@@ -129,3 +131,16 @@ def load_measurements_code(path: str | Path) -> list[type[Measured]]:
         found[name] = kind
     _users.update(found)
     return kinds
+
+
+@contextmanager
+def given_measurements(paths: Iterable[str | Path]) -> Iterator[None]:
+    """Load files of types for the length of a `with` block; see `load_measurements_code`."""
+    before = dict(_users)
+    try:
+        for path in paths:
+            load_measurements_code(path)
+        yield
+    finally:
+        _users.clear()
+        _users.update(before)

@@ -2,7 +2,7 @@
 
 In: predicted and simulated positions of the same frames, and the scene's facts. Out: one `Score` a
 run (`gns.evaluation.score_tables` makes tables of them). Numpy alone; the deposit is read by the
-definitions with which everything else is measured (`geometry.survey.observables`).
+definitions with which everything else is measured (`geometry.survey`).
 
 Errors are in metres, and where it says so in spacings d. Only soil counts: kinematic points are
 where they were told to be. A rollout that is not finite has infinite errors, so that it can be

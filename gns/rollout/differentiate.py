@@ -2,7 +2,7 @@
 
 In: a simulator with frozen weights, a scene as a function of p parameters (strengths, friction,
 density, water level: all that a `ScaledScene` carries), a first window, and a reading of the frames
-with its derivative with respect to the positions (those of `geometry.survey.observables` have one).
+with its derivative with respect to the positions (those of `geometry.survey` have one).
 Two exact ways through the steps:
 
 - reverse mode, `gradient` and `reverse_jacobian`: of one number, or one after the other, with

@@ -25,6 +25,7 @@ def add_session_options(parser: argparse.ArgumentParser) -> None:
         help="a model to go on from, a file or its name in models/; default: the base model",
     )
     options.add_effects(parser)
+    options.add_measurements_code(parser)
     options.add_threads(parser)
     parser.add_argument(
         "--page", choices=("yes", "no"), default="yes", help="write the page; default: yes"
