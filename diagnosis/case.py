@@ -1,14 +1,14 @@
-"""A case folder made into a question for the statistics: section, measurements, options.
+"""A case and the question of its diagnosis: what the statistics are given.
 
-In: a folder with `scene.yaml`, `measurements.yaml`, `inversion.yaml` and perhaps `diagnosis.yaml`;
-the configuration, perhaps a model file. Out: a `DiagnosisCase`. Whatever is wrong with the folder
-is an `InputError` of one line, before the first simulation.
+In: a `geometry.case.Case` with `measurements.yaml`, `inversion.yaml` and perhaps `diagnosis.yaml`;
+perhaps a hypothesis. Out: a `DiagnosisCase`. Whatever is wrong with the questions is an
+`InputError` of one line, before the first simulation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -17,11 +17,10 @@ from diagnosis.hypotheses.hypothesis_file import ModelFile
 from diagnosis.hypotheses.mpm_model import MPMModel, Numerics
 from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
-from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
+from geometry.case import SCENE_FILE, Case, load_case
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.survey.measurements import Measurements, check_places, load_measurements
-from inversion.back_analysis.load import SCENE_FILE
+from geometry.survey.measurements import Measurements, check_places
 from inversion.engines.mpm_engine import Setup
 from inversion.engines.run_store import RunStore
 from inversion.problem.parameters import Parameters
@@ -30,53 +29,31 @@ from inversion.problem.question import FILE_NAME as INVERSION_FILE
 from inversion.problem.question import Question, ZoneBoundary, check_zones, load_question
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
-from pipeline.config import Config
 
 #: Forward runs at the fits themselves, for the pictures.
 FOR_PICTURES = 2
 
 
 @dataclass(frozen=True)
-class DiagnosisCase:
+class DiagnosisCase(Case):
     """A case and what is asked of its diagnosis.
 
     Attributes:
-        folder: of the case.
-        measurements: all sets.
         inversion: what is calibrated, as in `inversion.yaml`.
         question: as in `diagnosis.yaml`.
         setup: section, settings, parameters and measurements of the base model.
-        config: settings in force.
-        transfer: the case that judges the answer; None where `diagnosis.yaml` names none.
+        validation_case: the case that judges the answer; None where `diagnosis.yaml` names none.
     """
 
-    folder: Path
-    measurements: Measurements
     inversion: Question
     question: DiagnosisQuestion
     setup: Setup
-    config: Config
-    transfer: DiagnosisCase | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of the folder."""
-        return self.folder.resolve().name
-
-    @property
-    def title(self) -> str:
-        """The name in words."""
-        return self.name.replace("_", " ").title()
+    validation_case: DiagnosisCase | None = None
 
     @property
     def source(self) -> str:
         """File of the question, for messages."""
         return str(self.folder / FILE_NAME)
-
-    @property
-    def scene(self) -> Scene:
-        """The section of the base model."""
-        return self.setup.scene
 
     @property
     def priors(self) -> dict[str, tuple[float, float]]:
@@ -157,77 +134,65 @@ class DiagnosisCase:
         return [path for path in dict.fromkeys(found) if path.is_file()]
 
 
-def load_diagnosis(
-    folder: str | Path,
-    config: Config,
+def diagnosis_case(
+    case: Case,
     *,
     spacing_m: float | None = None,
-    model: ModelFile | None = None,
-    model_source: str = "",
-    with_transfer: bool = True,
+    hypothesis: ModelFile | None = None,
+    hypothesis_source: str = "",
+    with_validation: bool = True,
 ) -> DiagnosisCase:
-    """Read a case folder.
+    """A case with the question of its diagnosis.
 
     Args:
-        folder: of the case.
-        config: settings.
+        case: with measurements.
         spacing_m: of material points; None: that of `diagnosis.yaml`, of `inversion.yaml` or of the
             scene, times `diagnosis.spacing_factor`.
-        model: what stands in place of the base model: the scene changed, effects switched on.
-        model_source: its file, for messages.
-        with_transfer: read the case that `transfer_check` names as well.
+        hypothesis: what replaces the base model: the scene changed, effects switched on.
+        hypothesis_source: its file, for messages.
+        with_validation: read the validation case as well.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(
-            f"{folder}: no such folder; a case has {SCENE_FILE}, {MEASUREMENTS_FILE} and "
-            f"{INVERSION_FILE}"
-        )
-    scene = load_scene(folder / SCENE_FILE)
-    measurements = load_measurements(folder, scene)
-    inversion = load_question(folder, scene)
+    folder, measurements = case.folder, case.measurements
+    inversion = load_question(folder, case.drawn)
     question = load_diagnosis_question(folder)
-    own = question.spacing_m or inversion.spacing_m or scene.spacing
-    spacing = own * config.diagnosis.spacing_factor if spacing_m is None else spacing_m
-    surveyed = scene.spacing
-    if spacing != surveyed:
-        document = {**scene.model_dump(), "spacing": spacing}
-        scene = scene_from_mapping(document, f"{folder / SCENE_FILE} at {spacing:g} m spacing")
+    factor = case.config.diagnosis.spacing_factor
+    case = case.resolved(question, inversion, spacing_factor=factor, spacing_m=spacing_m)
     source = str(folder / SCENE_FILE)
-    if model is not None:
-        source = model_source or "model"
-        scene = model.scene(scene, source)
-        # What was measured and what is sought must be in the changed section as well.
-        at_least = scene.model_copy(update={"spacing": max(surveyed, scene.spacing)})
+    if hypothesis is not None:
+        source = hypothesis_source or "hypothesis"
+        scene = hypothesis.scene(case.scene, source)
+        case = replace(case, scene=scene)
+        # What was measured and what is calibrated must be in the changed section as well.
+        at_least = scene.model_copy(update={"spacing": max(case.drawn.spacing, scene.spacing)})
         check_places(measurements, at_least, f"{source}: {folder / MEASUREMENTS_FILE}")
         check_zones(inversion, scene, f"{source}: {folder / INVERSION_FILE}")
-    effects_on(scene, source)
-    simulation = config.simulation
-    duration = question.duration_s or inversion.duration_s
-    if duration is not None:
-        simulation = simulation.model_copy(update={"duration_s": duration})
-    foot = measurements.feet(scene)
+    effects_on(case.scene, source)
     targets = _targets(measurements, question, folder)
-    setup = Setup(scene, simulation, Parameters(inversion.parameters), targets, foot)
-    other = _transfer(question, folder, config) if with_transfer else None
-    case = DiagnosisCase(folder, measurements, inversion, question, setup, config, other)
-    _check_numbers(case)
-    return case
+    parameters = Parameters(inversion.parameters)
+    asked = case.extended(
+        DiagnosisCase,
+        inversion=inversion,
+        question=question,
+        setup=Setup(case.scene, case.simulation, parameters, targets, case.feet),
+        validation_case=_validation_case(question, case) if with_validation else None,
+    )
+    _check_numbers(asked)
+    return asked
 
 
-def _transfer(question: DiagnosisQuestion, folder: Path, config: Config) -> DiagnosisCase | None:
-    """The case that `transfer_check` names, read whole: it is simulated last, and refused first."""
+def _validation_case(question: DiagnosisQuestion, case: Case) -> DiagnosisCase | None:
+    """The case that `validation_case` names: it is simulated last, and refused first."""
     if question.transfer_check is None:
         return None
-    place = folder / question.transfer_check  # an absolute path stays as it is
-    where = f"{folder / FILE_NAME}: transfer_check"
-    if place.resolve() == folder.resolve():
+    place = case.folder / question.transfer_check  # an absolute path stays as it is
+    where = f"{case.folder / FILE_NAME}: transfer_check"
+    if place.resolve() == case.folder.resolve():
         raise InputError(f"{where}: {question.transfer_check}: is this case; name another one")
     try:
-        other = load_diagnosis(place, config, with_transfer=False)
+        other = diagnosis_case(load_case(place, case.config), with_validation=False)
         other.model(RunStore(None))
     except InputError as error:
         raise InputError(f"{where}: {error}") from None

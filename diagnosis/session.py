@@ -20,7 +20,7 @@ import diagnosis
 import geometry
 import inversion
 import mpm_taichi
-from diagnosis.case import DiagnosisCase, load_diagnosis
+from diagnosis.case import DiagnosisCase, diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import (
     BASE,
     ModelFile,
@@ -33,9 +33,9 @@ from diagnosis.hypotheses.mpm_model import MPMModel
 from diagnosis.options import Options
 from diagnosis.verdict.sections_file import save_sections
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
+from geometry.case import Case
 from geometry.scenes.scene import scene_hash
 from geometry.survey.toe import outward_of
-from inversion.back_analysis.load import case_folder
 from inversion.engines.run_store import OnRun, RunStore
 from pipeline.cli import InputError
 from pipeline.config import Config
@@ -94,7 +94,7 @@ class Session:
         """The same question asked of the base model."""
         if self.is_base:
             return self
-        case = load_diagnosis(self.case.folder, self.config, spacing_m=self.spacing_m)
+        case = diagnosis_case(self.case, spacing_m=self.spacing_m)
         return replace(self, case=case, model_name=BASE, model_file=None)
 
     @property
@@ -152,7 +152,7 @@ class Session:
         """The same question asked of the model without some of its effects."""
         kept = {n: e for n, e in self.model_file.effects.items() if n not in effects}
         model = self.model_file.model_copy(update={"effects": kept})
-        case = load_diagnosis(self.case.folder, self.config, spacing_m=self.spacing_m, model=model)
+        case = diagnosis_case(self.case, spacing_m=self.spacing_m, hypothesis=model)
         return replace(self, case=case, model_file=model)
 
     def timeless(self, document: Document) -> Document:
@@ -229,8 +229,7 @@ def describe(state: State) -> str:
 
 
 def open_session(
-    case: str | Path,
-    config: Config,
+    case: Case,
     *,
     out: str | Path | None = None,
     hypothesis: str | None = None,
@@ -242,8 +241,7 @@ def open_session(
     """Read everything a diagnosis needs, before the first simulation.
 
     Args:
-        case: folder of a case, or its name in `case_histories`.
-        config: settings.
+        case: with measurements.
         out: folder of the results; None: `<results_folder>/<case>/diagnosis`.
         hypothesis: a model to go on from, a file or its name in `models/` of the folder; None: the
             base model.
@@ -255,13 +253,12 @@ def open_session(
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    place = case_folder(str(case))
-    folder = Path(out or Path(config.results_folder) / place.resolve().name / "diagnosis")
+    folder = Path(out or Path(case.config.results_folder) / case.name / "diagnosis")
     name, model, origin = BASE, None, ""
     if hypothesis is not None:
         name, path = find_model(folder, hypothesis)
         model, origin = load_model_file(path), str(path)
         check_parent(model, path, folder)
-    loaded = load_diagnosis(place, config, spacing_m=spacing_m, model=model, model_source=origin)
+    asked = diagnosis_case(case, spacing_m=spacing_m, hypothesis=model, hypothesis_source=origin)
     store = RunStore(folder / "runs", threads=threads, on_run=on_run)
-    return Session(loaded, config, folder, store, name, model, say, spacing_m)
+    return Session(asked, case.config, folder, store, name, model, say, spacing_m)

@@ -10,8 +10,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from geometry.case import load_case
 from inversion.back_analysis.back_analysis import BackAnalysis
-from inversion.back_analysis.load import LoadedCase, load_case
+from inversion.back_analysis.case import InversionCase, inversion_case
 from inversion.back_analysis.result import Result
 from inversion.engines.run_store import RunStore
 from pipeline.config import Config, load_config
@@ -51,11 +52,10 @@ def loaded(
     measurement_set: str | None = None,
     overrides: Sequence[str] = (),
     spacing_m: float | None = None,
-) -> LoadedCase:
+) -> InversionCase:
     """A case history at the spacing of this study, or at another."""
-    return load_case(
-        CASES / name,
-        config(*overrides),
+    return inversion_case(
+        load_case(CASES / name, config(*overrides)),
         measurement_set=measurement_set,
         spacing_m=SPACING[name][quick] if spacing_m is None else spacing_m,
     )

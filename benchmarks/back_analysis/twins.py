@@ -32,9 +32,10 @@ import numpy as np
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_least, at_most
 from benchmarks.back_analysis.twin_cases import Truth, plans, points_of, truth_of, write_case
+from geometry.case import load_case
 from inversion import PHYSICS_VERSION as INVERSION_VERSION
 from inversion.back_analysis.back_analysis import BackAnalysis
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.result import Result
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import content_hash, read_json, write_json
@@ -174,7 +175,8 @@ def twin_of(group: str, truth: Truth) -> Twin:
         if kept["key"] == key:
             return Twin(**kept["twin"])
     write_case(truth, folder, cell_factor=CELL_FACTOR)
-    case, store = load_case(folder, lab.config(*SETTINGS)), lab.store(f"twins/{folder.name}/runs")
+    case = inversion_case(load_case(folder, lab.config(*SETTINGS)))
+    store = lab.store(f"twins/{folder.name}/runs")
     analysis = BackAnalysis(case, store, lambda line: None)
     twin = judged(group, truth, analysis.run())
     write_json(record, {"key": key, "twin": dataclasses.asdict(twin)})

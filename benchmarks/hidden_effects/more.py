@@ -23,8 +23,9 @@ from benchmarks.hidden_effects.making.truth import slide_of
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, Part, diagnosed
 from benchmarks.hidden_effects.scoring.digest import Digest, digest_of
 from benchmarks.hidden_effects.scoring.records import read_truth
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
 from diagnosis.selection.possible_measurements import possible_measurements
+from geometry.case import load_case
 from geometry.survey.measured import Deposit, Measured
 from geometry.survey.profiles import load_profile
 from inversion.engines.run_store import RunStore
@@ -93,7 +94,7 @@ def suggested(
     from diagnosis.loop import find, next_measurements
     from diagnosis.verdict.verdict_document import verdict_document
 
-    case = load_diagnosis(folder, config)
+    case = diagnosis_case(load_case(folder, config))
     model = case.model(store)
     found = find(model, case.options(model))
     verdict = verdict_document(found, case=case.name, title=case.title)

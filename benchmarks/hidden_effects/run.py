@@ -16,7 +16,8 @@ from typing import Any
 from benchmarks.hidden_effects.making.benchmark import Places
 from benchmarks.hidden_effects.making.make import OnCase, sealed_cases
 from benchmarks.hidden_effects.scoring.digest import METHOD, Digest, digest_of
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
+from geometry.case import load_case
 from inversion.engines.run_store import RunStore
 from pipeline.cli import WorkFailed
 from pipeline.config import Config
@@ -49,7 +50,7 @@ def diagnosed(folder: Path, variant: str, store: RunStore, config: Config) -> Di
     from diagnosis import diagnose  # scipy takes its time
 
     began = time.perf_counter()
-    case = load_diagnosis(folder, config)
+    case = diagnosis_case(load_case(folder, config))
     model = case.model(store)
     options = replace(case.options(model), **VARIANTS[variant])
     verdict = diagnose(model, options, case=case.name, title=case.title)

@@ -23,13 +23,13 @@ from pathlib import Path
 
 import numpy as np
 
-from inversion.back_analysis.load import load_case
+from geometry.case import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine, Setup
 from inversion.engines.run_store import RunStore
 from inversion.problem.parameters import Parameters
 from inversion.problem.question import ParameterSpec
 from pipeline.cli import CommandParser, base_parser, main_exit
-from pipeline.config import load_config
 from pipeline.table import aligned
 
 CASE = Path("case_histories/lower_san_fernando")
@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _setup(arguments, count: int, frames: int | None = None) -> Setup:
     """The question with so many parameters; the fit is of the toe alone, as asked."""
-    case = load_case(CASE, load_config(None), spacing_m=arguments.spacing)
+    case = inversion_case(load_case(CASE), spacing_m=arguments.spacing)
     setup = dataclasses.replace(case.setup, parameters=Parameters(_specs(case, count)))
     if frames is None or frames < 0:
         return setup

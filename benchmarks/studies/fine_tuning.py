@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from geometry.case import load_case
 from geometry.scenes.scene import scene_text
 from gns.data.dataset import Windows
 from gns.data.metadata import read_metadata
@@ -25,7 +26,7 @@ from gns.evaluation.evaluate import evaluate
 from gns.evaluation.score_tables import by_template
 from gns.network.simulator import Simulator
 from gns.training.checkpoints import ModelFolder
-from inversion.back_analysis.load import case_folder, load_case
+from inversion.back_analysis.case import inversion_case
 from pipeline.cli import CommandParser, base_parser, main_exit
 from pipeline.config import load_config
 from pipeline.files import make_folder, write_text
@@ -51,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser().parse_args(argv)
     out = make_folder(options.out)
     config = load_config(None, [f"inversion.spacing_factor={options.spacing_factor}"])
-    case = load_case(case_folder(options.case), config)
+    case = inversion_case(load_case(options.case, config))
     scenes = write_variants(case, out / "scenes", options.runs)
     duration = f"simulation.duration_s={case.setup.settings.duration_s}"
     call("mpm_taichi", "run", *scenes, "--out", out / "runs", "--set", duration)

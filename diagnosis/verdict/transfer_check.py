@@ -27,7 +27,7 @@ SEEDS = 4
 
 def transfer_check(session: Session, found: Diagnosed) -> TransferCheck | None:
     """Judge the answer on the case that `transfer_check` names; None where there is none."""
-    other = session.case.transfer
+    other = session.case.validation_case
     if other is None:
         return None
     model = other.model(session.store)

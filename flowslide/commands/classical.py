@@ -110,17 +110,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
-    from inversion.back_analysis.load import case_folder
+    from geometry.case import load_case
     from inversion.classical.document import document, table
-    from inversion.classical.sections_of_case import load_sections
+    from inversion.classical.sections_of_case import case_sections
     from pipeline.config import load_config
     from pipeline.files import write_json
     from report.pictures.classical import save_picture
 
     config = load_config(arguments.config, arguments.overrides)
-    case = load_sections(case_folder(arguments.case), run=arguments.run)
-    name = case.folder.resolve().name
-    out = Path(arguments.out or Path(config.results_folder) / name / "classical")
+    case = case_sections(load_case(arguments.case, config), run=arguments.run)
+    out = Path(arguments.out or Path(config.results_folder) / case.name / "classical")
     analyses, refused = analyse_all(case, arguments)
     for analysis in analyses:
         print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")

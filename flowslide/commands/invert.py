@@ -13,7 +13,7 @@ from pipeline.cli import add_common
 
 if TYPE_CHECKING:
     from inversion.back_analysis.back_analysis import BackAnalysis
-    from inversion.back_analysis.load import LoadedCase
+    from inversion.back_analysis.case import InversionCase
     from inversion.engines.registry import Choice
     from inversion.engines.run_store import RunStore
     from pipeline.config import Config
@@ -69,7 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Find the answer, write it, print it."""
-    from inversion.back_analysis.load import case_folder, load_case
+    from geometry.case import load_case
+    from inversion.back_analysis.case import inversion_case
     from inversion.back_analysis.result_files import save_all
     from inversion.engines.registry import FOLDERS, chosen_engine
     from inversion.engines.run_store import RunStore
@@ -77,9 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
     from report.back_analysis.summary import summary
 
     config = _config(arguments)
-    case = load_case(
-        case_folder(arguments.case),
-        config,
+    case = inversion_case(
+        load_case(arguments.case, config),
         measurement_set=arguments.set_of_measurements,
         spacing_m=arguments.spacing,
         use_constructed=arguments.use_constructed,
@@ -112,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _analysis(
     choice: Choice,
-    case: LoadedCase,
+    case: InversionCase,
     store: RunStore,
     say: Callable[[str], None],
     folder: Path,

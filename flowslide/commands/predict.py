@@ -46,12 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Predict, write, print."""
-    from inversion.back_analysis.load import case_folder
+    from geometry.case import load_case
     from inversion.engines.mpm_engine import MPMEngine
     from inversion.engines.run_store import RunStore
     from inversion.prediction.known_strength import parse_strength, placed
     from inversion.prediction.predict import envelope, predict
-    from inversion.prediction.prediction_case import load_prediction_case
+    from inversion.prediction.prediction_case import prediction_case
     from inversion.prediction.prediction_document import document_of, summary
     from pipeline.batch_bar import BatchBar
     from pipeline.config import load_config
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     _check(arguments)
     config = load_config(arguments.config, arguments.overrides)
     read = [parse_strength(text, arguments.distribution) for text in arguments.strengths]
-    case = load_prediction_case(case_folder(arguments.case), config, arguments.spacing)
+    case = prediction_case(load_case(arguments.case, config), spacing_m=arguments.spacing)
     if arguments.zones is not None and read[0].zones:
         raise InputError(f"--zones: {OPTION} names its zones already")
     given = [name.strip() for name in (arguments.zones or "").split(",") if name.strip()]

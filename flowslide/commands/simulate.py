@@ -12,7 +12,8 @@ from pipeline.cli import add_common
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mpm_taichi.case import Case, Reading
+    from geometry.case import Case
+    from mpm_taichi.comparison import Reading
     from mpm_taichi.trajectory import Run
 
 FILMS = ("mp4", "gif", "none")
@@ -46,51 +47,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Simulate, write, print."""
-    from inversion.back_analysis.load import case_folder
-    from mpm_taichi import case as history
+    from geometry.case import load_case
+    from mpm_taichi import comparison
     from pipeline.config import load_config
     from pipeline.out_folder import ready_folder
     from pipeline.progress import Progress
     from report.pictures.video import check_video
 
     config = load_config(arguments.config, arguments.overrides)
-    settings = config.simulation
-    folder = case_folder(arguments.case)
-    case = history.load_case(
-        folder,
-        water=not arguments.no_water,
-        spacing=arguments.spacing,
-        strengths=dict(arguments.strength),
-        measurement_set=arguments.set_of_measurements,
-    )
-    out = Path(arguments.out or Path(config.results_folder) / folder.resolve().name / "simulation")
+    case = load_case(arguments.case, config).with_set(arguments.set_of_measurements)
+    case = case.resolved(spacing_m=arguments.spacing)
+    case = case.changed(water=not arguments.no_water, strengths=dict(arguments.strength))
+    out = Path(arguments.out or Path(config.results_folder) / case.name / "simulation")
     film = None if arguments.film == "none" else out / f"runout.{arguments.film}"
     if film is not None:
         check_video(film)
     files = ["runout.png", "observables.csv"]
     ready_folder(out, files if film is None else [*files, film.name])
-    seconds = max(round(settings.duration_s), 1)
+    seconds = max(round(case.simulation.duration_s), 1)
     with Progress(
         seconds, f"simulating {case.title}, s of motion", quiet=arguments.quiet
     ) as progress:
-        run = history.simulate_case(
+        run = comparison.simulate_case(
             case,
-            settings,
             device=arguments.device,
             threads=arguments.threads,
             on_time=lambda time: progress.advance(max(min(int(time), seconds) - progress.done, 0)),
         )
         progress.advance(seconds - progress.done, note=f"ended at {run.time[-1]:.1f} s")
-    readings = history.read_deposit(case, run)
+    readings = comparison.read_deposit(case, run)
     _write(case, run, readings, out, film)
-    print(history.heading(case, run), history.table(case, readings), sep="\n\n")
-    print(history.energy_line(run))
+    print(comparison.heading(case, run), comparison.table(case, readings), sep="\n\n")
+    print(comparison.energy_line(run))
     print(f"Picture: {out / 'runout.png'}; numbers: {out / 'observables.csv'}", end="")
     print(f"; film: {film}" if film else "")
 
 
 def _write(case: Case, run: Run, readings: Sequence[Reading], out: Path, film: Path | None) -> None:
-    from mpm_taichi.case import write_observables
+    from mpm_taichi.comparison import write_observables
     from report.pictures.case_history import save_case_film, save_case_picture
 
     save_case_picture(case, run, readings, out / "runout.png")

@@ -21,8 +21,8 @@ import geometry
 import mpm_taichi
 from inversion import PHYSICS_VERSION
 from inversion.back_analysis import result_builder
+from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.equivalent_answers import Stop, walk
-from inversion.back_analysis.load import LoadedCase
 from inversion.back_analysis.perturbed_answers import Problem, resolve
 from inversion.back_analysis.result import (
     Noise,
@@ -57,7 +57,7 @@ class BackAnalysis:
         say: told in a line what is happening.
     """
 
-    case: LoadedCase
+    case: InversionCase
     store: RunStore
     say: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True)
     found: Found | None = None

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.equivalent_answers import Stop
-from inversion.back_analysis.load import LoadedCase
 from inversion.back_analysis.result import (
     Answer,
     Correlation,
@@ -129,7 +129,7 @@ def unknown_derivatives(parameters: Parameters, derivative: np.ndarray) -> list[
 
 
 def answer(
-    case: LoadedCase,
+    case: InversionCase,
     objective: Objective,
     found: Found,
     spread: Posterior,
@@ -225,7 +225,7 @@ def bounded(names: Sequence[str], bounds: Sequence[str | None]) -> list[str]:
 
 
 def _parameters(
-    case: LoadedCase,
+    case: InversionCase,
     found: Found,
     spread: Posterior,
     total: np.ndarray,

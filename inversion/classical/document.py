@@ -27,8 +27,8 @@ def document(
 ) -> dict[str, Any]:
     """`classical.json`: every analysis with all its numbers, and why others could not be made."""
     return {
-        "case": case.folder.resolve().name,
-        "title": case.scene.name.replace("_", " ").title(),
+        "case": case.name,
+        "title": case.title,
         "analyses": [_analysis(analysis, case) for analysis in analyses],
         "not_analysed": list(refused),
     }

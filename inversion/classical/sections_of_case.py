@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.scenes.scene import Scene, load_scene
-from geometry.survey.measurements import Measurements, load_measurements
+from geometry.case import SCENE_FILE, Case
+from geometry.scenes.scene import Scene
 from geometry.survey.profiles import load_profile
 from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe import Side
@@ -23,7 +23,6 @@ from inversion.classical.section import Section, section_of
 from inversion.classical.slices import Polyline
 from pipeline.cli import InputError, WorkFailed
 
-SCENE_FILE = "scene.yaml"
 #: A surface that sank by less than this share of the section's height has not moved.
 UNMOVED = 0.01
 
@@ -44,12 +43,13 @@ class SurfaceAfter:
 
 
 @dataclass(frozen=True)
-class CaseSections:
-    """A case as the classical methods see it."""
+class CaseSections(Case):
+    """A case as the classical methods see it.
 
-    folder: Path
-    scene: Scene
-    measurements: Measurements
+    Attributes:
+        simulated: a deposit that replaces the surveyed profile; None: the profile counts.
+    """
+
     simulated: SurfaceAfter | None = None
 
     def after(self, judgement: Judgement) -> SurfaceAfter:
@@ -152,27 +152,23 @@ class CaseSections:
         return slide
 
 
-def load_sections(folder: str | Path, *, run: str | Path | None = None) -> CaseSections:
-    """Read a case folder, and the surface after the slide from a simulation if one is named.
+def case_sections(case: Case, *, run: str | Path | None = None) -> CaseSections:
+    """A case as the classical methods see it, perhaps with a simulated surface after the slide.
 
     Args:
-        folder: with `scene.yaml` and `measurements.yaml`.
+        case: with measurements.
         run: trajectory file whose first run ends with the deposit to take instead of the profile.
 
     Raises:
         InputError: something is missing or does not hold together; one line.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; a case has {SCENE_FILE}")
-    scene = load_scene(folder / SCENE_FILE)
-    if not any(material.liquefied for material in scene.materials.values()):
+    if not any(material.liquefied for material in case.scene.materials.values()):
         raise InputError(
-            f"{folder / SCENE_FILE}: materials: none is `liquefied: true`: no S_r to find"
+            f"{case.folder / SCENE_FILE}: materials: none is `liquefied: true`: no S_r to find"
         )
-    measurements = load_measurements(folder)
-    simulated = None if run is None else simulated_surface(run, scene)
-    return CaseSections(folder, scene, measurements, simulated)
+    _ = case.measurements  # refused here where there are none
+    simulated = None if run is None else simulated_surface(run, case.scene)
+    return case.extended(CaseSections, simulated=simulated)
 
 
 def simulated_surface(path: str | Path, scene: Scene) -> SurfaceAfter:

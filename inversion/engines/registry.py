@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from inversion.back_analysis.load import LoadedCase
+from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.result import FILE_NAME, EngineAnswer, Result, load_result
 from pipeline.cli import InputError
 from pipeline.places import MODELS, names_of, resolve
@@ -29,7 +29,7 @@ class Choice:
     model: Path | None = None
 
 
-def chosen_engine(case: LoadedCase, engine: str | None, model: str | None) -> Choice:
+def chosen_engine(case: InversionCase, engine: str | None, model: str | None) -> Choice:
     """The engine of a back-analysis: the command line's, else the question's, else the settings'.
 
     Args:

@@ -19,11 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from geometry.case import load_case
 from geometry.scenes.drawings import UNITS, read_materials, read_section, section_scene
 from geometry.scenes.scene import Scene
 from geometry.survey.profiles import Profile, load_profile
 from geometry.survey.toe import Side
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.new_case.case_files import (
     PROFILE_FILE,
     CaseWords,
@@ -305,7 +306,7 @@ def _write(
             text = profile_text(profile, words)
             (temporary / PROFILE_FILE).write_text(text, encoding="utf-8")
         try:
-            load_case(temporary, load_config(None))
+            inversion_case(load_case(temporary))
         except InputError as error:
             raise InputError(str(error).replace(str(temporary), str(folder))) from None
         temporary.chmod(0o755)

@@ -1,60 +1,42 @@
-"""A case to predict for: its section, what would be measured on it, and what has been, if anything.
+"""A case to predict for: what would be measured on its slides, and what has been, if anything.
 
 A dam that has not failed has a `scene.yaml` and nothing else. Where `measurements.yaml` and
-`inversion.yaml` exist, the measured lengths stand beside the predicted ones, and zones, spacing and
-duration are those of the back-analysis.
+`inversion.yaml` exist, measured lengths are reported with the predicted ones, and zones, spacing
+and duration are those of the back-analysis.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
-from geometry.survey.measured import Measured
-from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.survey.measurements import load_measurements
-from geometry.survey.toe import Side
+from geometry.case import SIDES, Case
+from geometry.scenes.scene import Scene
+from geometry.survey.measured import Measured, SingleLength
 from geometry.survey.toe_runout import ToeRunout
-from inversion.back_analysis.load import SCENE_FILE
 from inversion.engines.mpm_engine import Setup
 from inversion.prediction.known_strength import KnownStrength
 from inversion.problem.parameters import Parameters
 from inversion.problem.predictions import Targets
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
 from inversion.problem.question import ParameterSpec, load_question
-from pipeline.cli import InputError
-from pipeline.config import Config, SimulationSettings
-
-SIDES: tuple[Side, Side] = ("left", "right")
 
 
 @dataclass(frozen=True)
-class PredictionCase:
-    """A section and what is read on its slides.
+class PredictionCase(Case):
+    """A case and what is read on its slides.
 
     Attributes:
-        name: of the folder.
-        scene: the section, at the spacing asked for.
-        settings: of the simulation.
-        entries: what is read; the values of those in `measured` are measured ones.
-        measured: names of the entries that have been measured.
-        foot: where the section ends before the slide, x [m] by side.
+        entries: what is read; the values of those in `known` are measured ones.
+        known: names of the entries that have been measured.
         sought: zones whose strength the back-analysis seeks; empty: there is none.
-        noise_jitter: of the seeds that measure the noise.
     """
 
-    name: str
-    scene: Scene
-    settings: SimulationSettings
     entries: list[Measured]
-    measured: list[str]
-    foot: dict[Side, float]
+    known: list[str]
     sought: list[str]
-    noise_jitter: float
 
     @property
     def ground(self) -> np.ndarray:
@@ -78,7 +60,7 @@ class PredictionCase:
         """
         scene = self.scene
         if jitter_seed is not None:
-            scene = scene.changed(jitter=self.noise_jitter, seed=jitter_seed)
+            scene = scene.changed(jitter=self.config.inversion.noise_jitter, seed=jitter_seed)
         specs = [
             ParameterSpec(
                 name=f"residual_strength_{place}", zones=list(s.zones), property="cohesion_kpa",
@@ -86,7 +68,7 @@ class PredictionCase:
             )
             for place, s in enumerate(strengths, start=1)
         ]  # fmt: skip
-        return Setup(scene, self.settings, Parameters(specs), self._targets(), self.foot)
+        return Setup(scene, self.simulation, Parameters(specs), self._targets(), self.feet)
 
     def _targets(self) -> Targets:
         """All entries as one vector; nothing is fitted, so failure is judged by every number."""
@@ -100,52 +82,37 @@ class PredictionCase:
         )
 
 
-def load_prediction_case(
-    folder: str | Path, config: Config, spacing_m: float | None = None
-) -> PredictionCase:
-    """Read a case folder, of which only `scene.yaml` must exist.
+def prediction_case(case: Case, *, spacing_m: float | None = None) -> PredictionCase:
+    """A case with what is read on its slides.
+
+    Args:
+        case: with a section, at least.
+        spacing_m: of material points; None: the back-analysis's, or the scene's, times
+            `inversion.spacing_factor`.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; a case has at least {SCENE_FILE}")
-    scene = load_scene(folder / SCENE_FILE)
     question = None
-    if (folder / QUESTION_FILE).is_file():
-        question = load_question(folder, scene)
-    spacing = spacing_m or (question.spacing_m if question else None) or scene.spacing
-    if spacing_m is None:
-        spacing *= config.inversion.spacing_factor
-    measurements = None
-    if (folder / MEASUREMENTS_FILE).is_file():
-        measurements = load_measurements(folder, scene)
-    if spacing != scene.spacing:
-        where = f"{folder / SCENE_FILE} at {spacing:g} m spacing"
-        scene = scene_from_mapping({**scene.model_dump(), "spacing": spacing}, where)
-    settings = config.simulation
-    if question is not None and question.duration_s is not None:
-        settings = settings.model_copy(update={"duration_s": question.duration_s})
-    entries: list[Measured] = []
-    surveyed: dict[Side, float | None] = dict.fromkeys(SIDES)
-    if measurements is not None:
-        surveyed = {side: measurements.foot(side) for side in SIDES}
-        entries = [entry for entry in measurements.numbers if not entry.constructed]
-    return PredictionCase(
-        name=folder.resolve().name,
-        scene=scene,
-        settings=settings,
-        entries=entries + _other_toes(entries, scene),
-        measured=[entry.name for entry in entries],
-        foot={side: scene.foot(side) if x is None else x for side, x in surveyed.items()},
+    if (case.folder / QUESTION_FILE).is_file():
+        question = load_question(case.folder, case.drawn)
+    factor = case.config.inversion.spacing_factor
+    case = case.resolved(question, spacing_factor=factor, spacing_m=spacing_m)
+    entries: list[Measured] = [
+        entry
+        for entry in case.measured
+        if isinstance(entry, SingleLength) and not entry.constructed
+    ]
+    return case.extended(
+        PredictionCase,
+        entries=entries + _other_toes(entries, case.scene),
+        known=[entry.name for entry in entries],
         sought=[
             zone
             for spec in (question.parameters if question else [])
             if spec.property == "cohesion_kpa"
             for zone in spec.zones
         ],
-        noise_jitter=config.inversion.noise_jitter,
     )
 
 

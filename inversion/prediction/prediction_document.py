@@ -62,7 +62,7 @@ def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[st
     entry, samples = case.entries[number], found.samples[:, number]
     low, high = np.percentile(samples, (0.05, 99.95))
     beyond = np.linspace(low, high, CURVE_POINTS)
-    known = entry.name in case.measured
+    known = entry.name in case.known
     value = float(entry.values[0])
     return {
         "name": entry.name,
@@ -89,7 +89,7 @@ def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[st
 
 def _worth_telling(case: PredictionCase, found: Distribution, number: int) -> bool:
     """Measured, or a toe that moves outward in some run."""
-    if case.entries[number].name in case.measured:
+    if case.entries[number].name in case.known:
         return True
     before = max(prediction.at_start[number] for prediction in found.predictions)
     return bool(found.runs[:, number].max() > before + 2.0 * case.scene.spacing)
@@ -103,7 +103,7 @@ def _at_the_edge(case: PredictionCase, found: Distribution, number: int) -> floa
     if scene.domain.walls == "open":
         return 0.0
     edge = scene.domain.x_min if entry.toe_side == "left" else scene.domain.x_max
-    room = abs(edge - case.foot[entry.toe_side])
+    room = abs(edge - case.feet[entry.toe_side])
     return _round(np.mean(found.samples[:, number] > room - 2.0 * scene.spacing))
 
 

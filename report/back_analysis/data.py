@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from geometry.case import Case, load_case
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.survey.measurements import load_measurements
 from inversion.back_analysis.result import ParameterAnswer, Result, load_result
 from inversion.back_analysis.result_files import RUN, SECTIONS, classical_beside
 from inversion.engines.registry import side_by_side
-from mpm_taichi.case import Case
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
 from pipeline.places import CASES, resolve
@@ -141,9 +140,7 @@ def load_report(folder: str | Path, case_folder: str | Path | None = None) -> Re
         case_folder = named if (named / MEASUREMENTS_FILE).is_file() else None
     case = None
     if run is not None and case_folder is not None:
-        measurements = load_measurements(case_folder)
-        measurements.chosen(result.measurement_set)
-        case = Case(Path(case_folder), run.scene, measurements, result.measurement_set)
+        case = replace(load_case(case_folder).with_set(result.measurement_set), scene=run.scene)
     return ReportData(folder, result, run, case, _sections(folder / SECTIONS))
 
 

@@ -79,7 +79,7 @@ def _section(data: ReportData) -> Section:
     title = "The section before and after"
     if data.case is None or data.run is None:
         return Section(title)
-    from mpm_taichi.case import read_deposit
+    from mpm_taichi.comparison import read_deposit
     from report.pictures.case_history import save_case_picture
 
     path = data.folder / "section.png"

@@ -17,8 +17,9 @@ from matplotlib.patches import Patch
 from shapely.geometry import Polygon
 from shapely.ops import polylabel
 
+from geometry.case import Case
 from geometry.survey.marks import Distance, Line
-from mpm_taichi.case import Case, Reading, label
+from mpm_taichi.comparison import Reading, label
 from mpm_taichi.trajectory import Run
 from pipeline.files import atomic_path
 from report.pictures.colouring import colouring_of, material_colours

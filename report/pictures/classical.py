@@ -65,7 +65,7 @@ def save_picture(case: CaseSections, analysis: Analysis, path: Path) -> None:
     _draw_zif(axes[1], case, analysis, limits)
     _draw_motion(motion, analysis)
     _draw_values(values, case, analysis)
-    title = f"{case.scene.name.replace('_', ' ').title()}, {analysis.judgement.name} slide"
+    title = f"{case.title}, {analysis.judgement.name} slide"
     figure.text(left, 1 - 0.22 / total, title, fontsize=13, weight="bold", va="center")
     words = textwrap.fill("; ".join(labels(analysis)), 135)
     figure.text(left, 1 - 0.38 / total, words, fontsize=8.5, va="top", color=TEXT_COLOUR)

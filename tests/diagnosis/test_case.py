@@ -7,9 +7,10 @@ import shutil
 import pytest
 import yaml
 
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import ModelFile
 from diagnosis.options import HoldOut
+from geometry.case import load_case
 from inversion.engines.run_store import RunStore
 from pipeline.cli import InputError
 from pipeline.config import Config, load_config
@@ -24,7 +25,7 @@ def write(folder, document: dict | str) -> None:
 
 
 def model_and_options(folder, config: Config | None = None):
-    case = load_diagnosis(folder, config or Config())
+    case = diagnosis_case(load_case(folder, config or Config()))
     model = case.model(RunStore(None, threads=1))
     return case, model, case.options(model)
 
@@ -80,24 +81,24 @@ def test_what_the_case_holds_out_replaces_the_flags_of_the_survey(embankment):
     path.write_text(
         path.read_text().replace("type: toe_runout,", "type: toe_runout, held_out: true,")
     )
-    roles = dict(zip(*[getattr(load_diagnosis(embankment, Config()).setup.targets, name)
+    roles = dict(zip(*[getattr(diagnosis_case(load_case(embankment)).setup.targets, name)
                        for name in ("names", "roles")], strict=True))  # fmt: skip
     assert roles["toe"] == "held out"
     write(embankment, {"hold_out": {"groups": []}})
-    targets = load_diagnosis(embankment, Config()).setup.targets
+    targets = diagnosis_case(load_case(embankment)).setup.targets
     assert set(targets.roles) == {"fitted"}
 
 
 def test_spacing_of_the_command_of_the_case_and_of_the_configuration(embankment):
     config = load_config(None, ["diagnosis.spacing_factor=2"])
-    assert load_diagnosis(embankment, config).scene.spacing == 2.0
-    assert load_diagnosis(embankment, config, spacing_m=1.5).scene.spacing == 1.5
+    assert diagnosis_case(load_case(embankment, config)).scene.spacing == 2.0
+    assert diagnosis_case(load_case(embankment, config), spacing_m=1.5).scene.spacing == 1.5
     write(embankment, {"spacing_m": 1.25})
-    assert load_diagnosis(embankment, Config()).scene.spacing == 1.25
+    assert diagnosis_case(load_case(embankment)).scene.spacing == 1.25
 
 
 def test_constructed_data_enter_nothing(root):
-    case = load_diagnosis(root / "case_histories" / "lower_san_fernando", Config(), spacing_m=4)
+    case = diagnosis_case(load_case(root / "case_histories" / "lower_san_fernando"), spacing_m=4)
     roles = dict(zip(case.setup.targets.names, case.setup.targets.roles, strict=True))
     assert roles["upstream toe"] == "fitted"
     assert {role for name, role in roles.items() if name.startswith("profile")} == {"constructed"}
@@ -141,11 +142,11 @@ def test_the_case_that_judges_the_answer_is_read_at_once(embankment, tmp_path):
     write(other, {"transfer_check": "../embankment"})  # each may judge the other
     for name in ("../other", str(other)):
         write(embankment, {"transfer_check": name})
-        case = load_diagnosis(embankment, Config())
-        assert case.transfer.name == "other" and case.transfer.transfer is None
+        case = diagnosis_case(load_case(embankment))
+        assert case.validation_case.name == "other" and case.validation_case.validation_case is None
     write(other, {"effects": ["gravity"]})
     with pytest.raises(InputError, match="transfer_check: .*other.*: effects: no effect 'gravity'"):
-        load_diagnosis(embankment, Config())
+        diagnosis_case(load_case(embankment))
 
 
 @pytest.mark.parametrize(
@@ -159,9 +160,9 @@ def test_the_case_that_judges_the_answer_is_read_at_once(embankment, tmp_path):
 def test_a_model_that_does_not_fit_the_case(embankment, changes, complaint):
     model = ModelFile(scene_changes=changes)
     with pytest.raises(InputError, match=complaint):
-        load_diagnosis(embankment, Config(), model=model, model_source="01_x.yaml")
+        diagnosis_case(load_case(embankment), hypothesis=model, hypothesis_source="01_x.yaml")
 
 
 def test_a_folder_that_is_none(tmp_path):
-    with pytest.raises(InputError, match="no such folder; a case has scene.yaml, measurements"):
-        load_diagnosis(tmp_path / "nowhere", Config())
+    with pytest.raises(InputError, match="no such folder; a case has scene.yaml, and measurements"):
+        diagnosis_case(load_case(tmp_path / "nowhere"))

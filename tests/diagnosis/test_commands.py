@@ -18,13 +18,13 @@ import pytest
 from benchmarks.hidden_effects.example import write_survey
 from benchmarks.hidden_effects.making.sections import load_section
 from diagnosis.__main__ import main
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import load_model_file
 from diagnosis.hypotheses.model import state
 from diagnosis.verdict.kept_steps import kept_step
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, load_verdict
+from geometry.case import load_case
 from pipeline.cli import InputError
-from pipeline.config import Config
 
 QUICK = [
     "--threads", "1", "--page", "no", "--quiet",
@@ -49,7 +49,7 @@ def folder(root, tmp_path_factory, kept_runs):
     folder = tmp_path_factory.mktemp("case") / "embankment"
     shutil.copytree(root / "docs" / "examples" / "hidden_effect", folder)
     (folder / "diagnosis.yaml").write_text(ASKED)
-    model = load_diagnosis(folder, Config()).model(kept_runs)
+    model = diagnosis_case(load_case(folder)).model(kept_runs)
     (measured,) = model.predict([state((9.2, 33.0), HIDDEN, seed=11)])
     places = np.loadtxt(folder / "profile.csv", delimiter=",", skiprows=1)[:, 0]
     write_survey(load_section(folder), folder, np.round(measured, 3), places)

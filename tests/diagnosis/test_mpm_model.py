@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.model import Model, State, state
+from geometry.case import load_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
-from pipeline.config import Config
 
 BOUNDARY = {"name": "top", "kind": "zone_boundary",
             "vertices": [{"at": [10.0, 5.0], "move": [2.0, 1.0]},
@@ -30,7 +30,7 @@ def folder(embankment):
 
 @pytest.fixture
 def case(folder):
-    return load_diagnosis(folder, Config())
+    return diagnosis_case(load_case(folder))
 
 
 def test_a_state_becomes_a_scene(case):
@@ -59,7 +59,7 @@ def test_a_state_becomes_a_scene(case):
 
 def test_a_random_pattern_is_by_chance_until_its_draw_is_given(folder):
     def by_chance() -> set[str]:
-        model = load_diagnosis(folder, Config()).model(RunStore(None, threads=1))
+        model = diagnosis_case(load_case(folder)).model(RunStore(None, threads=1))
         return {candidate.name for candidate in model.candidates if candidate.by_chance}
 
     assert by_chance() == {"spatial_variability"}
@@ -138,7 +138,7 @@ def test_the_foot_that_moves_takes_the_zero_of_the_runout_with_it(folder, kept_r
     question = yaml.safe_load(path.read_text())
     question["sensitivities"][0]["vertices"] = [{"at": [0.0, 0.0], "move": [-3.0, 0.0]}]
     path.write_text(yaml.safe_dump(question))
-    model = load_diagnosis(folder, Config()).model(kept_runs)
+    model = diagnosis_case(load_case(folder)).model(kept_runs)
     moved = model.setup_of(state((9.0, 33.0), {"boundary_top": 1.0}))
     assert moved.foot == {"left": -3.0, "right": 64.0}
     assert model.setup_of(state((9.0, 33.0))).foot == {"left": 0.0, "right": 64.0}

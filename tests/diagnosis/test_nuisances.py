@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
+from geometry.case import load_case
 from inversion.problem.question import ZoneBoundary
 from pipeline.cli import InputError
-from pipeline.config import Config
 
 TOP = {"name": "Top of the sand", "kind": "zone_boundary",
        "vertices": [{"at": [10.0, 5.0], "move": [2.0, 1.0]},
@@ -18,7 +18,7 @@ TOP = {"name": "Top of the sand", "kind": "zone_boundary",
 
 
 def errors_of(folder) -> tuple[list[str], dict]:
-    targets = load_diagnosis(folder, Config()).setup.targets
+    targets = diagnosis_case(load_case(folder)).setup.targets
     return targets.names, {error.candidate.name: error for error in survey_errors(targets)}
 
 
@@ -59,13 +59,13 @@ def test_a_crest_falls_by_the_datum_and_a_freeboard_knows_none(embankment):
 
 
 def test_few_elevations_have_no_datum(root):
-    case = load_diagnosis(root / "case_histories" / "lower_san_fernando", Config(), spacing_m=4)
+    case = diagnosis_case(load_case(root / "case_histories" / "lower_san_fernando"), spacing_m=4)
     # Its profile is constructed; a crest alone is what the crest's own std is for.
     assert survey_errors(case.setup.targets) == []
 
 
 def test_a_boundary_moves_in_standard_deviations(embankment):
-    scene = load_diagnosis(embankment, Config()).scene
+    scene = diagnosis_case(load_case(embankment)).scene
     (place,), left_out = boundaries(scene, [ZoneBoundary(**TOP)])
     candidate = place.candidate
     assert candidate.name == "boundary_top_of_the_sand" and not left_out
@@ -77,7 +77,7 @@ def test_a_boundary_moves_in_standard_deviations(embankment):
 
 
 def test_a_boundary_is_bounded_by_what_there_is_a_section_for(embankment):
-    scene = load_diagnosis(embankment, Config()).scene
+    scene = diagnosis_case(load_case(embankment)).scene
     high = {**TOP, "vertices": [{"at": [44.0, 5.0], "move": [0.0, -3.0]}]}
     (place,), _ = boundaries(scene, [ZoneBoundary(**high)])
     # At +2 the vertex lies below the ground, at -1 on the surface of the fill.

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.model import Proposing, state
 from diagnosis.selection.possible_measurements import possible_measurements, site_of
+from geometry.case import load_case
 from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe_history import ToeHistory
 from inversion.engines.run_store import RunStore
-from pipeline.config import Config
 
 
 @pytest.fixture
 def case(embankment):
-    return load_diagnosis(embankment, Config(), spacing_m=2.0)
+    return diagnosis_case(load_case(embankment), spacing_m=2.0)
 
 
 def test_what_was_measured_is_not_proposed(case):
@@ -33,7 +33,7 @@ def test_what_was_measured_is_not_proposed(case):
 
 
 def test_a_dam_with_four_numbers_could_have_been_surveyed(root):
-    case = load_diagnosis(root / "case_histories" / "lower_san_fernando", Config(), spacing_m=4)
+    case = diagnosis_case(load_case(root / "case_histories" / "lower_san_fernando"), spacing_m=4)
     entries = possible_measurements(case.setup)
     names = [entry.name for entry in entries]
     assert sum(name == "surface" for name in names) == 10, "its profile is constructed"

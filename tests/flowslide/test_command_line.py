@@ -102,7 +102,7 @@ def test_choices_are_those_of_the_library():
     from gns.data.shard import SPLITS
     from inversion.classical.judgement import Judgement
     from inversion.prediction.known_strength import KINDS, OPTION
-    from mpm_taichi.case import FILMS
+    from mpm_taichi.comparison import FILMS
     from report.pictures.colouring import COLOURS
 
     assert simulate.FILMS == FILMS

@@ -12,9 +12,10 @@ from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.plan import Planned
 from benchmarks.hidden_effects.making.sections import load_section, normal
 from benchmarks.hidden_effects.making.truth import Made
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
+from geometry.case import load_case
 from pipeline.cli import InputError
-from pipeline.config import SimulationSettings, load_config
+from pipeline.config import SimulationSettings
 from pipeline.random_numbers import Stream
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "hidden_effects" / "sections"
@@ -72,7 +73,7 @@ def test_a_slide_that_leaves_the_domain_is_surveyed_within_it(tmp_path, name, to
     profile = np.column_stack([places, values[: len(places)]])
     made = Made({}, surveys.documents(section, survey, values, places), profile)
     write_case(section, planned, made, Places(tmp_path), 40.0)
-    loaded = load_diagnosis(tmp_path / "cases" / "case_0001", load_config(None))
+    loaded = diagnosis_case(load_case(tmp_path / "cases" / "case_0001"))
     assert loaded.name == "case_0001"
 
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from geometry.case import load_case
 from geometry.scenes.polygon_checks import gaps
 from geometry.survey.marker_displacement import MarkerDisplacement
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.problem.predictions import make_targets
 from inversion.problem.question import (
     CellSize,
@@ -21,13 +22,12 @@ from inversion.problem.question import (
     ZoneBoundary,
 )
 from pipeline.cli import InputError
-from pipeline.config import load_config
 from tests.inversion.analytic import toes
 
 
 @pytest.fixture(scope="module")
 def case(root):
-    return load_case(root / "case_histories" / "lower_san_fernando", load_config(None))
+    return inversion_case(load_case(root / "case_histories" / "lower_san_fernando"))
 
 
 def area(scene, name: str) -> float:
@@ -127,11 +127,11 @@ def test_variants(case):
 
 
 def test_another_set_of_measurements(root):
-    case = load_case(root / "case_histories" / "la_marquesa", load_config(None))
+    case = inversion_case(load_case(root / "case_histories" / "la_marquesa"))
     other = case.variant(Variant(name="paper", measurements="paper")).setup
     assert case.setup.targets.measured[case.setup.targets.fitted] == pytest.approx([11.0, 6.5])
     assert other.targets.measured[other.targets.fitted] == pytest.approx([2.5, 10.0])
-    same = load_case(case.folder, load_config(None), measurement_set="paper")
+    same = inversion_case(load_case(case.folder), measurement_set="paper")
     assert same.setup.targets.names == other.targets.names
     one = replace(case, question=case.question.model_copy(update={"fit": ["upstream toe"]}))
     other = one.variant(Variant(name="paper", measurements="paper")).setup

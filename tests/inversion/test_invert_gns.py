@@ -10,7 +10,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from inversion.back_analysis.load import load_case
+from geometry.case import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.result import Result, load_result, schema_text
 from inversion.back_analysis.result_files import save_all
 from inversion.back_analysis.with_learned_simulator import SOURCE, SurrogateAnalysis
@@ -54,7 +55,7 @@ class MortalStore(RolloutStore):
 
 def analysis(case: Path, model: Path, folder: Path, store=None, **more) -> SurrogateAnalysis:
     return SurrogateAnalysis(
-        load_case(case, load_config(None, QUICK), **more),
+        inversion_case(load_case(case, load_config(None, QUICK)), **more),
         RunStore(folder / "runs", threads=1),
         lambda line: None,
         model=load_model(model),
@@ -199,7 +200,9 @@ def test_the_engines_stand_side_by_side(solved, tmp_path):
 
 
 def choice(tmp_path: Path, asked: dict, settings: list[str], *line: str | None):
-    case = load_case(write_case(tmp_path / "case", **asked), load_config(None, settings))
+    case = inversion_case(
+        load_case(write_case(tmp_path / "case", **asked), load_config(None, settings))
+    )
     return chosen_engine(case, *line)
 
 
@@ -215,11 +218,16 @@ def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypa
     assert choice(tmp_path / "e", asked, settings, "mpm", None).name == "mpm"
     named = choice(tmp_path / "f", {}, [], "gns", "coarse").model
     assert named == Path("models") / "coarse"
-    with pytest.raises(InputError, match="engine: gns needs a model: .* models/ has none"):
+    with pytest.raises(InputError, match="engine: gns needs a model: .* models/ has coarse$"):
         choice(tmp_path / "g", {}, [], "gns", None)
-    (tmp_path / "models" / "coarse" / "model.pt").touch()
-    with pytest.raises(InputError, match="models/ has coarse"):
+    (tmp_path / "models" / "own").mkdir()
+    (tmp_path / "models" / "own" / "model.pt").touch()
+    with pytest.raises(InputError, match="models/ has coarse, own"):
         choice(tmp_path / "h", {}, [], "gns", None)
+    monkeypatch.setattr("pipeline.places.ROOT", tmp_path / "nowhere")
+    (tmp_path / "models" / "own" / "model.pt").unlink()
+    with pytest.raises(InputError, match="models/ has none"):
+        choice(tmp_path / "j", {}, [], "gns", None)
     with pytest.raises(InputError, match="--model given: goes with --engine gns"):
         choice(tmp_path / "i", {}, [], None, "given")
 

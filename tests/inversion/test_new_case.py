@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from geometry.__main__ import main as geometry
+from geometry.case import load_case
 from geometry.scenes.drawings import read_section
 from geometry.scenes.scene import load_scene
 from geometry.survey.measurements import load_measurements
 from inversion.__main__ import main
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.result import load_result
 from pipeline.cli import InputError
-from pipeline.config import load_config
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 SECTION = EXAMPLES / "road_embankment.csv"
@@ -62,7 +62,7 @@ def test_the_folder_is_whole_and_checks(made, capsys):
     }  # fmt: skip
     geometry(["check", str(made)])
     assert "measurements 'field': 22 values, 0 held out, 0 constructed" in capsys.readouterr().out
-    case = load_case(made, load_config(None))
+    case = inversion_case(load_case(made))
     assert case.setup.targets.roles[:2] == ["fitted", "compared"]
     assert [v.name for v in case.question.variants][0] == "without water"
     (spec,) = case.question.parameters
@@ -93,7 +93,7 @@ def test_a_runout_in_numbers_and_no_water(dry, tmp_path):
     assert (left.value_m, left.std_m, left.std_is) == (3.0, 0.4, "published")
     assert (right.value_m, right.std_m, right.std_is) == (6.0, 0.6, "assumed")
     assert measurements.upstream == "right" and not measurements.profiles
-    assert load_case(folder, load_config(None)).question.variants == []
+    assert inversion_case(load_case(folder)).question.variants == []
     assert not (folder / "post_failure_profile.csv").exists()
 
 
@@ -102,7 +102,7 @@ def test_water_may_come_from_the_command_line(dry, tmp_path):
     folder = new(tmp_path / "wet", "--liquefied", "base", "--runout", "left=3", *water, section=dry)
     assert load_scene(folder / "scene.yaml").water_level == 2.5
     assert load_measurements(folder).initial.pool_y_m == 2.5
-    assert [v.water for v in load_case(folder, load_config(None)).question.variants] == [
+    assert [v.water for v in inversion_case(load_case(folder)).question.variants] == [
         "none", "pore_pressure",
     ]  # fmt: skip
 
@@ -197,5 +197,5 @@ def test_shared_materials_must_be_parted(tmp_path):
         new(tmp_path / "d", "--liquefied", "base", "--runout", "left=3", section=path)
     both = new(tmp_path / "d", "--liquefied", "base", "--liquefied", "cap", "--runout", "left=3",
                section=path)  # fmt: skip
-    (spec,) = load_case(both, load_config(None)).question.parameters
+    (spec,) = inversion_case(load_case(both)).question.parameters
     assert spec.zones == ["base", "cap"]

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geometry.case import load_case
 from geometry.scenes.scene import Scene
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
 from inversion.problem.parameters import Parameters
 from inversion.problem.question import ParameterSpec
 from inversion.problem.water_level import moves_with_pool, pool_at
 from pipeline.cli import InputError
-from pipeline.config import load_config
 from tests.gns.scenes import small_scene
 
 LEVEL = "  - {name: pool, property: water_level, start: 35.9, low: 33, high: 38}\n"
@@ -29,7 +29,7 @@ def asking(lsfd, *changes: tuple[str, str]):
         assert old in text
         text = text.replace(old, new, 1)
     path.write_text(text)
-    return load_case(lsfd, load_config(None))
+    return inversion_case(load_case(lsfd))
 
 
 def test_pool_and_phreatic_line_move_together():

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from geometry.case import load_case
 from geometry.scenes.scene import load_scene
 from inversion.prediction.known_strength import KnownStrength, parse_strength, placed
 from inversion.prediction.predict import envelope, noise_at, predict
-from inversion.prediction.prediction_case import load_prediction_case
+from inversion.prediction.prediction_case import prediction_case
 from inversion.prediction.prediction_document import document_of, summary
 from inversion.prediction.response import Monotone, Surface, design, monotone
 from inversion.problem.forward import Prediction
 from pipeline.cli import InputError, WorkFailed
-from pipeline.config import Config
 from tests.inversion.analytic import Formula
 
 
@@ -165,7 +165,7 @@ class CutOff(Formula):
 
 
 def test_slides_cut_off_in_motion_are_told(root):
-    case = load_prediction_case(root / "case_histories/lower_san_fernando", Config())
+    case = prediction_case(load_case(root / "case_histories/lower_san_fernando"))
     case = replace(case, entries=[e for e in case.entries if e.name == "upstream toe"])
     found = predict(CutOff(power_law, ["upstream toe"]), [lognormal()])
     moving = int(sum(found.strengths[:, 0] <= 15))
@@ -176,7 +176,7 @@ def test_slides_cut_off_in_motion_are_told(root):
 
 
 def test_an_open_domain_has_no_edge_and_room_on_both_sides(root):
-    case = load_prediction_case(root / "case_histories/lower_san_fernando", Config())
+    case = prediction_case(load_case(root / "case_histories/lower_san_fernando"))
     assert case.scene.domain.walls == "open"
     toe = next(entry for entry in case.entries if entry.name == "upstream toe")
     found = predict(Formula(power_law, [toe.name]), [lognormal()])
@@ -202,7 +202,7 @@ def test_the_other_toe_of_an_open_domain_is_predicted_however_it_is_drawn(lsfd, 
     assert tight != text
     for walls, toes in (("open", {"left toe", "right toe"}), ("closed", {"left toe"})):
         (lsfd / "scene.yaml").write_text(tight.replace("walls: open", f"walls: {walls}"))
-        case = load_prediction_case(lsfd, Config())
+        case = prediction_case(load_case(lsfd))
         assert {entry.name for entry in case.entries} == toes
 
 

@@ -6,8 +6,9 @@ import re
 
 import pytest
 
+from geometry.case import load_case
 from geometry.scenes.scene import load_scene
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.problem.question import load_question
 from pipeline.cli import InputError
 from pipeline.config import load_config
@@ -15,7 +16,7 @@ from pipeline.config import load_config
 
 @pytest.mark.parametrize("name", ["lower_san_fernando", "la_marquesa"])
 def test_the_shipped_questions_hold_together(root, name):
-    case = load_case(root / "case_histories" / name, load_config(None))
+    case = inversion_case(load_case(root / "case_histories" / name))
     assert case.setup.targets.fitted.any()
     assert case.question.variants and case.question.sensitivities
 
@@ -54,7 +55,7 @@ def test_what_is_wrong_is_said_in_a_line(lsfd, old, new, message):
     assert old in text
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(InputError) as caught:
-        load_case(lsfd, load_config(None))
+        inversion_case(load_case(lsfd))
     assert "inversion.yaml" in str(caught.value)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -68,7 +69,7 @@ def test_errors_that_hang_together_altogether_are_refused(lsfd):
         re.sub(r"correlation_length_m: *[0-9.]+", "correlation_length_m: 1.0e+17", text)
     )
     with pytest.raises(InputError, match=r"inversion\.yaml: .*correlation length is so great"):
-        load_case(lsfd, load_config(None))
+        inversion_case(load_case(lsfd))
 
 
 def test_a_folder_without_a_question(lsfd):
@@ -81,11 +82,11 @@ def test_constructed_data_enter_when_asked(lsfd):
     path = lsfd / "inversion.yaml"
     text = path.read_text().replace("fit: [upstream toe]", "fit: [upstream toe, profile]")
     path.write_text(text.replace("loss: runout", "loss: misfit"))
-    case = load_case(lsfd, load_config(None), use_constructed=True)
+    case = inversion_case(load_case(lsfd), use_constructed=True)
     assert case.setup.targets.fitted.sum() > 2
 
 
 def test_spacing_from_question_option_and_factor(lsfd):
     config = load_config(None, ["inversion.spacing_factor=0.5"])
-    assert load_case(lsfd, config).scene.spacing == 2.0
-    assert load_case(lsfd, config, spacing_m=3.0).scene.spacing == 3.0
+    assert inversion_case(load_case(lsfd, config)).scene.spacing == 2.0
+    assert inversion_case(load_case(lsfd, config), spacing_m=3.0).scene.spacing == 3.0

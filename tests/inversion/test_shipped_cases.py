@@ -7,20 +7,20 @@ from pathlib import Path
 import pytest
 from shapely.geometry import Polygon
 
+from geometry.case import load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene, load_scene
 from geometry.survey.crest_settlement import crest_settlement
 from geometry.survey.measurements import load_measurements
 from geometry.survey.toe_runout import toe_runout
-from inversion.back_analysis.load import LoadedCase, load_case
-from pipeline.config import load_config
+from inversion.back_analysis.case import InversionCase, inversion_case
 
 CASES = Path(__file__).resolve().parents[2] / "case_histories"
 
 
-def loaded(name: str, **options: object) -> LoadedCase:
+def loaded(name: str, **options: object) -> InversionCase:
     """Loading builds every variant and sensitivity: a vertex that does not exist fails here."""
-    return load_case(CASES / name, load_config(None), **options)
+    return inversion_case(load_case(CASES / name), **options)
 
 
 def test_the_question_of_lower_san_fernando():

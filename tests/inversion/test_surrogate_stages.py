@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import inversion.back_analysis.with_learned_simulator as stages
+from geometry.case import load_case
 from inversion.back_analysis.back_analysis import BackAnalysis
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
@@ -68,7 +69,7 @@ def both(root, tmp_path_factory):
     case = tmp_path_factory.mktemp("case") / "small_dam"
     shutil.copytree(root / "case_histories" / "lower_san_fernando", case)
     (case / "inversion.yaml").write_text(QUESTION)
-    loaded = load_case(case, load_config(None, SETTINGS))
+    loaded = inversion_case(load_case(case, load_config(None, SETTINGS)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "GNSEngine", TooFar)
         analysis = stages.SurrogateAnalysis(

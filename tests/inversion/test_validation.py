@@ -17,8 +17,9 @@ from benchmarks.back_analysis.twin_cases import (
     truth_of,
     write_case,
 )
+from geometry.case import load_case
 from geometry.scenes.scene import load_scene
-from inversion.back_analysis.load import load_case
+from inversion.back_analysis.case import inversion_case
 from inversion.engines.run_store import RunStore
 from pipeline.cli import InputError
 
@@ -46,7 +47,7 @@ def test_the_truth_has_other_cells_and_jitter_than_the_fit(truth):
 def test_the_case_folder_knows_nothing_of_the_truth(truth, tmp_path):
     folder = tmp_path / "dam"
     write_case(truth, folder, cell_factor=0.8)
-    case = load_case(folder, lab.config())
+    case = inversion_case(load_case(folder, lab.config()))
     soil = next(z.material for z in case.scene.zones if z.name == "1")
     assert case.scene.materials[soil].cohesion_kpa == 30.0
     for path in folder.iterdir():

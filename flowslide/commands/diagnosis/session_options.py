@@ -36,6 +36,7 @@ def add_session_options(parser: argparse.ArgumentParser) -> None:
 def session_of(arguments: argparse.Namespace) -> Session:
     """The session that the options ask for."""
     from diagnosis.session import open_session
+    from geometry.case import load_case
     from pipeline.batch_lines import BatchLines
     from pipeline.config import load_config
 
@@ -44,8 +45,7 @@ def session_of(arguments: argparse.Namespace) -> Session:
             print(line, file=sys.stderr, flush=True)
 
     return open_session(
-        arguments.case,
-        load_config(arguments.config, arguments.overrides),
+        load_case(arguments.case, load_config(arguments.config, arguments.overrides)),
         out=arguments.out,
         hypothesis=arguments.model,
         spacing_m=arguments.spacing,

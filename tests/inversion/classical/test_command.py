@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
+from geometry.case import load_case
 from geometry.survey.measurements import load_measurements
 from inversion.__main__ import main
 from inversion.classical.analysis import options_of
 from inversion.classical.judgement import Judgement, default_judgements, load_judgements
-from inversion.classical.sections_of_case import head_of, load_sections
+from inversion.classical.sections_of_case import case_sections, head_of
 from pipeline.cli import InputError
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -105,7 +106,7 @@ def test_every_option_has_an_effect(option, value):
     parser = base_parser("test", "")
     add_arguments(parser)
     given = [option] if value is None else [option, value]
-    case = load_sections(CASES / "lower_san_fernando")
+    case = case_sections(load_case(CASES / "lower_san_fernando"))
     found = []
     for extra in ([], given):
         arguments = parser.parse_args(["x", "--sections", "5", *extra])
@@ -122,7 +123,7 @@ def test_results_go_where_the_configuration_says(lsfd, tmp_path, capsys):
 
 
 def test_la_marquesa_is_two_slides(tmp_path):
-    case = load_sections(CASES / "la_marquesa")
+    case = case_sections(load_case(CASES / "la_marquesa"))
     judgements = load_judgements(case.folder, case.measurements)
     assert [(j.name, j.side) for j in judgements] == [("upstream", "left"), ("downstream", "right")]
     result = classical(CASES / "la_marquesa", tmp_path, "--slide", "downstream")
@@ -140,7 +141,7 @@ def test_a_simulated_deposit_may_be_the_section_after(lsfd, tmp_path):
     from pipeline.config import SimulationSettings
 
     scene = load_scene(lsfd / "scene.yaml").changed(spacing=2.0)
-    case = load_sections(lsfd)
+    case = case_sections(load_case(lsfd))
     (judgement,) = load_judgements(lsfd, case.measurements)
     after = case.after(judgement).points
     x = np.arange(24.0, 368.0, 2.0)
@@ -155,7 +156,7 @@ def test_a_simulated_deposit_may_be_the_section_after(lsfd, tmp_path):
     run = replace(run, status="finished", positions=last[None], time=np.zeros(1), **fields)
     path = tmp_path / "run.h5"
     write_runs(path, {0: run})
-    found = load_sections(lsfd, run=path).after(judgement)
+    found = case_sections(load_case(lsfd), run=path).after(judgement)
     assert found.kind == "simulated"
     assert np.interp(150.0, *found.points.T) == pytest.approx(
         float(np.interp(150.0, *after.T)), abs=1.5
@@ -231,7 +232,7 @@ def test_head_of_the_mass_follows_from_the_surfaces():
         ("la_marquesa", "left", 13.5),
         ("la_marquesa", "right", 13.5),
     ):
-        case = load_sections(CASES / name)
+        case = case_sections(load_case(CASES / name))
         judgement = Judgement(name="x", side=side)
         after = case.after(judgement).points
         assert head_of(case.section(judgement), after, side) == pytest.approx(head, abs=1.0)

@@ -12,10 +12,10 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
-from mpm_taichi import case as history
+from geometry.case import load_case
+from mpm_taichi import comparison
 from mpm_taichi.__main__ import main
 from pipeline.cli import InputError, WorkFailed
-from pipeline.config import SimulationSettings
 from report.pictures.case_history import distances, line_overlay
 
 SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
@@ -30,13 +30,13 @@ def folder(request):
 @pytest.fixture(scope="module")
 def simulated(folder):
     """The whole slide at 4 m spacing."""
-    case = history.load_case(folder, spacing=4.0)
-    return case, history.simulate_case(case, SimulationSettings(), threads=1)
+    case = load_case(folder).resolved(spacing_m=4.0)
+    return case, comparison.simulate_case(case, threads=1)
 
 
 def test_readings_of_a_coarse_slide(simulated):
     case, run = simulated
-    readings = {r.type: r for r in history.read_deposit(case, run)}
+    readings = {r.type: r for r in comparison.read_deposit(case, run)}
     assert set(readings) == {
         "toe_runout", "naked_eye_toe", "crest_settlement", "freeboard", "slide_duration"
     }  # fmt: skip
@@ -55,20 +55,20 @@ def test_readings_of_a_coarse_slide(simulated):
 
 def test_the_table_says_how_far_each_value_may_be_trusted(simulated):
     case, run = simulated
-    text = history.table(case, history.read_deposit(case, run))
+    text = comparison.table(case, comparison.read_deposit(case, run))
     lines = {line.split("  ")[0]: line for line in text.splitlines()}
     assert "value paper, std assumed" in lines["toe runout (upstream toe)"]
     assert "value published, std published" in lines["freeboard"]
     assert lines["profile"].endswith("constructed: drawn, not compared")
     assert "Nothing is subtracted" in text
-    assert "S_r 21.5 kPa; water at 35.9 m (buoyant)\n" in history.heading(case, run)
+    assert "S_r 21.5 kPa; water at 35.9 m (buoyant)\n" in comparison.heading(case, run)
     shaken = replace(case, scene=case.scene.changed(effects={"shaking": -0.2, "weak_base": 0}))
-    assert "(buoyant); with shaking -0.2 g\n" in history.heading(shaken, run)
+    assert "(buoyant); with shaking -0.2 g\n" in comparison.heading(shaken, run)
 
 
 def test_the_energy_adds_up(simulated):
     _, run = simulated
-    text = history.energy_line(run)
+    text = comparison.energy_line(run)
     shares = [float(part.split(" %")[0]) for part in text.split("released: ")[1].split(", ")]
     assert sum(shares) == pytest.approx(100.0, abs=0.3)
     assert "plastic" in text and "numerical" in text
@@ -105,7 +105,7 @@ def test_the_command_writes_all(folder, tmp_path, capsys):
 
 
 def test_results_that_cannot_be_written_are_not_simulated(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(history, "simulate_case", None)
+    monkeypatch.setattr(comparison, "simulate_case", None)
     (tmp_path / "file").write_text("")
     (tmp_path / "out" / "observables.csv").mkdir(parents=True)
     for out, complaint in (("file", "cannot be written"), ("out", "observables.csv: is a folder")):
@@ -119,7 +119,7 @@ def test_options_change_the_scene(folder, tmp_path, capsys):
     main(["case", str(folder), "--out", str(tmp_path), *options])
     assert "liquefied hydraulic fill S_r 40 kPa; no water" in capsys.readouterr().out
     assert (tmp_path / "runout.gif").exists() and not (tmp_path / "runout.mp4").exists()
-    case = history.load_case(folder, water=False, strengths={"clay_core": 25.0})
+    case = load_case(folder).changed(water=False, strengths={"clay_core": 25.0})
     assert case.scene.materials["clay_core"].cohesion_kpa == 25.0 and not case.scene.has_water
     assert case.scene.spacing == 1.0
 
@@ -128,7 +128,7 @@ def test_options_change_the_scene(folder, tmp_path, capsys):
     ("options", "complaint"),
     [
         (["--spacing", "-1"], "--spacing -1: must be greater than 0 m"),
-        (["--spacing", "30"], "scene.yaml with the options given"),
+        (["--spacing", "30"], "scene.yaml at 30 m spacing"),
         (["--strength", "jelly=3"], "has no material 'jelly'; it has liquefied_hydraulic_fill"),
         (["--set", "simulation.corant=1"], "did you mean courant"),
     ],
@@ -150,7 +150,7 @@ def test_a_strength_is_material_and_number(folder, tmp_path, value, capsys):
 
 
 def test_folders_that_are_no_case(folder, tmp_path):
-    with pytest.raises(InputError, match="no such folder; a case has scene.yaml and meas"):
+    with pytest.raises(InputError, match="no such folder; a case has scene.yaml, and meas"):
         main(["case", str(tmp_path / "nowhere"), "--out", str(tmp_path)])
     shutil.copy(folder / "scene.yaml", tmp_path)
     with pytest.raises(InputError, match="measurements.yaml: no such file"):
@@ -171,7 +171,7 @@ def test_marks_of_the_picture(simulated):
     labels = ax.get_legend_handles_labels()[1]
     assert labels == ["profile after the slide: constructed", "profile after the slide: unchanged"]
     ax = Figure().add_subplot()
-    distances(case, history.read_deposit(case, run))(ax)
+    distances(case, comparison.read_deposit(case, run))(ax)
     words = [text.get_text() for text in ax.texts if text.get_text()]
     assert words[0] == "53 m measured (42-65 m)" and words[1].endswith(" m simulated")
 
@@ -216,8 +216,8 @@ def test_every_type_of_measurement_is_read(folder, simulated, tmp_path):
         {"name": "survey", "type": "surface_profile", "file": "survey.csv", "std_m": 1.0, **about},
     ]  # fmt: skip
     path.write_text(yaml.safe_dump(document))
-    case = history.load_case(tmp_path / "case", spacing=4.0, measurement_set="all")
-    readings = history.read_deposit(case, simulated[1])
+    case = load_case(tmp_path / "case").with_set("all").resolved(spacing_m=4.0)
+    readings = comparison.read_deposit(case, simulated[1])
     assert [(r.name, r.part) for r in readings] == [
         ("stake", "dx"), ("stake", "dy"), ("film", "at 0 s"), ("film", "at 5 s"),
         ("film", "at 1000 s"), ("speed", ""), ("survey", "root mean square of 3 points"),
@@ -227,12 +227,12 @@ def test_every_type_of_measurement_is_read(folder, simulated, tmp_path):
     assert begin.simulated < five.simulated < end.simulated
     assert speed.simulated < -0.5 and speed.at_start == 0.0 and speed.unit == "m/s"
     assert survey.difference is None and 0 < survey.simulated < survey.at_start
-    text = history.table(case, readings)
+    text = comparison.table(case, readings)
     assert "velocity (speed) [m/s]" in text and "std assumed, held out" in text
     assert "toe history (film), at 5 s" in text
-    history.write_observables(tmp_path / "o.csv", readings)
+    comparison.write_observables(tmp_path / "o.csv", readings)
     with (tmp_path / "o.csv").open(newline="") as file:
         rows = {(row["name"], row["part"]): row for row in csv.DictReader(file)}
     assert rows["speed", ""]["unit"] == "m/s" and float(rows["speed", ""]["measured"]) == -4.0
     with pytest.raises(InputError, match="no set of measurements 'lab'; there are all, field"):
-        history.load_case(tmp_path / "case", measurement_set="lab")
+        load_case(tmp_path / "case").with_set("lab")

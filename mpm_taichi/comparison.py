@@ -1,67 +1,33 @@
-"""A case history: simulate its section, read the deposit as the survey did, put both side by side.
+"""A simulated case compared with its survey: the deposit read as the survey did, side by side.
 
-In: a folder with `scene.yaml` and `measurements.yaml`. Out: `runout.png`, `runout.mp4` (or a gif),
-`observables.csv` and a table of what was measured and what was simulated. Data that are marked
-`constructed` are drawn and compared with nothing.
+In: a `geometry.case.Case`. Out: a run, its readings, a table of what was measured and what was
+simulated, and `observables.csv`. Data that are marked `constructed` are drawn and compared with
+nothing.
 """
 
 from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from geometry.scenes.scene import Material, Scene, load_scene, scene_from_mapping
-from geometry.survey.marks import Mark
+from geometry.case import Case
+from geometry.scenes.scene import Material
 from geometry.survey.measured import Deposit, Measured
-from geometry.survey.measurements import FILE_NAME, Measurements, load_measurements
-from geometry.survey.toe import Side
 from mpm_taichi.effects import effects_on
 from mpm_taichi.trajectory import Run
-from pipeline.cli import InputError, WorkFailed
-from pipeline.config import SimulationSettings
+from pipeline.cli import WorkFailed
 from pipeline.files import atomic_path
 from pipeline.table import aligned
 
-SCENE_FILE = "scene.yaml"
 FILMS = ("mp4", "gif", "none")
 #: Type of a reading by eye, in tables.
 BY_EYE = "naked_eye_toe"
-
-
-@dataclass(frozen=True)
-class Case:
-    """A section and what was measured on it."""
-
-    folder: Path
-    scene: Scene
-    measurements: Measurements
-    measurement_set: str
-
-    @property
-    def measured(self) -> list[Measured]:
-        """The measurements of the set chosen."""
-        return self.measurements.chosen(self.measurement_set)
-
-    @property
-    def title(self) -> str:
-        """The name in words."""
-        return self.scene.name.replace("_", " ").title()
-
-    @property
-    def feet(self) -> dict[Side, float]:
-        """Where the section ended before the slide, x [m] by side: as surveyed, else as drawn."""
-        return self.measurements.feet(self.scene)
-
-    @property
-    def marks(self) -> list[Mark]:
-        """What a picture shows of the measurements."""
-        return [mark for measurement in self.measured for mark in measurement.marks(self.feet)]
 
 
 @dataclass(frozen=True)
@@ -105,49 +71,8 @@ class Reading:
         return None if self.measurement is None else self.measurement.stated_range
 
 
-def load_case(
-    folder: str | Path,
-    *,
-    water: bool = True,
-    spacing: float | None = None,
-    strengths: Mapping[str, float] | None = None,
-    measurement_set: str | None = None,
-) -> Case:
-    """Read a case folder and change the scene as asked.
-
-    Args:
-        folder: with `scene.yaml` and `measurements.yaml`.
-        water: False takes the reservoir and the groundwater away.
-        spacing: distance between material points [m]; None: the scene's own.
-        strengths: material -> cohesion, which is S_r where it liquefied [kPa].
-        measurement_set: name of the set of measurements; None: the default one.
-
-    Raises:
-        InputError: no such folder or file, or a document that does not hold together; one line.
-    """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; a case has {SCENE_FILE} and {FILE_NAME}")
-    scene = load_scene(folder / SCENE_FILE)
-    document = scene.model_dump()
-    if not water:
-        document["water_level"] = None
-    if spacing is not None:
-        document["spacing"] = spacing
-    for name, cohesion in (strengths or {}).items():
-        if name not in document["materials"]:
-            known = ", ".join(document["materials"])
-            raise InputError(f"--strength: {scene.name} has no material {name!r}; it has {known}")
-        document["materials"][name]["cohesion_kpa"] = cohesion
-    measurements = load_measurements(folder, scene)
-    measurements.chosen(measurement_set)
-    changed = scene_from_mapping(document, f"{folder / SCENE_FILE} with the options given")
-    return Case(folder, changed, measurements, measurement_set or measurements.default_set)
-
-
 def simulate_case(
     case: Case,
-    settings: SimulationSettings,
     *,
     device: str = "cpu",
     threads: int | None = None,
@@ -157,7 +82,6 @@ def simulate_case(
 
     Args:
         case: the case.
-        settings: of the simulation.
         device: "cpu" or "cuda".
         threads: CPU threads; None: all.
         on_time: called with the time reached [s] now and then.
@@ -173,7 +97,9 @@ def simulate_case(
 
     # Taichi tells of its start on the standard output, where results alone belong.
     with redirect_stdout(sys.stderr):
-        (run,) = simulate([case.scene], settings, device=device, threads=threads, on_frame=on_frame)
+        (run,) = simulate(
+            [case.scene], case.simulation, device=device, threads=threads, on_frame=on_frame
+        )
     if run.failed:
         raise WorkFailed(f"{case.scene.name}: stopped at {run.end_time_s:.3g} s: {run.reason}")
     return run

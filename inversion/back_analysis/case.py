@@ -1,7 +1,7 @@
-"""A case folder made into a problem: section, measurements, question, settings.
+"""A case and the question of its back-analysis: `inversion.yaml` made into a problem.
 
-In: a folder with `scene.yaml`, `measurements.yaml` and `inversion.yaml`, and the configuration.
-Out: a `LoadedCase`. Whatever is wrong with the folder is an `InputError` of one line.
+In: a `geometry.case.Case`. Out: an `InversionCase`. Whatever is wrong with the question is an
+`InputError` of one line.
 """
 
 from __future__ import annotations
@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
-from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
-from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.survey.measurements import Measurements, load_measurements
+from geometry.case import Case
+from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
 from inversion.engines.mpm_engine import Setup
 from inversion.estimation.objective import Objective
@@ -21,47 +19,21 @@ from inversion.problem.parameters import Parameters
 from inversion.problem.predictions import Targets, make_targets
 from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
 from pipeline.cli import InputError
-from pipeline.config import Config
-from pipeline.places import CASES, resolve
-
-SCENE_FILE = "scene.yaml"
 
 
 @dataclass(frozen=True)
-class LoadedCase:
+class InversionCase(Case):
     """A case and the question asked of it.
 
     Attributes:
-        folder: of the case.
-        scene: the section before the slide, at the spacing asked for.
-        measurements: all sets.
-        measurement_set: name of the set in use.
         question: as in the file.
         setup: the question as the engine takes it.
-        config: settings in force.
         use_constructed: constructed data may enter the fit.
-        own_spacing_m: the spacing the case itself asks for.
     """
 
-    folder: Path
-    scene: Scene
-    measurements: Measurements
-    measurement_set: str
     question: Question
     setup: Setup
-    config: Config
     use_constructed: bool
-    own_spacing_m: float
-
-    @property
-    def name(self) -> str:
-        """Name of the folder."""
-        return self.folder.resolve().name
-
-    @property
-    def title(self) -> str:
-        """The name in words."""
-        return self.scene.name.replace("_", " ").title()
 
     @property
     def source(self) -> str:
@@ -130,25 +102,18 @@ class LoadedCase:
         )
 
 
-def case_folder(text: str) -> Path:
-    """The folder of a case given by its path or by its name in `case_histories`."""
-    return resolve(text, CASES)
-
-
-def load_case(
-    folder: str | Path,
-    config: Config,
+def inversion_case(
+    case: Case,
     *,
     measurement_set: str | None = None,
     spacing_m: float | None = None,
     use_constructed: bool = False,
-) -> LoadedCase:
-    """Read a case folder.
+) -> InversionCase:
+    """A case with the question of its `inversion.yaml`.
 
     Args:
-        folder: of the case.
-        config: settings; the question's duration wins over `simulation.duration_s`.
-        measurement_set: name of a set; None: the file's default.
+        case: with measurements.
+        measurement_set: name of a set; None: the one in use.
         spacing_m: of material points; None: the question's, or the scene's, times
             `inversion.spacing_factor`.
         use_constructed: let constructed data enter the fit.
@@ -156,40 +121,24 @@ def load_case(
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(
-            f"{folder}: no such folder; a case has {SCENE_FILE}, {MEASUREMENTS_FILE} and "
-            f"{FILE_NAME}"
-        )
-    scene = load_scene(folder / SCENE_FILE)
-    measurements = load_measurements(folder, scene)
-    question = load_question(folder, scene)
-    own = question.spacing_m or scene.spacing
-    spacing = own * config.inversion.spacing_factor if spacing_m is None else spacing_m
-    if spacing != scene.spacing:
-        document = {**scene.model_dump(), "spacing": spacing}
-        scene = scene_from_mapping(document, f"{folder / SCENE_FILE} at {spacing:g} m spacing")
-    simulation = config.simulation
-    if question.duration_s is not None:
-        simulation = simulation.model_copy(update={"duration_s": question.duration_s})
-    chosen = measurement_set or measurements.default_set
-    foot = measurements.feet(scene)
-    fit = _fit_of(question, measurements, chosen)
-    source = str(folder / FILE_NAME)
+    measurements = case.measurements
+    question = load_question(case.folder, case.drawn)
+    factor = case.config.inversion.spacing_factor
+    case = case.resolved(question, spacing_factor=factor, spacing_m=spacing_m)
+    case = case.with_set(measurement_set)
     targets = make_targets(
-        measurements.chosen(chosen),
-        fit=fit,
+        case.measured,
+        fit=_fit_of(question, measurements, case.measurement_set),
         loss=question.loss,
-        source=source,
+        source=str(case.folder / FILE_NAME),
         use_constructed=use_constructed,
     )
-    setup = Setup(scene, simulation, Parameters(question.parameters), targets, foot)
-    case = LoadedCase(
-        folder, scene, measurements, chosen, question, setup, config, use_constructed, own
+    setup = Setup(case.scene, case.simulation, Parameters(question.parameters), targets, case.feet)
+    asked = case.extended(
+        InversionCase, question=question, setup=setup, use_constructed=use_constructed
     )
-    _check_all(case)
-    return case
+    _check_all(asked)
+    return asked
 
 
 def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list[str] | None:
@@ -201,7 +150,7 @@ def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list
     return kept or None
 
 
-def _check_all(case: LoadedCase) -> None:
+def _check_all(case: InversionCase) -> None:
     """Build every variant and sensitivity now: a mistake should not show after an hour."""
     for variant in case.question.variants:
         case.variant(variant)
