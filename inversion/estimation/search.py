@@ -59,7 +59,8 @@ class Search:
         steps: chooses the finite differences.
         seeds: engines that differ in the seed of the jitter; they measure the noise at the first
             point where something moves. Empty: the noise in `steps` is taken as it is.
-        max_iterations: looks with a derivative after the first, for each place the search starts from.
+        max_iterations: looks with a derivative after the first, for each place the search
+            starts from.
         max_runs: simulations after which no further look is taken.
         on_look: told of each look.
     """

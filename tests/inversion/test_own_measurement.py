@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from diagnosis.case import load_diagnosis
+from diagnosis.case import diagnosis_case
 from diagnosis.selection.possible_measurements import possible_measurements
 from flowslide.command_line import main as flowslide
+from geometry.case import load_case
 from geometry.survey import registry
 from pipeline.cli import InputError
-from pipeline.config import Config
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "my_measurement.py"
@@ -53,8 +53,8 @@ def test_a_users_measurement_from_the_file_to_the_tables(folder, tmp_path, capsy
     assert row["role"] == "fitted" and row["unit"] == "m" and row["measured"] == -12.0
     assert -40.0 < row["predicted"] < -2.0, "the slide runs to the left"
     with pytest.raises(InputError, match="'centroid_travel'"):
-        load_diagnosis(folder, Config(), spacing_m=4.0)  # a command forgets what it was given
+        diagnosis_case(load_case(folder), spacing_m=4.0)  # a command forgets what it was given
     registry.load_measurements_code(EXAMPLE)
-    case = load_diagnosis(folder, Config(), spacing_m=4.0)
+    case = diagnosis_case(load_case(folder), spacing_m=4.0)
     assert "centroid" in case.setup.targets.names
     assert "travel of the centroid" not in [e.name for e in possible_measurements(case.setup)]
