@@ -1,5 +1,6 @@
 # make lsfd     back-analyse the Lower San Fernando dam: S_r, how sure, and what the other methods say
 # make test     the fast tests, under 5 minutes on two processor cores
+# make test-all every test, the slow ones too, and the property tests with more examples
 # make verify   the whole verification suite, with its pictures
 # make docs     the documentation as a site with search: results/site/html/index.html
 # make lint     the linters
@@ -15,7 +16,7 @@ EXTRAS := dxf,paraview,video,workflow,dev,docs
 READY := $(VENV)/.flowslide-installed
 IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH"
 
-.PHONY: lsfd test verify docs lint format install clean
+.PHONY: lsfd test test-all verify docs lint format install clean
 .DELETE_ON_ERROR:
 
 lsfd: $(READY)
@@ -25,8 +26,12 @@ lsfd: $(READY)
 test: $(READY)
 	$(IN_VENV) python -m pytest -n 2 --dist loadfile
 
+# In two commands: what `make test` has just run with few examples is not run again whole.
+test-all: $(READY)
+	$(IN_VENV) python -m pytest -n 2 --dist loadfile -m slow
+	$(IN_VENV) HYPOTHESIS_PROFILE=large python -m pytest -n 2 --dist loadfile -m property
+
 verify: $(READY)
-	$(IN_VENV) python -m pytest -m slow || test $$? -eq 5  # 5: there are none
 	$(IN_VENV) python -m benchmarks.verification
 
 docs: $(READY)

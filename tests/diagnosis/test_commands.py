@@ -131,6 +131,7 @@ def test_run(folder, out, verdict_text, capsys):
     assert (out / "verdict.json").read_text() == verdict_text
 
 
+@pytest.mark.slow
 def test_extend_and_track(folder, out, verdict_text, capsys):
     before = sorted(path.stem for path in (out / "models").glob("*.yaml"))
     ask("extend", folder, out, "--add", "weak_base", "--notes", "clay was seen")
@@ -180,6 +181,7 @@ def test_suggest(folder, out, verdict_text, capsys):
     assert "measure next" in text and len(re.findall(r", to [\d.]+ m? ?s? +[\d.]+", text)) == 2
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_and_gives_the_same_bytes(folder, tmp_path, verdict_text):
     command = [sys.executable, "-m", "diagnosis", "run", str(folder), "--out", str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}

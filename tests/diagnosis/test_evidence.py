@@ -22,6 +22,7 @@ from diagnosis.selection.evidence import (
     probabilities,
     share_within,
 )
+from tests.budget import examples
 from tests.diagnosis.straight import Straight, straight
 
 
@@ -104,7 +105,7 @@ def test_evidence_does_not_hang_on_the_unit_of_the_amplitude():
     assert np.ptp(found) < 1e-6
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(
     st.floats(-2, 2), st.floats(-2, 2), st.floats(0.2, 3), st.floats(0.2, 3), st.floats(-0.95, 0.95)
 )

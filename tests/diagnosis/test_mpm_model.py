@@ -105,6 +105,7 @@ def test_errors_of_the_survey_cost_no_run(case, kept_runs):
     assert change["toe"] == 0.0
 
 
+@pytest.mark.slow
 def test_runs_are_counted_once_and_found_again(case, tmp_path):
     states = [
         state((9.0, 33.0)),

@@ -14,6 +14,7 @@ from diagnosis.hypotheses.model import Proposal, Proposing, State
 from diagnosis.loop import find, next_measurements
 from diagnosis.options import HoldOut, Options
 from diagnosis.selection.next_measurement import Rival, greedy, proposal_error, read_at, separation
+from tests.budget import examples
 from tests.diagnosis.straight import Straight, straight
 
 QUICK = Options(draws=300, replicates=3, starts=1, rounds=1, synthetic=True)
@@ -80,7 +81,7 @@ def test_no_more_is_suggested_than_there_is():
     assert greedy([], rivals, np.eye(0), 5) == []
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(st.integers(0, 10_000))
 def test_greedy_choice_is_the_best_at_each_step(seed):
     draw = np.random.default_rng(seed)

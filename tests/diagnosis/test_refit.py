@@ -89,6 +89,7 @@ def test_an_effect_adds_to_the_error_what_finer_cells_make_of_it():
     assert doubting(explanation.bench, comparison.base, other, OPTIONS) is explanation.bench
 
 
+@pytest.mark.slow
 def test_no_second_effect_for_what_the_cells_make_of_the_first():
     """Much of the first effect's signature hangs on the cells, in the form of another effect."""
     needless, wanted = 0, 0

@@ -152,6 +152,7 @@ def test_a_poor_verdict_gives_a_page_without_empty_parts(tmp_path):
     assert pictures(tmp_path) == {"strength.svg"}
 
 
+@pytest.mark.slow
 def test_names_are_text_and_not_markup(tmp_path):
     made = identified(NASTY).model_dump(mode="json")
     made["parameters"][0]["words"] = NASTY
@@ -295,6 +296,7 @@ def test_what_promises_most_is_told():
     assert "any of the 10 a score as large with p < 0.001" in sentence
 
 
+@pytest.mark.slow
 def test_steps_left_out_are_counted_above_and_listed_below(tmp_path):
     runs = identified().runs.model_copy(update={"cut_short": ["refit of a", "refit of b"]})
     read = told(page_of(identified().model_copy(update={"runs": runs}), tmp_path))

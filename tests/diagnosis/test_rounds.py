@@ -56,6 +56,7 @@ def test_what_is_there_is_named():
     assert abs(effect.amplitude - 2.0) < 3.0 * effect.std
 
 
+@pytest.mark.slow
 def test_what_looks_alike_is_not_told_apart():
     for seed in range(6):
         verdict = verdict_on(seed, {"bend": 1.5})
@@ -72,6 +73,7 @@ def test_rivals_that_are_near_have_derivatives_of_their_own():
     assert not tried[("step",)].sloped, "far from the best, its own derivative would be wasted"
 
 
+@pytest.mark.slow
 def test_two_effects_are_found_as_two():
     found = Counter(names(verdict_on(seed, {"late": 2.5, "step": 2.5})) for seed in range(6))
     assert found[("late", "step")] >= 5, found
@@ -140,6 +142,7 @@ def test_an_answer_that_leaves_much_of_the_misfit_does_not_stand():
     assert excess(found(20.0, 3.0, 0.9)) == 0.0
 
 
+@pytest.mark.slow
 def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch):
     model = straight(0, {"late": 2.5, "step": 2.5})
     asked = Options(draws=400, replicates=3, seed=0)

@@ -85,6 +85,7 @@ def test_files_and_pictures_of_the_tutorial_are_there(root):
         assert (root / TUTORIAL.parent / name).is_file(), name
 
 
+@pytest.mark.slow
 def test_the_commands_show_what_the_tutorial_says(tutorial, root, tmp_path, monkeypatch, capsys):
     """All commands in the order of the tutorial, one after another on the same results."""
     monkeypatch.chdir(root)

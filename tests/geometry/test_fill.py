@@ -11,9 +11,12 @@ from shapely.geometry import Point, Polygon
 from geometry import Scene
 from geometry.scenes.fill import contains, fill
 from geometry.scenes.polygon_checks import area
+from tests.budget import examples
 
 some = settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(40),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 coordinate = st.integers(0, 120).map(lambda n: 0.5 * n)
 

@@ -12,6 +12,7 @@ from geometry.survey.measured import Deposit
 from geometry.survey.measurements import Measurements, check_places
 from geometry.survey.profiles import Profile, load_profile
 from pipeline.cli import InputError
+from tests.budget import examples
 
 ABOUT = {"confidence": "assumed", "source": "a test"}
 GROUND = np.array([[-100.0, 2.0], [100.0, 2.0]])
@@ -125,7 +126,7 @@ def test_the_derivative_is_that_of_the_reading(entry, slid):
     assert np.any(np.abs(numeric) > 1e-3), "the test moves what is measured"
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(
     places=st.lists(st.floats(0, 1000), min_size=2, max_size=12, unique=True),
     std=st.floats(0.01, 10),
@@ -144,7 +145,7 @@ def test_covariance_of_a_profile(places, std, model, length):
     assert np.all(np.linalg.eigvalsh(entry.covariance()) > -1e-9 * (std**2 + model**2))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(dx=st.floats(-20, 20), dy=st.floats(-5, 5))
 def test_moving_everything_moves_the_readings_as_much(section, dx, dy):
     before = fill(section).position

@@ -21,10 +21,13 @@ from geometry.survey.toe import naked_eye_toe, toe
 from geometry.survey.toe_history import toe_history
 from geometry.survey.toe_runout import toe_runout
 from geometry.survey.velocity import column_velocity
+from tests.budget import examples
 
 POOL, CREST = 35.9, 190.0
 few = settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(40),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 

@@ -70,6 +70,7 @@ def central_differences(model, scene_of, window, loss, graphs, step=1e-6):
 
 @pytest.mark.parametrize("cutoff", ["sharp", "smooth"])
 @pytest.mark.parametrize("mode", ["reverse", "forward"])
+@pytest.mark.slow
 def test_gradient_is_that_of_finite_differences(case, mode, cutoff, monkeypatch):
     monkeypatch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 8 * 8 * 200)
     model, scene_of, window, loss = case
@@ -244,6 +245,7 @@ for mode in ("forward", "reverse"):
 """
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_steps(root):
     """In MiB; if the latents of the 16 steps between were kept, they alone would take 140."""
     done = subprocess.run(

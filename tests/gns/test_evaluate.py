@@ -109,6 +109,7 @@ def test_failures_are_said(packed, model):
     assert result.worst[0].runout_error_spacings is None
 
 
+@pytest.mark.slow
 def test_evaluate_writes_a_card_that_fits_its_schema(packed, model, root, tmp_path, capsys):
     table = tmp_path / "runs.csv"
     runs = Windows(packed, "test").runs

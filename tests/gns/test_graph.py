@@ -16,6 +16,7 @@ from gns.network.graph import (
     joined,
     radius_graph,
 )
+from tests.budget import examples
 
 SEARCHES = [graph_by_tree, graph_by_cells]
 
@@ -37,7 +38,7 @@ def check(graph: Graph, positions: torch.Tensor, radius: float) -> None:
     assert graph.points == len(positions) and graph.edges == len(edges)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(0, 70),

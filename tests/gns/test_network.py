@@ -12,6 +12,7 @@ import gns.network.edge_gradient
 from benchmarks.performance.gns_textbook import TextbookNetwork, textbook_of
 from gns.network.graph import Graph, radius_graph
 from gns.network.network import Network
+from tests.budget import examples
 
 POINT_FEATURES, EDGE_FEATURES = 7, 3
 NAMES = ("points", "edges", "fading")
@@ -93,7 +94,7 @@ def textbook_names(textbook: TextbookNetwork, own: list[str]) -> list[tuple[str,
     return names
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=examples(30))
 @given(
     seed=st.integers(0, 2**31 - 1),
     count=st.integers(1, 40),
@@ -102,6 +103,7 @@ def textbook_names(textbook: TextbookNetwork, own: list[str]) -> list[tuple[str,
     steps=st.integers(1, 3),
     kept=st.booleans(),
 )
+@pytest.mark.slow
 def test_equals_the_textbook_in_double_precision(seed, count, size, faded, steps, kept):
     with pytest.MonkeyPatch.context() as patch:
         # Chunks of about 13 edges, so that even tiny graphs are cut.
@@ -123,6 +125,7 @@ def test_equals_the_textbook_in_double_precision(seed, count, size, faded, steps
 
 @pytest.mark.parametrize("faded", [False, True])
 @pytest.mark.parametrize("kept", [False, True])
+@pytest.mark.slow
 def test_equals_the_textbook_in_single_precision(faded, kept, monkeypatch):
     monkeypatch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 4 * 16 * 50)
     monkeypatch.setattr(gns.network.edge_gradient, "KEEP_BYTES", 2**30 if kept else 0)
@@ -192,6 +195,7 @@ def test_a_message_reaches_as_far_as_the_steps():
     assert felt.tolist() == [True] * 4 + [False] * 5
 
 
+@pytest.mark.slow
 def test_gradients_reach_positions_through_the_edges():
     torch.manual_seed(2)
     graph = radius_graph(torch.rand(6, 2) * 4, 3.0)

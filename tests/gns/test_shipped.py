@@ -37,6 +37,7 @@ def test_a_model_belongs_to_its_card(folder):
         assert (folder / name).is_file()
 
 
+@pytest.mark.slow
 def test_it_does_on_a_held_out_scene_what_its_table_says():
     """Drawn, simulated and rolled out anew: the smallest of the scenes that it never saw."""
     folder = ROOT / "models" / "coarse"

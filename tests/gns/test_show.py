@@ -45,6 +45,7 @@ def test_an_overview_of_a_folder_and_of_a_shard(packed, tmp_path, monkeypatch):
     assert (tmp_path / "all.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_water_and_fixed_bodies_are_drawn(packed, tmp_path):
     """Only that nothing stumbles over them; what they look like is for eyes."""
     from dataclasses import replace

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gns.data.splits import split_runs
+from tests.budget import examples
 
 SHARES = {"valid_share": 0.1, "test_share": 0.15, "seed": 3}
 
@@ -21,7 +22,7 @@ def templates(count: int, seed: int = 0) -> dict[int, str]:
     return dict(enumerate(map(str, letters)))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50), deadline=None)
 @given(count=st.integers(3, 400), seed=st.integers(0, 99))
 def test_every_run_is_in_one_split_and_every_template_has_its_share(count, seed):
     of_run = templates(count, seed)

@@ -13,6 +13,7 @@ from gns.data.ranges import run_ranges, scene_ranges, widest
 from gns.data.scene_facts import SOIL, start_of
 from gns.data.statistics import BLOCK, SLOWEST, Moments, merge, run_moments
 from pipeline.config import SimulationSettings
+from tests.budget import examples
 from tests.mpm_taichi.ballistic import make_scene
 
 
@@ -57,7 +58,7 @@ def test_a_run_block_by_block_is_the_run_at_once():
     assert speed < 5, "the plate, at 11 sqrt(g d), counts for nothing"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     sizes=st.lists(st.integers(0, 30), min_size=1, max_size=12),
     offset=st.sampled_from([0.0, 1e3, -1e6]),

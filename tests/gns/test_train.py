@@ -461,6 +461,7 @@ def wait_for(process: subprocess.Popen, folder, step: int) -> None:
     raise AssertionError("no metrics in a minute")
 
 
+@pytest.mark.slow
 def test_a_killed_training_goes_on_as_if_it_had_not_been(packed, root, tmp_path):
     """Killed at once (nothing is tidied up), then terminated, then finished."""
     longer = SETTINGS.model_copy(update={"steps": 90, "validate_every": 60})
@@ -514,6 +515,7 @@ def test_two_trainings_in_one_folder_are_refused(tmp_path):
 # -- several processes ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_processes_are_one_with_the_joint_batch(packed, root, trained, tmp_path):
     """Through torchrun and the command; each process sees its own windows (gloo)."""
     arguments = command(packed, tmp_path, "--joint-batch", "--processes", "3")  # 2 share it evenly
@@ -533,6 +535,7 @@ def test_two_processes_are_one_with_the_joint_batch(packed, root, trained, tmp_p
         assert torch.allclose(other["weights"][name], value, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_processes_end_with_one_line_and_the_code_of_the_command(packed, root, trained, tmp_path):
     shutil.copytree(trained, tmp_path / "model")
     several = ("--joint-batch", "--processes", "2")
@@ -543,6 +546,7 @@ def test_processes_end_with_one_line_and_the_code_of_the_command(packed, root, t
     assert output.count("\n") == 1 and "width = 8, not 9" in output
 
 
+@pytest.mark.slow
 def test_several_processes_stop_and_go_on(packed, root, trained, tmp_path):
     many = ("--joint-batch", "--processes", "2", "--set", "gns.train.steps=400")
     process = start(command(packed, tmp_path, *many), root)

@@ -19,6 +19,9 @@ from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from pipeline.random_numbers import Stream
 
+pytestmark = pytest.mark.slow
+
+
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "hidden_effects" / "sections"
 
 

@@ -32,6 +32,7 @@ def test_a_file_that_is_not_there_is_refused(command, tmp_path):
         main([*command, "lower_san_fernando", "--effects", str(tmp_path / "none.py")])
 
 
+@pytest.mark.slow
 def test_a_section_with_a_user_s_effect_needs_its_file(folder, tmp_path):
     arguments = ["invert", str(folder), "--spacing", "4", "--quick", "--report", "none",
                  "--threads", "1", "--quiet", "--out", str(tmp_path / "out")]  # fmt: skip

@@ -79,6 +79,7 @@ def test_the_cheaper_way_is_taken():
     assert asked.way == "forward"
 
 
+@pytest.mark.slow
 def test_with_a_sharp_cut_off_finite_steps_see_neighbours_come_and_go():
     """The derivative is that of a fixed graph. Over 23 frames in which the graph changes, messages
     that appear and vanish make a finite step of 3 mm of the pool wrong by two thirds (by nine
@@ -163,6 +164,7 @@ def peak_of_kept_tensors(work) -> int:
     return peak
 
 
+@pytest.mark.slow
 def test_memory_of_a_derivative_does_not_grow_with_the_frames():
     """Reverse mode holds one step whatever the number of frames; forward mode holds none."""
     quiet = model(acceleration_std=(0.01, 0.01))  # about as many neighbours at every frame
@@ -224,6 +226,7 @@ def test_settings_that_a_rollout_does_not_know_change_nothing(tmp_path):
     assert changed.store.computed == 0
 
 
+@pytest.mark.slow
 def test_a_derivative_goes_on_from_a_rollout_that_is_kept(tmp_path):
     """As when the process was killed between the two; and a damaged file is made again."""
     run = engine(tmp_path).predict([VALUES])[0]

@@ -132,6 +132,7 @@ def timeless(path: Path) -> dict:
     return document
 
 
+@pytest.mark.slow
 def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path):
     case, _, whole = solved
     out = tmp_path / "out"
@@ -158,6 +159,7 @@ def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path):
     assert timeless(out / "result.json") == timeless(whole / "result.json")
 
 
+@pytest.mark.slow
 def test_a_question_asked_again_costs_no_simulation(solved, root):
     case, _, out = solved
     before = {path: path.stat().st_mtime_ns for path in out.glob("runs/*.npz")}
@@ -206,6 +208,7 @@ def test_no_such_case(run_module, tmp_path):
     assert done.returncode == 2 and "no such folder; a case has scene.yaml" in done.stderr
 
 
+@pytest.mark.slow
 def test_work_that_fails_is_exit_1(lsfd, run_module):
     """Bounds so high that nothing can move."""
     path = lsfd / "inversion.yaml"

@@ -80,6 +80,7 @@ def solved(block, tmp_path_factory):
     return save_all(done, done.run(), folder), folder, done
 
 
+@pytest.mark.slow
 def test_the_answer_is_corrected_towards_what_the_material_point_method_says(solved):
     result, _, done = solved
     assert result.engine == "gns" and result.answer.reached
@@ -97,6 +98,7 @@ def test_the_answer_is_corrected_towards_what_the_material_point_method_says(sol
     assert own.values == judged.values != alone.values
 
 
+@pytest.mark.slow
 def test_the_error_of_the_surrogate_is_in_the_standard_deviation(solved):
     result, _, done = solved
     surrogate = result.surrogate
@@ -118,6 +120,7 @@ def test_the_error_of_the_surrogate_is_in_the_standard_deviation(solved):
     assert 35 < strength.sigma_v0_kpa < 50 and strength.ratio_std > own / strength.sigma_v0_kpa
 
 
+@pytest.mark.slow
 def test_what_a_rollout_cannot_tell_is_left_out_and_said(solved):
     result, _, _ = solved
     assert [entry.name for entry in result.sensitivities] == ["density"]
@@ -125,6 +128,7 @@ def test_what_a_rollout_cannot_tell_is_left_out_and_said(solved):
                for line in result.remarks)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_result_fits_its_schema_and_is_told(solved):
     result, folder, _ = solved
     jsonschema.validate(json.loads((folder / "result.json").read_text()), json.loads(schema_text()))
@@ -137,6 +141,7 @@ def test_the_result_fits_its_schema_and_is_told(solved):
         assert file["values"][int(file["answer"])][0] == result.answer.parameters[0].value
 
 
+@pytest.mark.slow
 def test_killed_and_continued_leaves_the_same_bytes(block, solved, tmp_path):
     result, whole, done = solved
     folder = tmp_path / "inversion_gns"
@@ -153,6 +158,7 @@ def test_killed_and_continued_leaves_the_same_bytes(block, solved, tmp_path):
     assert timeless(folder / "result.json") == timeless(whole / "result.json")
 
 
+@pytest.mark.slow
 def test_the_command_asked_again_costs_no_rollout(block, solved, tmp_path, run_module):
     """In another process, from what this one has kept."""
     case, model = block
@@ -176,6 +182,7 @@ def test_the_command_asked_again_costs_no_rollout(block, solved, tmp_path, run_m
     assert page.count("material point method, at that answer") == 2
 
 
+@pytest.mark.slow
 def test_the_engines_stand_side_by_side(solved, tmp_path):
     """Each result's table holds what the other engine has answered, once it has."""
     result, folder, _ = solved
@@ -208,6 +215,7 @@ def choice(tmp_path: Path, asked: dict, settings: list[str], *line: str | None):
 
 def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("pipeline.places.ROOT", tmp_path)
     (tmp_path / "models" / "coarse").mkdir(parents=True)
     settings = ["inversion.engine=gns", "inversion.model=here"]
     asked = {"engine": "gns", "model": "there"}
@@ -241,6 +249,7 @@ def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypa
         (["--set", "inversion.surrogate_pairs=2"], "inversion.surrogate_pairs"),
     ],
 )
+@pytest.mark.slow
 def test_bad_input_is_a_line_and_exit_2(tmp_path, run_module, more, message):
     case = write_case(tmp_path / "case")
     done = run_module("inversion", "invert", case, "--out", tmp_path / "out", *more)
@@ -249,6 +258,7 @@ def test_bad_input_is_a_line_and_exit_2(tmp_path, run_module, more, message):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_wrong_file_is_a_line_and_exit_2(tmp_path, run_module):
     case = write_case(tmp_path / "case")
     (tmp_path / "model.pt").write_text("weights")

@@ -236,6 +236,7 @@ def command(root, *arguments):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_command_predicts_a_dam_that_has_not_failed(root, lsfd, tmp_path):
     for name in ("measurements.yaml", "inversion.yaml", "post_failure_profile.csv"):
         (lsfd / name).unlink()
@@ -271,6 +272,7 @@ def test_the_command_predicts_a_dam_that_has_not_failed(root, lsfd, tmp_path):
         ((), "--residual-strength"),
     ],
 )
+@pytest.mark.slow
 def test_bad_input_ends_with_one_line(root, arguments, words):
     done = command(root, "lower_san_fernando", *arguments)
     assert done.returncode == 2

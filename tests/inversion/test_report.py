@@ -268,6 +268,7 @@ def test_another_set_than_the_case_has_is_named(tmp_path, root):
     assert "lunar" in text
 
 
+@pytest.mark.slow
 def test_a_real_case(lsfd, tmp_path):
     """At 4 m spacing: section, iterations, toes, and the known misfit of this dam."""
     out = tmp_path / "out"

@@ -43,6 +43,7 @@ def test_volumes_are_kept_where_soil_has_changed_its_own(tmp_path, kept):
     assert np.array_equal(load_kept(path).volume, swollen.volume)
 
 
+@pytest.mark.slow
 def test_a_flipped_byte_is_noticed_or_does_no_harm(tmp_path, kept):
     path = tmp_path / "run.npz"
     save_kept(path, kept)

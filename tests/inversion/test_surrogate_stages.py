@@ -19,6 +19,9 @@ from inversion.engines.trained_model import Model
 from pipeline.cli import InputError
 from pipeline.config import load_config
 
+pytestmark = pytest.mark.slow
+
+
 TOO_FAR = 3.0
 """What the surrogate is wrong by [m]."""
 SETTINGS = ["inversion.starts=2", "inversion.noise_seeds=2", "inversion.step_seeds=0"]

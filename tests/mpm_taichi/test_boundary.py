@@ -32,6 +32,7 @@ from mpm_taichi.solver.boundary import (
 from mpm_taichi.solver.layout import vec2, vec8
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE
+from tests.budget import examples
 
 VEC2 = ti.types.ndarray(dtype=vec2, ndim=1)
 VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)
@@ -323,7 +324,7 @@ def test_walls_and_lid_stop_what_enters_them(kind, velocity, expected):
 speeds = st.floats(-20.0, 20.0, width=32)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(
     velocity=st.tuples(speeds, speeds),
     angle=st.floats(-1.2, 1.2),

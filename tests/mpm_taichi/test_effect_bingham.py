@@ -54,6 +54,7 @@ def slump(effects):
     )
 
 
+@pytest.mark.slow
 def test_viscosity_slows_a_slump_more_than_it_shortens_it():
     settings = SimulationSettings(duration_s=20.0)
     base, slow = simulate([slump({}), slump({"bingham": 5.0})], settings, threads=1)

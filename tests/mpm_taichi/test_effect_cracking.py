@@ -95,6 +95,7 @@ def crust(effects, cohesion=25.0):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_crust_that_cracks_is_carried_farther():
     runs = simulate(
         [crust({}), crust({"cracking": 0.5}), crust({"cracking": 1.0})],

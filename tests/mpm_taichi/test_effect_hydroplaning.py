@@ -72,6 +72,7 @@ def test_base_within_the_old_section_keeps_its_strength():
     assert np.abs(run.positions[-1] - run.positions[0]).max() < 0.05
 
 
+@pytest.mark.slow
 def test_adhesion_of_rough_ground_is_lowered_as_well():
     def slump(share):
         scene = sheet(share, velocity=0.0, contact="rough").model_dump()

@@ -100,6 +100,7 @@ def test_strength_of_a_liquefied_point_is_multiplied():
     assert firm.strength[-1, 1] == pytest.approx(20e3)
 
 
+@pytest.mark.slow
 def test_it_breaks_the_symmetry_of_a_slump_as_its_seed_says():
     settings = SimulationSettings(duration_s=8.0)
     even, one, two = simulate(
@@ -120,6 +121,7 @@ def test_it_breaks_the_symmetry_of_a_slump_as_its_seed_says():
     assert np.abs(np.subtract(ends[1], ends[2])).max() > 0.5
 
 
+@pytest.mark.slow
 def test_a_seed_is_a_whole_number():
     scene = strip(40.0, amplitude=0.3, seed=1.5)
     with pytest.raises(InputError, match=r"seed 1.5: allowed are whole numbers"):

@@ -39,6 +39,7 @@ ON = {"strain_softening": 1.0, "shaking": 0.2, "weak_base": 0.3}
 # --- off is off ---
 
 
+@pytest.mark.slow
 def test_amplitude_zero_is_the_base_model_to_the_bit_and_by_key():
     off = {name: {"amplitude": 0.0} if name == "shaking" else 0.0 for name in effects()}
     base, same = simulate([slump(), slump(off)], SHORT)
@@ -49,6 +50,7 @@ def test_amplitude_zero_is_the_base_model_to_the_bit_and_by_key():
     assert run_key(slump(), SHORT, "cpu") == run_key(slump(off), SHORT, "cpu")
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_off_leaves_no_trace_beside_one_that_is_on():
     alone = slump({"weak_base": 0.3})
     beside = slump({"weak_base": 0.3, "strain_softening": 0.0, "bingham": 0.0, "water_drag": 0.0})
@@ -72,6 +74,7 @@ def test_run_key_holds_what_is_on_however_it_is_written(monkeypatch):
 # --- a run hangs on nothing but its scene ---
 
 
+@pytest.mark.slow
 def test_company_threads_and_growing_arrays_change_nothing(monkeypatch):
     (alone,) = simulate([slump(ON)], SHORT, threads=1)
     big = slump(
@@ -107,6 +110,7 @@ def test_an_open_domain_is_bit_for_bit_a_wide_one():
     assert np.abs(narrow.plastic_shear_strain - wide.plastic_shear_strain).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_batch_that_was_killed_continues_to_the_same_bits(tmp_path):
     scenes = {0: slump(ON), 1: slump({"dilatancy": 0.1}), 2: slump()}
     whole = run_batch(scenes, SHORT, tmp_path / "whole.h5", threads=1)
@@ -128,6 +132,7 @@ def test_a_batch_that_was_killed_continues_to_the_same_bits(tmp_path):
         assert one.scene.effects == scenes[index].effects
 
 
+@pytest.mark.slow
 def test_the_point_schedule_agrees(monkeypatch):
     mixed = {
         "strain_softening": 1.0, "overburden_strength": 0.5, "rate_strengthening": 0.1,

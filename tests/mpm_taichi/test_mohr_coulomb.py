@@ -23,9 +23,10 @@ from benchmarks.verification.mohr_coulomb_reference import (
 )
 from benchmarks.verification.one_element import solver_path, solver_return
 from mpm_taichi.materials.mohr_coulomb import NO_CAP, material_constants
+from tests.budget import examples
 
 TOLERANCE = 1e-4
-MANY = settings(max_examples=150, deadline=None)
+MANY = settings(max_examples=examples(150), deadline=None)
 
 kilopascals = st.floats(-300.0, 300.0, width=32)
 trials = st.tuples(kilopascals, kilopascals, kilopascals, kilopascals).map(

@@ -75,6 +75,7 @@ def test_a_batch_of_3_has_the_bits_of_single_runs(alone, threads):
 
 
 @pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.slow
 def test_a_batch_of_16_has_the_bits_of_single_runs(alone, threads):
     """More scenes than slots, of different sizes: arrays grow and slots change hands."""
     runs = simulate(drawn(*range(16)), SHORT, threads=threads)
@@ -83,6 +84,7 @@ def test_a_batch_of_16_has_the_bits_of_single_runs(alone, threads):
         assert bits(runs[index]) == alone[index], f"scene {index} on {threads} threads"
 
 
+@pytest.mark.slow
 def test_order_and_company_do_not_matter(alone):
     runs = simulate(drawn(12, 5, 3, 7), SHORT, threads=1)
     assert [bits(runs[place]) for place in (2, 3, 0)] == [alone[index] for index in CHOSEN]
@@ -143,6 +145,7 @@ def mixed() -> dict[int, Scene]:
     return dict(sorted((good | {index: scene for index, (scene, _) in BAD.items()}).items()))
 
 
+@pytest.mark.slow
 def test_guards_stop_what_cannot_be_right_and_nothing_else(mixed):
     runs = dict(zip(mixed, simulate(list(mixed.values()), FIXED, threads=2), strict=True))
     (good,) = simulate([block("good_0")], FIXED, threads=1)
@@ -232,6 +235,7 @@ def chunks_of(dataset: h5py.Dataset) -> int:
     return dataset.id.get_num_chunks()
 
 
+@pytest.mark.slow
 def test_kill_9_and_a_new_start_give_the_bytes_of_an_uninterrupted_job(tmp_path):
     killed = tmp_path / "killed" / "batch_000.h5"
     job = start_job(killed.parent)

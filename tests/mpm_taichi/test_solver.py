@@ -98,6 +98,7 @@ def test_growing_slots_in_flight_changes_nothing(monkeypatch):
     assert np.array_equal(alone.positions[:5], company.positions[:5])
 
 
+@pytest.mark.slow
 def test_point_schedule_agrees_with_scene_schedule(monkeypatch):
     scenes = [slump(), slump(materials={"clay": {"friction_deg": 30, "cohesion_kpa": 1}})]
     by_scene = simulate(scenes, SHORT)
@@ -183,6 +184,7 @@ def test_buoyancy_reduces_weight_by_the_water_displaced():
         {"frame_interval": 0.8},
     ],
 )
+@pytest.mark.slow
 def test_every_setting_changes_the_run(setting):
     frictional = slump(
         materials={"clay": {"friction_deg": 25, "cohesion_kpa": 0.5}}, seed=3, jitter=0.3

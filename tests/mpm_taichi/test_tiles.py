@@ -151,6 +151,7 @@ def kernels(averaged: bool, corrected: bool):
 
 @pytest.mark.parametrize("averaged", [True, False])
 @pytest.mark.parametrize("corrected", [True, False])
+@pytest.mark.slow
 def test_tiles_do_what_points_do(averaged: bool, corrected: bool):
     by_tiles, by_points = kernels(averaged, corrected)
     before = state(4003, seed=7)

@@ -30,6 +30,7 @@ def users():
     registry._users.clear()
 
 
+@pytest.mark.slow
 def test_the_example_of_the_document_runs_and_is_its_law(users):
     (regain,) = load_effects_file(EXAMPLE)
     assert list(effects())[-1] == "strength_regain" == regain.name
@@ -47,6 +48,7 @@ def test_the_example_of_the_document_runs_and_is_its_law(users):
     assert prepare(rest, SHORT).busy_until == 10.0
 
 
+@pytest.mark.slow
 def test_a_user_effect_changes_no_bits_of_others(users):
     before = simulate([slump(ON)], SHORT)[0]
     load_effects_file(EXAMPLE)
@@ -154,6 +156,7 @@ HOSTS = {
 
 
 @pytest.mark.parametrize("kind", HOSTS)
+@pytest.mark.slow
 def test_a_hook_that_fails_is_named_in_one_line(users, tmp_path, kind):
     old, new, message = HOSTS[kind]
     path = tmp_path / "mine.py"
@@ -173,6 +176,7 @@ def command(*arguments):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_option_of_the_command_line(tmp_path):
     save_scene(slump({"strength_regain": 1.0}), tmp_path / "scene.yaml")
     run = ["run", tmp_path / "scene.yaml", "--out", tmp_path, "--threads", "1", "--quiet"]

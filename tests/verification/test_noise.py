@@ -6,6 +6,7 @@ import pytest
 from benchmarks.verification import noise
 
 
+@pytest.mark.slow
 def test_quick_version_is_within_tolerance(tmp_path):
     for row in noise.run(tmp_path, quick=True):
         assert row.passed, row

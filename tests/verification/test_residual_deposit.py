@@ -6,6 +6,7 @@ import pytest
 from benchmarks.verification import residual_deposit as case
 
 
+@pytest.mark.slow
 def test_quick_version_is_within_tolerance(tmp_path):
     for row in case.run(tmp_path, quick=True):
         assert row.passed, row

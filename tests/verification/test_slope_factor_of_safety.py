@@ -7,6 +7,7 @@ from benchmarks.verification import slope_factor_of_safety as case
 from benchmarks.verification.infinite_slope import Slab
 
 
+@pytest.mark.slow
 def test_quick_version_is_within_tolerance(tmp_path):
     for row in case.run(tmp_path, quick=True):
         assert row.passed, row

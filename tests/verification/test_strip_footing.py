@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.verification import strip_footing
 
 
+@pytest.mark.slow
 def test_quick_version_is_within_tolerance(tmp_path):
     for row in strip_footing.run(tmp_path, quick=True):
         assert row.passed, row

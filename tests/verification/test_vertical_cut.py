@@ -7,6 +7,7 @@ from benchmarks.verification import vertical_cut
 from benchmarks.verification.strength_reduction import Ramp
 
 
+@pytest.mark.slow
 def test_quick_version_is_within_tolerance(tmp_path):
     for row in vertical_cut.run(tmp_path, quick=True):
         assert row.passed, row

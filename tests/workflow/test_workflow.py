@@ -10,6 +10,7 @@ import yaml
 from pipeline.config import Config
 
 
+@pytest.mark.slow
 def test_targets_work_as_typed(bench):
     bench.settings = {}
     assert bench.planned("simulate_large") == {
@@ -35,6 +36,7 @@ def test_targets_work_as_typed(bench):
         assert bench.planned(f"{verb}_lower_san_fernando") == dict.fromkeys(jobs, 1)
 
 
+@pytest.mark.slow
 def test_everything_is_made_once(bench):
     bench.snakemake("everything")
     for scale in ("large", "small", "coarse"):
@@ -64,6 +66,7 @@ def test_everything_is_made_once(bench):
         assert word in text
 
 
+@pytest.mark.slow
 def test_a_dry_run_leaves_the_settings_of_a_running_workflow(bench):
     bench.snakemake("geometry_coarse")
     before = bench.path("config.yaml").read_text()
@@ -74,6 +77,7 @@ def test_a_dry_run_leaves_the_settings_of_a_running_workflow(bench):
     assert "courant: 0.11" in bench.path("config.yaml").read_text()
 
 
+@pytest.mark.slow
 def test_a_case_may_have_folders_in_it(bench):
     drawings = bench.folder / "case_histories" / "lower_san_fernando" / "drawings"
     drawings.mkdir()
@@ -83,6 +87,7 @@ def test_a_case_may_have_folders_in_it(bench):
     assert made == "case_histories/lower_san_fernando"
 
 
+@pytest.mark.slow
 def test_what_is_made_again(bench):
     bench.snakemake("simulate_coarse", "geometry_coarse")
     targets = ("simulate_coarse", "geometry_coarse")
@@ -112,6 +117,7 @@ def test_what_is_made_again(bench):
     assert bench.planned(*targets) == {}, "another scale is another matter"
 
 
+@pytest.mark.slow
 def test_what_is_packed_again(bench):
     bench.snakemake("pack_coarse")
     bench.settings["gns"]["pack"]["seed"] = 5
@@ -125,6 +131,7 @@ def test_what_is_packed_again(bench):
     assert bench.planned("pack_coarse") == again
 
 
+@pytest.mark.slow
 def test_when_a_model_learns_again(bench):
     bench.snakemake("pack_coarse")
     (bench.folder / "break").touch()
@@ -145,6 +152,7 @@ def test_when_a_model_learns_again(bench):
     assert bench.planned("train_coarse") == {}
 
 
+@pytest.mark.slow
 def test_a_model_at_hand_answers_too(bench):
     """Dropped into models/, or named; after the other engine, whose answer its page shows."""
     assert bench.planned("invert_lsfd") == {"classical_case": 1, "invert_case": 1}
@@ -163,6 +171,7 @@ def test_a_model_at_hand_answers_too(bench):
     assert "inversion.model: no_such_model: no folder with model.pt" in text
 
 
+@pytest.mark.slow
 def test_when_strengths_are_sought_again(bench):
     bench.snakemake("invert_lsfd")
     case = bench.folder / "case_histories" / "lower_san_fernando"
@@ -184,6 +193,7 @@ def test_when_strengths_are_sought_again(bench):
     assert bench.planned("invert_lsfd") == {"invert_case": 1}, "no surface, no classical methods"
 
 
+@pytest.mark.slow
 def test_when_missing_physics_is_sought_again(bench):
     bench.snakemake("diagnose_lsfd", "invert_lsfd")
     told = bench.path("lower_san_fernando/diagnosis/verdict.json").read_text()
@@ -207,6 +217,7 @@ def test_when_missing_physics_is_sought_again(bench):
     assert bench.planned("diagnose_lsfd") == {}
 
 
+@pytest.mark.slow
 def test_more_scenes_add_batches_only(bench):
     bench.snakemake("simulate_small")
     bench.settings["scales"]["small"]["number_of_scenes"] = 10
@@ -217,6 +228,7 @@ def test_more_scenes_add_batches_only(bench):
     }
 
 
+@pytest.mark.slow
 def test_a_failed_batch_stops_nothing_else_and_is_made_at_the_next_start(bench):
     bench.snakemake("simulate_coarse")
     (bench.folder / "break").touch()

@@ -97,6 +97,7 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
         ("--liquefied-alone", None),
     ],
 )
+@pytest.mark.slow
 def test_every_option_has_an_effect(option, value):
     """Each judgement call changes a method's answer (solved without the other alternatives)."""
     from flowslide.commands.classical import _judgements, add_arguments
@@ -116,12 +117,14 @@ def test_every_option_has_an_effect(option, value):
     assert max(abs(a - b) for a, b in zip(*found, strict=True)) > 10.0
 
 
+@pytest.mark.slow
 def test_results_go_where_the_configuration_says(lsfd, tmp_path, capsys):
     folder = tmp_path / "elsewhere"
     assert main(["classical", str(lsfd), "--quiet", "--set", f"results_folder={folder}"]) == 0
     assert (folder / "dam" / "classical" / "classical.json").is_file()
 
 
+@pytest.mark.slow
 def test_la_marquesa_is_two_slides(tmp_path):
     case = case_sections(load_case(CASES / "la_marquesa"))
     judgements = load_judgements(case.folder, case.measurements)
@@ -214,6 +217,7 @@ def test_without_a_file_every_side_with_a_runout_is_analysed():
         default_judgements(nothing, "case")
 
 
+@pytest.mark.slow
 def test_sections_that_make_no_slide_are_a_finding_where_nobody_said_they_do(lsfd, tmp_path):
     (lsfd / "classical.yaml").unlink()
     (lsfd / "post_failure_profile.csv").write_text(

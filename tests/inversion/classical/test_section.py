@@ -8,11 +8,12 @@ from shapely.geometry import LineString, Point, Polygon
 
 from geometry.scenes.scene import load_scene
 from inversion.classical.section import OUTSIDE, Section, Soil, section_of, water_line_after
+from tests.budget import examples
 
 LSFD = "case_histories/lower_san_fernando/scene.yaml"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     st.lists(st.floats(0.3, 2.0), min_size=5, max_size=9),
     st.floats(-1.5, 1.5),
