@@ -215,7 +215,6 @@ def choice(tmp_path: Path, asked: dict, settings: list[str], *line: str | None):
 
 def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("pipeline.places.ROOT", tmp_path)
     (tmp_path / "models" / "coarse").mkdir(parents=True)
     settings = ["inversion.engine=gns", "inversion.model=here"]
     asked = {"engine": "gns", "model": "there"}
