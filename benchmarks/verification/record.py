@@ -26,11 +26,11 @@ RESULTS = HERE / "results.json"
 ORDER = ("material_paths", "elastic_column", "block_on_incline", "free_motion")
 """Cases that come first in the table, from the single point to the moving mass; others follow."""
 
-SOLVER = (
-    "mohr_coulomb", "transfer", "boundary", "layout", "point_functions", "scene_schedule",
-    "solver", "runtime", "initial_state", "simulate",
-)  # fmt: skip
-"""Modules of `mpm_taichi` on which every figure depends."""
+PACKAGES = ("mpm_taichi", "geometry", "benchmarks")
+"""Packages whose modules can change a figure; the rest reads settings and writes files."""
+
+EFFECTS = ROOT / "mpm_taichi" / "effects"
+"""Its modules are imported by name while a scene is prepared, which no reading of imports sees."""
 
 Record = dict[str, Any]
 
@@ -56,13 +56,38 @@ def in_order(names: Sequence[str]) -> list[str]:
 
 def sources_hash(case: str) -> str:
     """Hash of the source text that a case's figures depend on; tells a stale record."""
-    paths = [ROOT / "mpm_taichi" / f"{name}.py" for name in SOLVER]
-    paths += [ROOT / "geometry" / "scene.py", ROOT / "geometry" / "fill.py", HERE / f"{case}.py"]
-    paths += [HERE / "lab.py"]
     digest = hashlib.sha256()
-    for path in paths:
-        digest.update(path.read_bytes() if path.exists() else b"")
+    for path in sources(HERE / f"{case}.py"):
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def sources(program: Path) -> list[Path]:
+    """The files of `PACKAGES` that a program imports, directly or not, itself included; sorted.
+
+    Imports inside functions and of names from packages are followed as well.
+    """
+    found: set[Path] = set()
+    waiting = [program, *EFFECTS.glob("*.py")]
+    while waiting:
+        path = waiting.pop()
+        if path not in found and path.is_file():
+            found.add(path)
+            waiting += imported_files(path)
+    return sorted(found)
+
+
+def imported_files(path: Path) -> list[Path]:
+    """Files of `PACKAGES` that a file imports by name."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    stems = [ROOT.joinpath(*name.split(".")) for name in names if name.split(".")[0] in PACKAGES]
+    files = [file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py")]
+    return [file for file in files if file.is_file()]
 
 
 def make_record(case: str, title: str, rows: Sequence[Row], seconds: float, error: str) -> Record:
