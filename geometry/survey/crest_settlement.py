@@ -18,70 +18,6 @@ from geometry.survey.toe import Side
 from pipeline.cli import InputError
 
 
-def crest_settlement(
-    position: np.ndarray,
-    initial_position: np.ndarray,
-    volume: np.ndarray | float,
-    *,
-    spacing: float,
-    x: float,
-    initial_volume: np.ndarray | float | None = None,
-    derivative: bool = False,
-) -> float | tuple[float, np.ndarray]:
-    """Drop of the surface at the initial crest's place, downward positive.
-
-    Args:
-        position: (N, 2) now [m].
-        initial_position: (N, 2) before the slide [m].
-        volume: (N,) or one number [m2 per m].
-        spacing: distance between material points [m].
-        x: place of the initial crest [m].
-        initial_volume: before the slide, where that is another; None: `volume`.
-        derivative: return also the derivative with respect to `position`.
-
-    Returns:
-        Settlement [m], or with `derivative` (settlement, (N, 2)).
-    """
-    first = volume if initial_volume is None else initial_volume
-    before = surface_profile(initial_position, first, x, spacing=spacing)
-    now = surface_profile(position, volume, x, spacing=spacing, derivative=derivative)
-    if derivative:
-        return float(before - now[0]), -now[1]
-    return float(before - now)
-
-
-def crest_points(initial_position: np.ndarray, *, spacing: float, rows: float = 2.0) -> np.ndarray:
-    """Numbers of the crest's own points: those in the top `rows` spacings of the section before."""
-    elevation = np.asarray(initial_position)[:, 1]
-    return np.flatnonzero(elevation > elevation.max() - (rows - 0.5) * spacing)
-
-
-def crest_settlement_of_points(
-    position: np.ndarray,
-    initial_position: np.ndarray,
-    points: np.ndarray,
-    *,
-    derivative: bool = False,
-) -> float | tuple[float, np.ndarray]:
-    """Mean drop of chosen points, such as `crest_points`, downward positive.
-
-    Args:
-        position: (N, 2) now [m].
-        initial_position: (N, 2) before the slide [m].
-        points: numbers of the points followed, (K,) integers.
-        derivative: return also the derivative with respect to `position`.
-
-    Returns:
-        Settlement [m], or with `derivative` (settlement, (N, 2)).
-    """
-    drop = float(np.mean(initial_position[points, 1] - position[points, 1]))
-    if not derivative:
-        return drop
-    change = np.zeros(np.shape(position))
-    np.add.at(change[:, 1], points, -1.0 / len(points))
-    return drop, change
-
-
 class CrestSettlement(SingleLength):
     """Drop of the surface at the initial crest's place, or of the crest's own points."""
 
@@ -106,21 +42,26 @@ class CrestSettlement(SingleLength):
         return Datum(np.array([-1.0]), np.array([np.nan if self.x_m is None else self.x_m]), False)
 
     def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
-        """Settlement [m]."""
+        """Settlement [m]: of the surface at `x_m`, or the mean drop of the crest's own points.
+
+        Those are the points in the top two rows of the section before the slide.
+        """
         if self.x_m is None:
-            points = crest_points(deposit.initial_position, spacing=deposit.spacing)
-            return crest_settlement_of_points(
-                deposit.position, deposit.initial_position, points, derivative=derivative
-            )
-        return crest_settlement(
-            deposit.position,
-            deposit.initial_position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            x=self.x_m,
-            initial_volume=deposit.initial_volume,
-            derivative=derivative,
-        )
+            height = deposit.initial_position[:, 1]
+            crest = np.flatnonzero(height > height.max() - 1.5 * deposit.spacing)
+            drop = float(np.mean(height[crest] - deposit.position[crest, 1]))
+            if not derivative:
+                return drop
+            change = np.zeros(np.shape(deposit.position))
+            change[crest, 1] = -1.0 / len(crest)
+            return drop, change
+        at_start = deposit.volume if deposit.initial_volume is None else deposit.initial_volume
+        place = {"spacing": deposit.spacing, "x": self.x_m}
+        before = surface_profile(deposit.initial_position, at_start, **place)
+        now = surface_profile(deposit.position, deposit.volume, **place, derivative=derivative)
+        if derivative:
+            return float(before - now[0]), -now[1]
+        return float(before - now)
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A crest on the section, and no greater settlement than the section is high."""

@@ -68,16 +68,32 @@ class MarkerDisplacement(Length):
         return Datum(upward.astype(float), np.where(upward, self.x_m, np.nan), line=False)
 
     def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
-        """Displacement in the components measured [m]."""
-        result = marker_displacement(
-            deposit.position,
-            deposit.initial_position,
-            spacing=deposit.spacing,
-            marker=(self.x_m, self.y_m),
-            derivative=derivative,
-        )
+        """Displacement in the components measured [m].
+
+        A plane is fitted to the displacements of the points that were within three spacings, the
+        nearer ones weighing more, and read at the marker: exact where the displacement varies
+        linearly.
+        """
+        offset = (deposit.initial_position - np.array([self.x_m, self.y_m])) / deposit.spacing
+        closeness = np.prod(kernel(offset, 1.5), axis=1)
+        near = np.flatnonzero(closeness > 0.0)
+        if len(near) < 3:
+            raise ValueError(
+                f"marker ({self.x_m:g}, {self.y_m:g}) lies outside the soil: "
+                f"{len(near)} points within 3 spacings, at least 3 are needed"
+            )
+        plane = np.column_stack([np.ones(len(near)), offset[near]])
+        root = np.sqrt(closeness[near])
+        # Row 0 of the weighted pseudo-inverse reads the plane at the marker itself.
+        share = np.linalg.pinv(plane * root[:, None])[0] * root
         kept = self._components()
-        return (result[0][kept], result[1][kept]) if derivative else result[kept]
+        moved = (share @ (deposit.position[near] - deposit.initial_position[near]))[kept]
+        if not derivative:
+            return moved
+        change = np.zeros((len(kept), *deposit.position.shape))
+        for row, component in enumerate(kept):
+            change[row, near, component] = share
+        return moved, change
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A marker in a zone of the section."""
@@ -117,50 +133,3 @@ def _stakes(site: Site) -> list[tuple[float, float]]:
                 found.append((x, round(float(y) - scene.spacing, 2)))
                 break
     return found
-
-
-def marker_displacement(
-    position: np.ndarray,
-    initial_position: np.ndarray,
-    *,
-    spacing: float,
-    marker: tuple[float, float],
-    derivative: bool = False,
-) -> np.ndarray | tuple[np.ndarray, np.ndarray]:
-    """Displacement of the soil that was at `marker` before the slide.
-
-    A plane is fitted to the displacements of the points that were within three spacings, the nearer
-    ones weighing more, and read at the marker: exact where the displacement varies linearly.
-
-    Args:
-        position: (N, 2) now [m].
-        initial_position: (N, 2) before the slide [m].
-        spacing: distance between material points [m].
-        marker: (x, y) before the slide [m].
-        derivative: return also the derivative with respect to `position`.
-
-    Returns:
-        (2,) dx and dy [m], or with `derivative` ((2,), (2, N, 2)).
-
-    Raises:
-        ValueError: fewer than three points were near the marker.
-    """
-    offset = (np.asarray(initial_position) - np.asarray(marker, dtype=float)) / spacing
-    closeness = np.prod(kernel(offset, 1.5), axis=1)
-    near = np.flatnonzero(closeness > 0.0)
-    if len(near) < 3:
-        raise ValueError(
-            f"marker ({marker[0]:g}, {marker[1]:g}) lies outside the soil: "
-            f"{len(near)} points within 3 spacings, at least 3 are needed"
-        )
-    plane = np.column_stack([np.ones(len(near)), offset[near]])
-    root = np.sqrt(closeness[near])
-    # Row 0 of the weighted pseudo-inverse reads the plane at the marker itself.
-    share = np.linalg.pinv(plane * root[:, None])[0] * root
-    moved = share @ (position[near] - initial_position[near])
-    if not derivative:
-        return moved
-    change = np.zeros((2, *np.shape(position)))
-    change[0, near, 0] = share
-    change[1, near, 1] = share
-    return moved, change

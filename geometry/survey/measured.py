@@ -154,16 +154,6 @@ class Measured(Document):
 
     @property
     @abstractmethod
-    def std(self) -> float:
-        """Standard deviation of the survey, in `unit`."""
-
-    @property
-    @abstractmethod
-    def model_std(self) -> float:
-        """What the user grants the model in addition to the survey's error, in `unit`."""
-
-    @property
-    @abstractmethod
     def along(self) -> Along | None:
         """Where or when the numbers were taken; None: they have no place."""
 
@@ -265,6 +255,21 @@ class Measured(Document):
 
     # --- what follows from it ---
 
+    @classmethod
+    def key(cls, word: str) -> str:
+        """Name of a field in the type's unit: `std` -> `std_m`, `std_m_per_s`."""
+        return f"{word}_{cls.unit.replace('/', '_per_')}"
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of the survey, in `unit`."""
+        return getattr(self, self.key("std"))
+
+    @property
+    def model_std(self) -> float:
+        """What the user grants the model in addition to the survey's error, in `unit`."""
+        return getattr(self, self.key("model_std"))
+
     @property
     def words(self) -> str:
         """The type in words."""
@@ -333,9 +338,11 @@ class Measured(Document):
 
 #: Members that every type must give, itself or by a base such as `Length`.
 REQUIRED = (
-    "unit", "history", "values", "with_values", "std", "model_std", "along", "datum",
-    "read_points", "check_in", "could_be_made", "marks",
+    "unit", "history", "values", "with_values", "along", "datum", "read_points", "check_in",
+    "could_be_made", "marks",
 )  # fmt: skip
+#: Fields that every type must have, in its unit: `std_m`.
+REQUIRED_FIELDS = ("std", "model_std")
 
 
 class Length(Measured):
@@ -348,18 +355,21 @@ class Length(Measured):
         0.0, ge=0, description="granted to the model in addition to the survey's error [m]"
     )
 
-    @property
-    def std(self) -> float:
-        """Standard deviation of the survey [m]."""
-        return self.std_m
+
+class Single(Measured):
+    """A measurement that is one number, in a field `value` in its unit: `value_m`."""
 
     @property
-    def model_std(self) -> float:
-        """What the user grants the model in addition to the survey's error [m]."""
-        return self.model_std_m
+    def values(self) -> np.ndarray:
+        """The measured value, (1,), in `unit`."""
+        return np.array([getattr(self, self.key("value"))])
+
+    def with_values(self, values: np.ndarray) -> Self:
+        """The same with another value, (1,), in `unit`."""
+        return self.model_copy(update={self.key("value"): float(values[0])})
 
 
-class SingleLength(Length):
+class SingleLength(Single, Length):
     """A measurement that is one length."""
 
     value_m: float = Field(description="the measured value [m]")
@@ -376,15 +386,6 @@ class SingleLength(Length):
                 f"high_m {self.high_m:g}"
             )
         return self
-
-    @property
-    def values(self) -> np.ndarray:
-        """The measured length, (1,) [m]."""
-        return np.array([self.value_m])
-
-    def with_values(self, values: np.ndarray) -> Self:
-        """The same with another length, (1,) [m]."""
-        return self.model_copy(update={"value_m": float(values[0])})
 
     @property
     def stated_range(self) -> tuple[float, float] | None:

@@ -19,7 +19,7 @@ from pydantic import Field, PlainValidator, TypeAdapter
 from geometry.survey.crest_settlement import CrestSettlement
 from geometry.survey.freeboard import Freeboard
 from geometry.survey.marker_displacement import MarkerDisplacement
-from geometry.survey.measured import REQUIRED, Measured
+from geometry.survey.measured import REQUIRED, REQUIRED_FIELDS, Measured
 from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe_history import ToeHistory
@@ -58,6 +58,8 @@ def type_name(kind: type[Measured]) -> str:
         for name in REQUIRED
         if not hasattr(kind, name) or name in getattr(kind, "__abstractmethods__", ())
     ]
+    if "unit" not in missing:
+        missing += [key for key in map(kind.key, REQUIRED_FIELDS) if key not in kind.model_fields]
     if missing:
         raise TypeError(f"{kind.__name__}: lacks {', '.join(missing)}")
     unknown = [name for name in kind.history or () if name not in kind.model_fields]

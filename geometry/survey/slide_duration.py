@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from geometry.scenes.scene import Scene
 from geometry.survey.frames import frames_of
 from geometry.survey.marks import Mark
-from geometry.survey.measured import Deposit, Measured
+from geometry.survey.measured import Deposit, Single
 from geometry.survey.site import NOT_MADE, Site
 from geometry.survey.toe import Side
 from pipeline.cli import InputError
@@ -20,7 +20,7 @@ from pipeline.cli import InputError
 USUAL_STD = 0.3
 
 
-class SlideDuration(Measured):
+class SlideDuration(Single):
     """How long the slide took: the time in which the soil does the middle part of its way.
 
     The way is the mean distance of all soil from where it was. A slow start and a slow end, which
@@ -51,42 +51,48 @@ class SlideDuration(Measured):
             )
         return self
 
-    @property
-    def values(self) -> np.ndarray:
-        """The measured duration, (1,) [s]."""
-        return np.array([self.value_s])
-
-    def with_values(self, values: np.ndarray) -> SlideDuration:
-        """The same with another duration, (1,) [s]."""
-        return self.model_copy(update={"value_s": float(values[0])})
-
-    @property
-    def std(self) -> float:
-        """Standard deviation of the measurement [s]."""
-        return self.std_s
-
-    @property
-    def model_std(self) -> float:
-        """What the user grants the model in addition to the measurement's error [s]."""
-        return self.model_std_s
-
     def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
-        """Duration [s]; its derivative is by the frames it depends on [s/m]."""
+        """Duration [s], 0 where nothing moved; derivative by the frames it depends on [s/m].
+
+        It runs from the first moment at which the way is `between[0]` of the last one to the first
+        at which it is `between[1]`. Less than a thousandth of the spacing is no motion.
+        """
         positions, time = frames_of(deposit, self.name)
         if not deposit.at_rest:
             raise InputError(
                 f"{self.name}: the run was stopped in motion at {time[-1]:g} s; give it a longer "
                 "duration_s"
             )
-        return slide_duration(
-            positions,
-            deposit.initial_position,
-            time,
-            deposit.volume,
-            spacing=deposit.spacing,
-            between=self.between,
-            derivative=derivative,
-        )
+        if len(time) < 2:
+            raise ValueError(f"a duration needs at least two frames, but there are {len(time)}")
+        share = np.broadcast_to(np.asarray(deposit.volume, dtype=float), positions.shape[1])
+        share = share / share.sum()
+        moved = positions.astype(float) - deposit.initial_position
+        distance = np.hypot(moved[..., 0], moved[..., 1])
+        way = distance @ share
+        last = len(time) - 1
+        if way[last] < 1e-3 * deposit.spacing:
+            nothing = (np.full(5, last), np.zeros((5, *positions.shape[1:])))
+            return (0.0, *nothing) if derivative else 0.0
+        moments, frames, slopes = [], [], []
+        for part in self.between:
+            level = part * way[last]
+            after = max(int(np.argmax(way >= level)), 1)
+            before = after - 1
+            rise, interval = way[after] - way[before], time[after] - time[before]
+            passed = (level - way[before]) / rise
+            moments.append(time[before] + passed * interval)
+            frames += [before, after]
+            # By the way before, the way after, and the last way through the level.
+            slopes.append(np.array([passed - 1.0, -passed, part]) * interval / rise)
+        duration = float(moments[1] - moments[0])
+        if not derivative:
+            return duration
+        (first, second), numbers = slopes, np.array([*frames, last])
+        weights = np.array([-first[0], -first[1], second[0], second[1], second[2] - first[2]])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            direction = np.nan_to_num(moved[numbers] / distance[numbers][..., None])
+        return duration, numbers, weights[:, None, None] * share[None, :, None] * direction
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A duration has no place on the section."""
@@ -106,66 +112,3 @@ class SlideDuration(Measured):
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
         """None."""
         return []
-
-
-def slide_duration(
-    positions: np.ndarray,
-    initial_position: np.ndarray,
-    time: np.ndarray,
-    volume: np.ndarray | float,
-    *,
-    spacing: float,
-    between: tuple[float, float] = (0.05, 0.95),
-    derivative: bool = False,
-) -> float | tuple[float, np.ndarray, np.ndarray]:
-    """How long the soil takes for the middle part of its way.
-
-    The way is the mean distance of all soil from where it was, weighted by mass. The duration runs
-    from the first moment at which the way is `between[0]` of the last one to the first at which it
-    is `between[1]`: what moves on slowly at the end hardly counts, and neither does a late start.
-
-    Args:
-        positions: (T, N, 2), the last frame at rest [m].
-        initial_position: the same points before the slide, (N, 2) [m].
-        time: (T,) ascending [s].
-        volume: (N,) or one number [m2 per m].
-        spacing: distance between material points [m]; less than a thousandth of it is no motion.
-        between: shares of the way, ascending, within 0 and 1.
-        derivative: return also the derivative.
-
-    Returns:
-        Duration [s], 0 where nothing moved; with `derivative` also the numbers of the frames around
-        the first and the second moment and of the last frame, (5,), and the derivative with respect
-        to the positions in them, (5, N, 2) [s/m].
-    """
-    time = np.asarray(time, dtype=float)
-    if len(time) < 2:
-        raise ValueError(f"a duration needs at least two frames, but there are {len(time)}")
-    share = np.broadcast_to(np.asarray(volume, dtype=float), positions.shape[1])
-    share = share / share.sum()
-    moved = positions.astype(float) - initial_position
-    distance = np.hypot(moved[..., 0], moved[..., 1])
-    way = distance @ share
-    last = len(time) - 1
-    if way[last] < 1e-3 * spacing:
-        nothing = (np.full(5, last), np.zeros((5, *positions.shape[1:])))
-        return (0.0, *nothing) if derivative else 0.0
-    moments, frames, slopes = [], [], []
-    for part in between:
-        level = part * way[last]
-        after = max(int(np.argmax(way >= level)), 1)
-        before = after - 1
-        rise, interval = way[after] - way[before], time[after] - time[before]
-        passed = (level - way[before]) / rise
-        moments.append(time[before] + passed * interval)
-        frames += [before, after]
-        # By the way before, the way after, and the last way through the level.
-        slopes.append(np.array([passed - 1.0, -passed, part]) * interval / rise)
-    duration = float(moments[1] - moments[0])
-    if not derivative:
-        return duration
-    (first, second), numbers = slopes, np.array([*frames, last])
-    weights = np.array([-first[0], -first[1], second[0], second[1], second[2] - first[2]])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        direction = np.nan_to_num(moved[numbers] / distance[numbers][..., None])
-    return duration, numbers, weights[:, None, None] * share[None, :, None] * direction

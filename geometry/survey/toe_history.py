@@ -77,19 +77,30 @@ class ToeHistory(Length):
         return Along("time_s", np.array(self.times_s, dtype=float), series=len(self.times_s) > 1)
 
     def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
-        """Runout at the times [m]."""
+        """Runout at the times [m], interpolated between frames; derivative by the two frames."""
         positions, time = frames_of(deposit, self.name)
         check_end(deposit, self.name, self.times_s[-1])
-        return toe_history(
-            positions,
-            time,
-            np.minimum(self.times_s, time[-1]),  # at rest the toe stays where it is
-            deposit.volume,
-            spacing=deposit.spacing,
-            side=self.side,
-            initial_toe=deposit.foot[self.side],
-            derivative=derivative,
-        )
+        # At rest the toe stays where it is.
+        frames, shares = frames_around(time, np.minimum(self.times_s, time[-1]))
+        read = {
+            frame: toe_runout(
+                positions[frame],
+                deposit.volume,
+                spacing=deposit.spacing,
+                side=self.side,
+                initial_toe=deposit.foot[self.side],
+                derivative=derivative,
+            )
+            for frame in np.unique(frames)
+        }
+        values = np.zeros(len(frames))
+        changes = np.zeros((len(frames), 2, *positions.shape[1:])) if derivative else None
+        for k, j in np.ndindex(frames.shape):
+            found = read[frames[k, j]]
+            values[k] += shares[k, j] * (found[0] if derivative else found)
+            if derivative:
+                changes[k, j] = shares[k, j] * found[1]
+        return (values, frames, changes) if derivative else values
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A history has no place on the section."""
@@ -112,53 +123,3 @@ class ToeHistory(Length):
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
         """None."""
         return []
-
-
-def toe_history(
-    positions: np.ndarray,
-    time: np.ndarray,
-    times: np.ndarray,
-    volume: np.ndarray | float,
-    *,
-    spacing: float,
-    side: Side,
-    initial_toe: float,
-    derivative: bool = False,
-) -> np.ndarray | tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Runout at given times, interpolated between frames.
-
-    Args:
-        positions: (T, N, 2) [m].
-        time: (T,) ascending [s].
-        times: (M,) within `time` [s].
-        volume: (N,) or one number [m2 per m].
-        spacing: distance between material points [m].
-        side: left or right of the dam.
-        initial_toe: x of the foot before the slide [m].
-        derivative: return also the derivative.
-
-    Returns:
-        (M,) runout [m]; with `derivative` also the numbers of the two frames of each time, (M, 2),
-        and the derivative with respect to the positions in them, (M, 2, N, 2).
-    """
-    frames, shares = frames_around(time, times)
-    values = np.zeros(len(frames))
-    changes = np.zeros((len(frames), 2, *positions.shape[1:])) if derivative else None
-    known: dict[int, tuple[float, np.ndarray] | float] = {}
-    for k, (pair, share) in enumerate(zip(frames, shares, strict=True)):
-        for j in (0, 1):
-            frame = int(pair[j])
-            if frame not in known:
-                known[frame] = toe_runout(
-                    positions[frame],
-                    volume,
-                    spacing=spacing,
-                    side=side,
-                    initial_toe=initial_toe,
-                    derivative=derivative,
-                )
-            result = known[frame]
-            values[k] += share[j] * (result[0] if derivative else result)
-            if derivative:
-                changes[k, j] = share[j] * result[1]
-    return (values, frames, changes) if derivative else values

@@ -9,21 +9,21 @@ from hypothesis import strategies as st
 
 from geometry.scenes.fill import fill
 from geometry.survey.columns import column_grid, column_height, connected, kernel, kernel_slope
-from geometry.survey.crest_settlement import (
-    crest_points,
-    crest_settlement,
-    crest_settlement_of_points,
-)
+from geometry.survey.crest_settlement import CrestSettlement
+from geometry.survey.frames import frames_around
 from geometry.survey.freeboard import freeboard
-from geometry.survey.marker_displacement import marker_displacement
+from geometry.survey.marker_displacement import MarkerDisplacement
+from geometry.survey.measured import Deposit
 from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe import naked_eye_toe, toe
-from geometry.survey.toe_history import toe_history
+from geometry.survey.toe_history import ToeHistory
 from geometry.survey.toe_runout import toe_runout
-from geometry.survey.velocity import column_velocity
+from geometry.survey.velocity import Velocity
 from tests.budget import examples
 
 POOL, CREST = 35.9, 190.0
+ABOUT = {"name": "it", "confidence": "assumed", "source": "a test"}
+FEET = {"left": 0.0, "right": 0.0}
 few = settings(
     max_examples=examples(40),
     deadline=None,
@@ -38,6 +38,16 @@ def heap(seed: int = 0, size: int = 9) -> np.ndarray:
     inside = y < size - 0.5 * np.abs(x)
     points = np.column_stack([x[inside], y[inside]])
     return points + random.uniform(-0.2, 0.2, points.shape)
+
+
+def slid(position: np.ndarray, before: np.ndarray, volume=1.0, **more) -> Deposit:  # noqa: ANN001
+    return Deposit(position, before, volume, 1.0, FEET, **more)
+
+
+def crest(x: float | None) -> CrestSettlement:
+    """At a place, or of the crest's own points."""
+    at = "crest_points" if x is None else "initial_crest_x"
+    return CrestSettlement(type="crest_settlement", at=at, x_m=x, value_m=0.0, std_m=1.0, **ABOUT)
 
 
 # --- the constructed profile of Lower San Fernando ---
@@ -59,8 +69,8 @@ def test_crest_settlement_of_the_constructed_profile(dam, deposit):
     # The function follows points, the profile has none in common: two lattices of equal number.
     before, after = fill(dam).position, deposit(1.0)
     number = min(len(before), len(after))
-    settled = crest_settlement(after[:number], before[-number:], 1.0, spacing=1.0, x=CREST)
-    assert settled == pytest.approx(20.0, abs=0.5)
+    settled = crest(CREST).observe(slid(after[:number], before[-number:]))
+    assert settled == pytest.approx([20.0], abs=0.5)
 
 
 @pytest.mark.parametrize("spacing", [0.5, 1.0])
@@ -261,18 +271,17 @@ def test_derivative_of_columns_and_profile():
 def test_crest_of_soil_that_has_swollen_is_measured_from_where_it_was():
     before = np.stack(np.meshgrid(np.arange(0.5, 40), np.arange(0.5, 5)), axis=-1).reshape(-1, 2)
     volume = np.full(len(before), 1.1)
-    sunk = crest_settlement(before, before, volume, spacing=1.0, x=20.0, initial_volume=1.0)
-    assert sunk == pytest.approx(-0.5, rel=1e-3)
+    sunk = crest(20.0).observe(slid(before, before, volume, initial_volume=1.0))
+    assert sunk == pytest.approx([-0.5], rel=1e-3)
 
 
 def test_derivative_of_crest_settlement():
     before, points = heap(2), heap(3) - [0.0, 0.5]
-    value, change = crest_settlement(points, before, 1.0, spacing=1.0, x=0.5, derivative=True)
-    check_derivative(lambda p: crest_settlement(p, before, 1.0, spacing=1.0, x=0.5), points, change)
-    own = crest_points(before, spacing=1.0)
-    value, change = crest_settlement_of_points(points, before, own, derivative=True)
-    check_derivative(lambda p: crest_settlement_of_points(p, before, own), points, change)
-    assert value == pytest.approx(np.mean(before[own, 1] - points[own, 1]))
+    for entry in (crest(0.5), crest(None)):
+        value, change = entry.read_points(slid(points, before), derivative=True)
+        check_derivative(lambda p, e=entry: e.observe(slid(p, before))[0], points, change)
+    top = before[:, 1] > before[:, 1].max() - 1.5
+    assert value == pytest.approx(np.mean(before[top, 1] - points[top, 1]))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -295,17 +304,22 @@ def test_marker_is_exact_in_a_linear_field_and_has_its_derivative():
     strain = np.array([[0.1, -0.3], [0.05, 0.2]])
     points = before + before @ strain.T + [1.0, -2.0]
     for marker in ((0.0, 3.0), (1.0, 8.0), (-8.0, 1.0)):
-        moved, change = marker_displacement(
-            points, before, spacing=1.0, marker=marker, derivative=True
-        )
+        moved, change = stake(marker).read_points(slid(points, before), derivative=True)
         np.testing.assert_allclose(moved, strain @ marker + [1.0, -2.0], atol=1e-10)
         check_derivative(
-            lambda p, m=marker: marker_displacement(p, before, spacing=1.0, marker=m),
+            lambda p, m=marker: stake(m).observe(slid(p, before)),
             points,
             change,
         )
     with pytest.raises(ValueError, match="outside the soil"):
-        marker_displacement(points, before, spacing=1.0, marker=(100.0, 0.0))
+        stake((100.0, 0.0)).observe(slid(points, before))
+
+
+def stake(place: tuple[float, float]) -> MarkerDisplacement:
+    x, y = place
+    return MarkerDisplacement(
+        type="marker_displacement", x_m=x, y_m=y, dx_m=0.0, dy_m=0.0, std_m=1.0, **ABOUT
+    )
 
 
 def frames() -> tuple[np.ndarray, np.ndarray]:
@@ -314,42 +328,37 @@ def frames() -> tuple[np.ndarray, np.ndarray]:
     return np.stack([base * [1.0 + 0.1 * t, 1.0] for t in time]), time
 
 
+def of_run(positions: np.ndarray, time: np.ndarray) -> Deposit:
+    return slid(positions[-1], positions[0], positions=positions, time=time)
+
+
 def test_toe_history_and_its_derivative():
     positions, time = frames()
-    times = np.array([0.0, 0.5, 2.9])
-
-    def history(p):
-        return toe_history(p, time, times, 1.0, spacing=1.0, side="right", initial_toe=0.0)
-
-    value, pair, change = toe_history(
-        positions, time, times, 1.0, spacing=1.0, side="right", initial_toe=0.0, derivative=True
-    )
+    entry = ToeHistory(type="toe_history", side="right", times_s=[0.0, 0.5, 2.9],
+                       values_m=[0.0] * 3, std_m=1.0, **ABOUT)  # fmt: skip
+    value, pair, change = entry.read_points(of_run(positions, time), derivative=True)
     whole = np.zeros((3, *positions.shape))
     for k in range(3):
         whole[k, pair[k, 0]] += change[k, 0]
         whole[k, pair[k, 1]] += change[k, 1]
-    check_derivative(history, positions, whole)
+    check_derivative(lambda p: entry.observe(of_run(p, time)), positions, whole)
     assert value[0] == toe(positions[0], 1.0, spacing=1.0, side="right")
     with pytest.raises(ValueError, match="outside the run"):
-        toe_history(positions, time, [4.0], 1.0, spacing=1.0, side="right", initial_toe=0.0)
+        frames_around(time, np.array([4.0]))
 
 
 def test_column_velocity_and_its_derivative():
     positions, time = frames()
-
-    def speed(p):
-        return column_velocity(p, time, 1.0, spacing=1.0, x=5.0, at=2.0)
-
-    value, pair, change = column_velocity(
-        positions, time, 1.0, spacing=1.0, x=5.0, at=2.0, derivative=True
-    )
+    entry = Velocity(type="velocity", x_m=5.0, at_s=2.0, value_m_per_s=0.0, std_m_per_s=1.0,
+                     **ABOUT)  # fmt: skip
+    value, pair, change = entry.read_points(of_run(positions, time), derivative=True)
     # A uniform stretch x (1 + 0.1 t): the speed of what is at x = 5 at t = 2 is 0.5/1.2.
     assert value == pytest.approx(5.0 * 0.1 / 1.2, rel=0.06)
     whole = np.zeros(positions.shape)
     whole[pair] = change
-    check_derivative(speed, positions, whole)
-    with pytest.raises(ValueError, match="no soil"):
-        column_velocity(positions, time, 1.0, spacing=1.0, x=500.0, at=2.0)
+    check_derivative(lambda p: entry.observe(of_run(p, time))[0], positions, whole)
+    elsewhere = entry.model_copy(update={"x_m": 500.0})
+    assert elsewhere.observe(of_run(positions, time)) == [0.0], "no soil moves there"
 
 
 def test_words_of_wrong_input():

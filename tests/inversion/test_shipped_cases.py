@@ -10,8 +10,8 @@ from shapely.geometry import Polygon
 from geometry.case import load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene, load_scene
-from geometry.survey.crest_settlement import crest_settlement
 from geometry.survey.measurements import load_measurements
+from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe_runout import toe_runout
 from inversion.back_analysis.case import InversionCase, inversion_case
 
@@ -83,5 +83,7 @@ def test_the_constructed_profile_of_la_marquesa_reads_as_measured():
                             initial_toe=scene.foot(side))  # fmt: skip
         assert runout == pytest.approx(measured, abs=1.2)  # fronts 0.57 m thin
     before = fill(scene)
-    sunk = crest_settlement(points.position, before.position, points.volume, spacing=0.25, x=13.5)
-    assert sunk == pytest.approx(2.0, abs=0.4)
+    sunk = [
+        surface_profile(soil.position, soil.volume, 13.5, spacing=0.25) for soil in (before, points)
+    ]
+    assert sunk[0] - sunk[1] == pytest.approx(2.0, abs=0.4)
