@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from diagnosis.fitting.hold_out import split
 from diagnosis.hypotheses.hypothesis_file import ModelFile
 from diagnosis.hypotheses.mpm_model import MPMModel, Numerics
 from diagnosis.options import Options, seed_of
@@ -23,8 +22,9 @@ from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
 from inversion.engines.mpm_engine import Setup
 from inversion.engines.run_store import RunStore
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets, make_targets
+from inversion.estimation.data import Targets, make_targets
+from inversion.estimation.hold_out import split
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME as INVERSION_FILE
 from inversion.problem.question import Question, ZoneBoundary, check_zones, load_question
 from mpm_taichi.effects import effect, effects, effects_on

@@ -2,7 +2,7 @@
 
     verdict = diagnose(model, options, case="my_dam", title="My dam")
 
-It knows nothing of the model but `diagnosis.model.Model`.
+It knows nothing of the model but `diagnosis.hypotheses.model.Model`.
 """
 
 from __future__ import annotations

@@ -9,19 +9,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-
-@dataclass(frozen=True)
-class HoldOut:
-    """What no fit may see, where the measurement file does not say it itself.
-
-    Attributes:
-        groups: names of whole measurements.
-        blocks: measurement -> (from, to): its numbers between are held out, in the unit of its
-            places (x [m] of a profile, time [s] of a history).
-    """
-
-    groups: tuple[str, ...] = ()
-    blocks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+from inversion.estimation.hold_out import HoldOut
 
 
 @dataclass(frozen=True)

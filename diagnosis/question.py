@@ -12,8 +12,8 @@ from typing import Any
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from diagnosis.options import HoldOut
 from geometry.scenes.scene import Document, document_error
+from inversion.estimation.hold_out import HoldOut
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 

@@ -28,7 +28,6 @@ from diagnosis.hypotheses.hypothesis_file import (
     find_model,
     load_model_file,
 )
-from diagnosis.hypotheses.model import State
 from diagnosis.hypotheses.mpm_model import MPMModel
 from diagnosis.options import Options
 from diagnosis.verdict.sections_file import save_sections
@@ -37,6 +36,7 @@ from geometry.case import Case
 from geometry.scenes.scene import scene_hash
 from geometry.survey.toe import outward_of
 from inversion.engines.run_store import OnRun, RunStore
+from inversion.problem.forward import State
 from pipeline.cli import InputError
 from pipeline.config import Config
 from pipeline.files import content_hash, file_hash, read_json, write_json

@@ -22,7 +22,7 @@ from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe import Side
 from geometry.survey.toe_runout import toe_runout
 from inversion.engines.run_store import KeptRun, RunStore
-from inversion.problem.parameters import with_properties
+from inversion.problem.scene_changes import with_properties
 from pipeline.config import Config
 from pipeline.files import write_text, yaml_text
 from pipeline.random_numbers import Stream

@@ -21,7 +21,7 @@ from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_most
 from inversion.engines.mpm_engine import MPMEngine, Setup
 from inversion.engines.run_store import RunStore
-from inversion.problem.parameters import Parameters
+from inversion.estimation.unknowns import Parameters
 
 TITLE = "Wall time of forward and gradient"
 

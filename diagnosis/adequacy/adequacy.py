@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.places import Places
-from diagnosis.fitting.whitened import Data, System, augmented_residual, system
+from inversion.estimation.data import Data, Places
+from inversion.estimation.misfit import System, augmented_residual, system
+from inversion.estimation.surface_search import Fit
 
 
 @dataclass(frozen=True)

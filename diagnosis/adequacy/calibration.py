@@ -12,17 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.fitting.covariance import Covariance, covariance, jitter_covariance
-from diagnosis.fitting.differences import central_differences, first_steps, steps_above_noise
-from diagnosis.fitting.fit import SEEN, Fit, best_of, search, settled, total_of
-from diagnosis.fitting.hold_out import Split, split
-from diagnosis.fitting.response_surface import Surrogate, spreads
-from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.space import Space
-from diagnosis.fitting.surface import Surface
-from diagnosis.fitting.whitened import Data
-from diagnosis.hypotheses.model import Model, Numerics, State
+from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
+from inversion.estimation.budget import Runs
+from inversion.estimation.covariance import Covariance, covariance, jitter_covariance
+from inversion.estimation.data import Data
+from inversion.estimation.derivatives import central_differences, first_steps, steps_above_noise
+from inversion.estimation.hold_out import Split, split
+from inversion.estimation.misfit import total_of
+from inversion.estimation.response_surface import Surface, Surrogate, spreads
+from inversion.estimation.surface_search import SEEN, Fit, best_of, search, settled
+from inversion.estimation.unknowns import Unknowns
+from inversion.problem.forward import Numerics, State
 from pipeline.cli import WorkFailed
 
 #: Levels of the strengths in the scan, as shares of their bounds.
@@ -71,16 +72,17 @@ def calibrate(model: Model, options: Options) -> Base:
         WorkFailed: no run gave a prediction of the fitted numbers.
         InputError: the hold-out does not fit the measurements.
     """
-    runs = Runs(model, options.allowance)
+    free = {candidate.name for candidate in model.candidates if candidate.free}
+    runs = Runs(model, options.allowance, free)
     targets = model.targets
     parts = split(targets, options.hold_out)
-    space = Space(model.parameters, targets)
-    first = _data(targets.measured, targets.covariance, parts)
+    space = Unknowns(model.parameters)
+    first = targets.data(split=parts)
     fit = _first_fit(runs, first, space, options)
     base = fit.x
     replicates = _replicates(runs, space, base, options)
     cov = _covariance(runs, targets.covariance, space.state(base), replicates, options)
-    data = _data(targets.measured, cov.total, parts)
+    data = targets.data(cov.total, parts)
     jitter = jitter_covariance(replicates)
     steps = steps_above_noise(space, data, fit.derivative, jitter)
     slope = central_differences(runs, space, base, replicates[0], steps, "derivative at the fit")
@@ -99,15 +101,11 @@ def calibrate(model: Model, options: Options) -> Base:
     return Base(runs, parts, cov, jitter, data, surface, seeds, fit)
 
 
-def _data(measured: np.ndarray, total: np.ndarray, parts: Split) -> Data:
-    return Data(measured, total, np.flatnonzero(parts.fitted), np.flatnonzero(parts.held_out))
-
-
 def _mean(rows: np.ndarray) -> np.ndarray:
     return rows[np.all(np.isfinite(rows), axis=1)].mean(axis=0)
 
 
-def _first_fit(runs: Runs, data: Data, space: Space, options: Options) -> Fit:
+def _first_fit(runs: Runs, data: Data, space: Unknowns, options: Options) -> Fit:
     """The best of several searches by the survey's error alone."""
     guesses = _scan(space)
     rows = runs.predict([space.state(x) for x in guesses])
@@ -142,7 +140,7 @@ def _first_fit(runs: Runs, data: Data, space: Space, options: Options) -> Fit:
     return fit
 
 
-def _scan(space: Space) -> list[np.ndarray]:
+def _scan(space: Unknowns) -> list[np.ndarray]:
     """First guesses: the question's, and all strengths at several levels of their bounds."""
     parameters = space.parameters
     start = parameters.to_fitted(parameters.start)
@@ -160,7 +158,7 @@ def _scan(space: Space) -> list[np.ndarray]:
     return guesses
 
 
-def _replicates(runs: Runs, space: Space, x: np.ndarray, options: Options) -> np.ndarray:
+def _replicates(runs: Runs, space: Unknowns, x: np.ndarray, options: Options) -> np.ndarray:
     """Predictions at x with jitter seeds 0 to n, (n + 1, m)."""
     n = options.replicates if options.numerical_covariance else 0
     states = [space.state(x, seed=seed) for seed in range(n + 1)]

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from diagnosis.adequacy.adequacy import Adequacy, Judged, assess, judged
 from diagnosis.adequacy.calibration import Base, calibrate
 from diagnosis.adequacy.windows import WorstWindow, worst_window
-from diagnosis.fitting.places import Places, places_of
 from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
+from inversion.estimation.data import Places, places_of
 
 
 @dataclass(frozen=True)

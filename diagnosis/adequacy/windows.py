@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.adequacy.adequacy import Judged, exceedance, fitted_rows, standardised_sum
-from diagnosis.fitting.places import Axis, Places
+from inversion.estimation.data import Axis, Places
 
 #: Fewest numbers of a window, and its largest share of the series: all of it is a group.
 LEAST, LARGEST = 2, 0.6

@@ -7,52 +7,22 @@ the tests are others; nothing above this file knows which of them answers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets
+from inversion.estimation.data import Targets
+from inversion.estimation.unknowns import Amplitude, Parameters
+from inversion.problem.forward import State
 
 Kind = Literal["physics", "survey"]
-Numerics = Literal["own", "transfer", "fine"]
 
 #: Coefficients of an unknown strength curve stand in `State.effects` under this name.
 CURVE = "strength_curve"
-
-
-@dataclass(frozen=True)
-class State:
-    """One forward run.
-
-    Attributes:
-        values: parameters in outside units, in the order of `Model.parameters`, (p,).
-        effects: (name, amplitude), sorted by name; physics and survey nuisances alike. None is the
-            base model. Coefficient j of an unknown strength curve over the variable u is
-            (`strength_curve:u:j`, c_j): the logarithm of the strength's multiplier at knot j.
-        seed: 0: the model's own points; k > 0: the k-th other jitter of the points.
-        numerics: own; transfer: the second transfer scheme; fine: spacing / 1.5.
-    """
-
-    values: tuple[float, ...]
-    effects: tuple[tuple[str, float], ...] = ()
-    seed: int = 0
-    numerics: Numerics = "own"
-
-    def with_effects(self, amplitudes: Mapping[str, float]) -> State:
-        """The same run with these effects in addition; an amplitude of 0 takes an effect out."""
-        joined = {**dict(self.effects), **amplitudes}
-        kept = sorted((name, float(a)) for name, a in joined.items() if a != 0.0)
-        return replace(self, effects=tuple(kept))
-
-
-def state(
-    values: Sequence[float], effects: Mapping[str, float] | None = None, *, seed: int = 0
-) -> State:
-    """A state of plain numbers: values (p,) in outside units, amplitudes by name."""
-    return State(tuple(float(v) for v in values), seed=seed).with_effects(effects or {})
+#: Standard deviation of an amplitude of which nothing else is known, in top rungs of its ladder.
+WIDE = 2.0
 
 
 @dataclass(frozen=True)
@@ -91,6 +61,21 @@ class Candidate:
     def two_signed(self) -> bool:
         """The amplitude may be of either sign."""
         return self.low < 0.0 < self.high
+
+
+def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None) -> Amplitude:
+    """The amplitude of a candidate; `prior` (mean, std) replaces its own.
+
+    Of one without a prior the ladder says what is small and what is large: a Gaussian around none,
+    `WIDE` times the top rung wide, cut off at the bounds. Bounds alone would not do: they are what
+    the solver can bear, and an effect would gain or lose evidence by how far that is.
+    """
+    mean, std = prior if prior is not None else (candidate.prior_mean, candidate.prior_std)
+    rungs = sorted(abs(rung) for rung in candidate.ladder)
+    middle = rungs[len(rungs) // 2]
+    if std is None:
+        mean, std = 0.0, WIDE * rungs[-1]
+    return Amplitude(candidate.name, candidate.low, candidate.high, middle, mean, std)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
 """The material point method as the model of a diagnosis.
 
-In: a case (`diagnosis.case`) and a store of runs by content. Out: `diagnosis.model.Model`. A state
-becomes a scene (parameters, boundaries moved, effects switched on, points jittered) with settings
-(transfer scheme); all scenes of a batch are simulated together, so that every core works, and each
-distinct one once. Errors of the survey move the prediction and need no run.
+In: a case (`diagnosis.case`) and a store of runs by content. Out:
+`diagnosis.hypotheses.model.Model`. A state becomes a scene (parameters, boundaries moved, effects
+switched on, points jittered) with settings (transfer scheme); all scenes of a batch are simulated
+together, so that every core works, and each distinct one once. Errors of the survey move the
+prediction and need no run.
 """
 
 from __future__ import annotations
@@ -14,14 +15,15 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal, State
+from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
 from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
 from diagnosis.selection.possible_measurements import possible_measurements, proposal_of
 from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.engines.mpm_engine import Setup, deposit_of
 from inversion.engines.run_store import HistoryReader, KeptRun, RunStore
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets, make_targets, read
+from inversion.estimation.data import Targets, make_targets, read
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.forward import State
 from inversion.problem.question import ZoneBoundary
 from mpm_taichi.effects import Effect, acting_scene, effects, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
@@ -54,7 +56,7 @@ class Numerics:
 
 
 class MPMModel:
-    """`diagnosis.model.Model` by the material point method.
+    """`diagnosis.hypotheses.model.Model` by the material point method.
 
     Args:
         setup: section, settings, parameters and measurements of the base model.

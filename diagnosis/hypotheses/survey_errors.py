@@ -17,7 +17,7 @@ import numpy as np
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Scene
 from inversion.back_analysis.variants import moved
-from inversion.problem.predictions import Targets
+from inversion.estimation.data import Targets
 from inversion.problem.question import ZoneBoundary
 from pipeline.cli import InputError
 

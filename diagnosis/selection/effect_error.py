@@ -18,10 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.adequacy.calibration import Base, paired
-from diagnosis.fitting.covariance import covariance
-from diagnosis.fitting.fit import total_of
 from diagnosis.options import Options
 from diagnosis.selection.refit import Bench, Refitted, weighed
+from inversion.estimation.covariance import covariance
+from inversion.estimation.misfit import total_of
 
 #: Share of the change of the difference to finer cells that counts as bias.
 FACTOR = 1.0

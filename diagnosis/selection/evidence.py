@@ -19,8 +19,9 @@ import numpy as np
 from scipy.special import ndtr
 from scipy.stats import norm
 
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.whitened import Data, augmented_residual, system
+from inversion.estimation.data import Data
+from inversion.estimation.misfit import augmented_residual, system
+from inversion.estimation.surface_search import Fit
 
 #: Least share of a Gaussian that can lie within the bounds; below, the fit is at its bound anyway.
 LEAST_SHARE = 1e-12

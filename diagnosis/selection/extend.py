@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 from diagnosis.adequacy.adequacy import Adequacy, Judged, assess, judged
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.fitting.surface import Surface
 from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from diagnosis.selection.forward_selection import why_not
 from diagnosis.selection.refit import Refitted, adopted, judge, refit, weighed
 from diagnosis.signatures.explain import Explanation, explain, tested_candidates
+from inversion.estimation.response_surface import Surface
 from pipeline.cli import InputError, WorkFailed
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from diagnosis.adequacy.adequacy import Adequacy, Judged, Test, assess, judged
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.fitting.surface import Surface
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
 from diagnosis.selection.refit import ANCHORED, Bench, Refitted, adopted, judge, refit, weighed
@@ -23,6 +22,7 @@ from diagnosis.selection.unknown_curve import runs_wanted
 from diagnosis.signatures.explain import Explanation
 from diagnosis.signatures.scores import Scores, score_all
 from diagnosis.signatures.signatures import Signature, take_signatures
+from inversion.estimation.response_surface import Surface
 
 #: Share of the drop that is asked for which a further effect has to promise before it is refitted:
 #: beside a first, promises are good to a fifth or 3, while a refit takes ten runs.

@@ -25,17 +25,17 @@ from itertools import combinations
 import numpy as np
 
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.fitting.covariance import SYNTHETIC, jitter_covariance
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.response_surface import Spreads, Surrogate
-from diagnosis.fitting.space import Space
-from diagnosis.fitting.surface import Surface
-from diagnosis.fitting.whitened import Data, system
 from diagnosis.hypotheses.model import Proposal, Proposing
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
 from diagnosis.selection.forward_selection import Register
 from diagnosis.signatures.explain import Explanation
+from inversion.estimation.covariance import SYNTHETIC, jitter_covariance
+from inversion.estimation.data import Data
+from inversion.estimation.misfit import system
+from inversion.estimation.response_surface import Spreads, Surface, Surrogate
+from inversion.estimation.surface_search import Fit
+from inversion.estimation.unknowns import Unknowns
 
 #: Explanations with less probability are not worth telling apart, and no more than so many are.
 LEAST_SHARE, MOST_RIVALS = 0.02, 4
@@ -161,7 +161,7 @@ def _survivors(
 
 
 def read_at(
-    model: Proposing, comparison: Comparison, space: Space, x: np.ndarray
+    model: Proposing, comparison: Comparison, space: Unknowns, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Proposals (q,) at x of a model, and their derivative, from the runs made so far."""
     runs = comparison.base.runs

@@ -14,14 +14,23 @@ from itertools import product
 import numpy as np
 
 from diagnosis.adequacy.adequacy import HeldOutMisfit, held_out_misfit
-from diagnosis.fitting.differences import central_differences, steps_above_noise
-from diagnosis.fitting.fit import JITTERS, SEEN, Fit, best_of, least, run_points, search, settled
-from diagnosis.fitting.response_surface import Surrogate, anchor_of, spreads
-from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.space import Amplitude, Space
-from diagnosis.fitting.surface import Surface
-from diagnosis.fitting.whitened import Data, system
 from diagnosis.selection.evidence import ln_evidence
+from inversion.estimation.budget import Runs
+from inversion.estimation.data import Data
+from inversion.estimation.derivatives import central_differences, steps_above_noise
+from inversion.estimation.misfit import system
+from inversion.estimation.response_surface import Surface, Surrogate, anchor_of, spreads
+from inversion.estimation.surface_search import (
+    JITTERS,
+    SEEN,
+    Fit,
+    best_of,
+    least,
+    run_points,
+    search,
+    settled,
+)
+from inversion.estimation.unknowns import Amplitude, Unknowns
 
 #: Turns of a refit, two runs each.
 TURNS = 4
@@ -54,12 +63,12 @@ class Bench:
 
     runs: Runs
     data: Data
-    base: Space
+    base: Unknowns
     amplitudes: dict[str, Amplitude]
     jitter: np.ndarray
     count: int
 
-    def space(self, names: Sequence[str]) -> Space:
+    def space(self, names: Sequence[str]) -> Unknowns:
         """Unknowns of a model with these effects."""
         return self.base.with_effects([self.amplitudes[name] for name in sorted(names)])
 
@@ -92,7 +101,7 @@ class Refitted:
         return self.fit.names
 
 
-def first_guesses(surface: Surface, space: Space) -> list[np.ndarray]:
+def first_guesses(surface: Surface, space: Unknowns) -> list[np.ndarray]:
     """Every combination of ladder amplitudes, with the anchor's parameters and own effects.
 
     A surface of bent signatures has several valleys; these lead to all of them. Where there are too

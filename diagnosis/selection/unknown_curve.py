@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.fitting.fit import settled
-from diagnosis.fitting.response_surface import Surrogate, anchor_of, spreads
-from diagnosis.fitting.space import Amplitude, Space
-from diagnosis.fitting.surface import Ladder, Surface
-from diagnosis.fitting.whitened import system
 from diagnosis.hypotheses.model import Curve
 from diagnosis.selection.refit import ANCHORED, Bench, Refitted, judge, refit, weighed
 from diagnosis.signatures.signatures import run_moved
+from inversion.estimation.misfit import system
+from inversion.estimation.response_surface import Ladder, Surface, Surrogate, anchor_of, spreads
+from inversion.estimation.surface_search import settled
+from inversion.estimation.unknowns import Amplitude, Unknowns
 
 #: Standard deviation of a coefficient beforehand, in the logarithm of the strength.
 PRIOR_STD = 0.6
@@ -83,7 +82,7 @@ def find_curve(bench: Bench, before: Refitted, curves: Sequence[Curve]) -> Found
     strengths = tuple(int(place) for place in np.flatnonzero(bench.base.parameters.strengths))
     if not strengths:
         return None
-    base = Space(bench.base.parameters, bench.base.targets, (), strengths)
+    base = Unknowns(bench.base.parameters, (), strengths)
     amplitudes = {
         name: Amplitude(name, -curve.limit, curve.limit, curve.step, 0.0, PRIOR_STD)
         for curve in curves

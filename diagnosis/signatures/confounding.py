@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.fitting.space import Space
-from diagnosis.fitting.whitened import System
 from diagnosis.signatures.scores import Score, Scores
 from diagnosis.signatures.signatures import Signature
+from inversion.estimation.misfit import System
+from inversion.estimation.unknowns import Unknowns
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _direction(vector: np.ndarray) -> np.ndarray:
 
 def visibility(
     linear: System,
-    space: Space,
+    space: Unknowns,
     x: np.ndarray,
     scored: list[Score],
     signature: Signature,

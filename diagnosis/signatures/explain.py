@@ -14,8 +14,7 @@ import numpy as np
 
 from diagnosis.adequacy.adequacy import Adequacy, Test, assess
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.fitting.space import amplitude_of
-from diagnosis.hypotheses.model import Candidate, Model
+from diagnosis.hypotheses.model import Candidate, Model, amplitude_of
 from diagnosis.options import Options
 from diagnosis.selection.refit import Bench
 from diagnosis.signatures.confounding import (

@@ -23,10 +23,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.surface import Ladder, Surface
-from diagnosis.fitting.whitened import System
 from diagnosis.hypotheses.model import Candidate
+from inversion.estimation.budget import Runs
+from inversion.estimation.misfit import System
+from inversion.estimation.response_surface import Ladder, Surface
 
 #: Farthest that a parameter is moved to meet an effect.
 FARTHEST = 1.5

@@ -11,13 +11,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.fitting.whitened import Data, system
 from diagnosis.hypotheses.model import Candidate, Model
 from diagnosis.options import Options
 from diagnosis.selection.refit import Refitted
 from diagnosis.signatures.explain import Explanation
 from diagnosis.verdict import verdict
 from diagnosis.verdict.stages import measurement_lines, parameter_words, runs_part, spread, stage
+from inversion.estimation.data import Data
+from inversion.estimation.misfit import system
 
 
 def compare_document(

@@ -14,12 +14,13 @@ import numpy as np
 from pydantic import Field
 
 from diagnosis.adequacy.adequacy import held_out_misfit
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.whitened import Data, augmented_residual, system
 from diagnosis.hypotheses.hypothesis_file import FOLDER, ModelFile, save_model_file
 from diagnosis.verdict.stages import spread
 from diagnosis.verdict.verdict import Step
 from inversion.back_analysis.result import Part
+from inversion.estimation.data import Data
+from inversion.estimation.misfit import augmented_residual, system
+from inversion.estimation.surface_search import Fit
 from pipeline.config import validate_settings
 from pipeline.files import read_json, write_json
 

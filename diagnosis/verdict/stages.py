@@ -12,13 +12,12 @@ import numpy as np
 
 from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit
 from diagnosis.adequacy.windows import WorstWindow
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.places import Places
-from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.whitened import Data, System, system
 from diagnosis.verdict import verdict
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets
+from inversion.estimation.budget import Runs
+from inversion.estimation.data import Data, Places, Targets
+from inversion.estimation.misfit import System, system
+from inversion.estimation.surface_search import Fit
+from inversion.estimation.unknowns import Parameters
 
 #: Standard deviations to either side of a 95 % interval.
 WIDE = 1.96

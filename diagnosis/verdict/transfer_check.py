@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.fitting.covariance import covariance
-from diagnosis.fitting.fit import Fit
-from diagnosis.hypotheses.model import State, state
 from diagnosis.hypotheses.mpm_model import MPMModel
 from diagnosis.verdict.verdict import TransferCheck
 from diagnosis.verdict.verdict_document import Diagnosed
+from inversion.estimation.covariance import covariance
+from inversion.estimation.surface_search import Fit
+from inversion.problem.forward import State, state
 
 if TYPE_CHECKING:
     from diagnosis.session import Session

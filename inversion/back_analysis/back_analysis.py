@@ -37,10 +37,10 @@ from inversion.back_analysis.variants import Changed
 from inversion.engines.mpm_engine import MPMEngine, Setup
 from inversion.engines.run_store import RunStore
 from inversion.estimation.calibrate import calibrate, further_starts
-from inversion.estimation.finite_steps import FiniteSteps, measured_noise
-from inversion.estimation.objective import Objective
+from inversion.estimation.derivatives import FiniteSteps, measured_noise
+from inversion.estimation.misfit import Objective
+from inversion.estimation.posterior import Posterior, posterior, root_mean_square
 from inversion.estimation.search import Found, Look, Search
-from inversion.estimation.uncertainty import Posterior, posterior, root_mean_square
 from inversion.problem.forward import Forward
 from inversion.problem.question import Sensitivity
 from pipeline.cli import WorkFailed

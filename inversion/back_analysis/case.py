@@ -14,9 +14,9 @@ from geometry.case import Case
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
 from inversion.engines.mpm_engine import Setup
-from inversion.estimation.objective import Objective
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets, make_targets
+from inversion.estimation.data import Targets, make_targets
+from inversion.estimation.misfit import Objective
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
 from pipeline.cli import InputError
 

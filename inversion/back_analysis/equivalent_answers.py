@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inversion.back_analysis.perturbed_answers import Problem, resolve
-from inversion.estimation.objective import Objective
+from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
 
 #: Stops on either side of the answer, where one direction is flat, and where several are.
@@ -92,7 +92,7 @@ def walk(
     Returns:
         the stops, along each direction from one end to the other.
     """
-    data_alone = DataAlone(**vars_of(objective))
+    data_alone = replace(objective, data_alone=True)
     stops = STOPS_OF_ONE if len(flat) == 1 else STOPS_OF_MANY
     good_enough = max(objective.tolerance, 1.5 * loss)
     walkers = [
@@ -134,19 +134,3 @@ def reach(objective: Objective, here: np.ndarray, direction: np.ndarray, length:
     room = np.where(direction > 0, high - here, here - low)
     with np.errstate(divide="ignore"):
         return float(min(length, np.min(room / np.maximum(np.abs(direction), 1e-12))))
-
-
-class DataAlone(Objective):
-    """An objective without priors and preferences: every answer that fits is as good."""
-
-    @property
-    def regularisation(self) -> tuple[np.ndarray, np.ndarray]:
-        """A faint pull to nowhere in particular: steps stay as short as they can."""
-        p = len(self.parameters.specs)
-        return np.zeros((0, p)), np.zeros(0)
-
-
-def vars_of(objective: Objective) -> dict:
-    """The fields of an objective, for one of another kind."""
-    copy = replace(objective)
-    return {name: getattr(copy, name) for name in ("parameters", "targets", "loss", "tolerance")}

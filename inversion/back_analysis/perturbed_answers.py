@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from inversion.estimation.gauss_newton import broyden
-from inversion.estimation.objective import Objective
+from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
 
 #: Batches at most, and the largest change of a scaled parameter in one step.
@@ -111,7 +111,7 @@ class Problem:
     def _step(self, here: np.ndarray) -> np.ndarray:
         """Bounded least squares of the linearised residuals, as Gauss-Newton's."""
         parameters, objective = self.objective.parameters, self.objective
-        matrix = np.concatenate([objective.whitener @ self.slope, objective.regularisation[0]])
+        matrix = np.concatenate([objective.whitener @ self.slope, objective.prior[0]])
         residuals = objective.residuals(self.prediction, here)
         if self.frozen is not None:  # a heavy weight: no step along the direction
             matrix = np.concatenate([matrix, 1e3 * self.frozen[None, :]])

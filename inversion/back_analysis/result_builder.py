@@ -19,11 +19,11 @@ from inversion.back_analysis.result import (
     Start,
     Undetermined,
 )
-from inversion.estimation.objective import Objective
+from inversion.estimation.misfit import Objective
+from inversion.estimation.posterior import Posterior, direction_in_words, interval
 from inversion.estimation.search import Found, Look
-from inversion.estimation.uncertainty import Posterior, direction_in_words, interval
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Prediction
-from inversion.problem.parameters import Parameters
 from pipeline.config import SimulationSettings
 
 #: Source of the scatter over jitter seeds among the sources of uncertainty.

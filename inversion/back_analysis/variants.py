@@ -15,8 +15,7 @@ from pydantic import ValidationError
 
 from geometry.scenes.scene import Point, Scene, document_error, scene_from_mapping
 from inversion.engines.mpm_engine import Setup
-from inversion.problem.parameters import with_properties
-from inversion.problem.predictions import Targets
+from inversion.estimation.data import Targets
 from inversion.problem.question import (
     CellSize,
     FixedProperty,
@@ -29,6 +28,7 @@ from inversion.problem.question import (
     WaterLevel,
     ZoneBoundary,
 )
+from inversion.problem.scene_changes import with_properties
 from inversion.problem.water_level import SAME_PLACE_M, pool_at
 from pipeline.cli import InputError
 

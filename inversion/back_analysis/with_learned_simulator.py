@@ -26,9 +26,9 @@ from inversion.engines.registry import own_answer
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.trained_model import Model
 from inversion.estimation.calibrate import calibrate
-from inversion.estimation.objective import Objective
+from inversion.estimation.misfit import Objective
+from inversion.estimation.posterior import posterior
 from inversion.estimation.search import Found
-from inversion.estimation.uncertainty import posterior
 from inversion.problem.forward import Forward, Prediction
 from inversion.problem.question import Sensitivity
 from pipeline.cli import InputError

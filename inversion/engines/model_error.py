@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inversion.estimation.data import Targets
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Forward, Prediction
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets
 from pipeline.cli import WorkFailed
 
 #: Covariance of the differences counts by this, and its diagonal by this in addition.

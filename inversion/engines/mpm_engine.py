@@ -16,9 +16,10 @@ import numpy as np
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Deposit
 from inversion.engines.run_store import HistoryReader, KeptRun, RunStore
-from inversion.problem.forward import Forward, Prediction, by_differences
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets, read, toes_by_eye
+from inversion.estimation.data import Targets, read, toes_by_eye
+from inversion.estimation.derivatives import by_differences
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.forward import Forward, Prediction
 from pipeline.config import SimulationSettings
 
 

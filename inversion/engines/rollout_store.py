@@ -23,8 +23,8 @@ from inversion.engines.run_store import (
     save_kept,
     write_arrays,
 )
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets
+from inversion.estimation.data import Targets
+from inversion.estimation.unknowns import Parameters
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:

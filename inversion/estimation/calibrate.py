@@ -18,7 +18,7 @@ from inversion.estimation.geometric_scan import look_around, moved, scan
 from inversion.estimation.lbfgsb import lbfgsb
 from inversion.estimation.search import Found, Look, Search
 from inversion.estimation.smoothing import polish
-from inversion.problem.parameters import Parameters
+from inversion.estimation.unknowns import Parameters
 
 Method = Literal["gauss_newton", "lbfgsb"]
 METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}

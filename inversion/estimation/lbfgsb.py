@@ -13,7 +13,7 @@ from contextlib import suppress
 import numpy as np
 from scipy.optimize import minimize
 
-from inversion.estimation.objective import Objective
+from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Found, Look, Search
 from pipeline.cli import WorkFailed
 

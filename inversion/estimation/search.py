@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from inversion.estimation.finite_steps import FiniteSteps, measured_noise
-from inversion.estimation.objective import Objective
+from inversion.estimation.derivatives import FiniteSteps, measured_noise
+from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
 
 Kind = Literal["start", "scan", "lbfgsb", "gauss_newton"]

@@ -71,7 +71,7 @@ def _least_squares(
 ) -> np.ndarray | None:
     """Least squares of the smooth functions, fitted (p,); None where it lies at the rim."""
     objective = search.objective
-    rows, constants = objective.regularisation
+    rows, constants = objective.prior
     goal = objective.targets.measured[objective.targets.fitted]
 
     def terms(place: np.ndarray) -> np.ndarray:

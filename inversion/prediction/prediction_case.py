@@ -17,9 +17,9 @@ from geometry.scenes.scene import Scene
 from geometry.survey.measured import Measured, SingleLength
 from geometry.survey.toe_runout import ToeRunout
 from inversion.engines.mpm_engine import Setup
+from inversion.estimation.data import Targets
+from inversion.estimation.unknowns import Parameters
 from inversion.prediction.known_strength import KnownStrength
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
 from inversion.problem.question import ParameterSpec, load_question
 

@@ -6,11 +6,45 @@ another, an analytic formula in the tests a third. Nothing above this file knows
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
+
+Numerics = Literal["own", "transfer", "fine"]
+
+
+@dataclass(frozen=True)
+class State:
+    """One forward run.
+
+    Attributes:
+        values: parameters in outside units, in the order of `Forward.parameters`, (p,).
+        effects: (name, amplitude), sorted by name; physics and survey nuisances alike. None is the
+            base model. Coefficient j of an unknown strength curve over the variable u is
+            (`strength_curve:u:j`, c_j): the logarithm of the strength's multiplier at knot j.
+        seed: 0: the model's own points; k > 0: the k-th other jitter of the points.
+        numerics: own; transfer: the second transfer scheme; fine: spacing / 1.5.
+    """
+
+    values: tuple[float, ...]
+    effects: tuple[tuple[str, float], ...] = ()
+    seed: int = 0
+    numerics: Numerics = "own"
+
+    def with_effects(self, amplitudes: Mapping[str, float]) -> State:
+        """The same run with these effects in addition; an amplitude of 0 takes an effect out."""
+        joined = {**dict(self.effects), **amplitudes}
+        kept = sorted((name, float(a)) for name, a in joined.items() if a != 0.0)
+        return replace(self, effects=tuple(kept))
+
+
+def state(
+    values: Sequence[float], effects: Mapping[str, float] | None = None, *, seed: int = 0
+) -> State:
+    """A state of plain numbers: values (p,) in outside units, amplitudes by name."""
+    return State(tuple(float(v) for v in values), seed=seed).with_effects(effects or {})
 
 
 @dataclass(frozen=True)
@@ -84,25 +118,3 @@ class Forward(Protocol):
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
         """One parameter vector for each of several engines of this kind, at once."""
         ...
-
-
-def by_differences(
-    engine: Forward, values: np.ndarray, steps: np.ndarray
-) -> tuple[Prediction, np.ndarray, np.ndarray]:
-    """`Forward.derivative` by one batch of 1 + p runs: the point itself and one step each.
-
-    A run that fails is tried again with half its step; a column whose second run fails too is NaN.
-    """
-    taken = np.array(steps, dtype=float)
-    base, *moved = engine.predict([values, *(values + np.diag(taken))])
-    failed = [place for place, other in enumerate(moved) if other.status == "failed"]
-    if failed and base.status != "failed":
-        taken[failed] *= 0.5
-        again = engine.predict(list((values + np.diag(taken))[failed]))
-        for place, other in zip(failed, again, strict=True):
-            moved[place] = other
-    change = np.stack([other.values - base.values for other in moved], axis=1)
-    for place, other in enumerate(moved):
-        if other.status == "failed":
-            change[:, place] = np.nan
-    return base, change / taken[None, :], taken

@@ -12,17 +12,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.fitting.hold_out import split
-from diagnosis.fitting.space import Amplitude, Space
-from diagnosis.fitting.whitened import Data
-from diagnosis.hypotheses.model import Candidate, State
-from diagnosis.options import HoldOut
+from diagnosis.hypotheses.model import Candidate
 from geometry.survey.profiles import Profile
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe_history import ToeHistory
 from geometry.survey.toe_runout import ToeRunout
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import make_targets
+from inversion.estimation.data import Data, make_targets
+from inversion.estimation.hold_out import HoldOut, split
+from inversion.estimation.unknowns import Amplitude, Parameters, Unknowns
+from inversion.problem.forward import State
 from inversion.problem.question import ParameterSpec, Prior
 
 X = np.linspace(0.0, 46.0, 24)
@@ -77,7 +75,7 @@ def parameters() -> Parameters:
 
 @dataclass
 class Straight:
-    """`diagnosis.model.Model`, linear.
+    """`diagnosis.hypotheses.model.Model`, linear.
 
     Attributes:
         readings: what was measured, (SIZE,).
@@ -118,17 +116,12 @@ class Straight:
     def data(self) -> Data:
         """All measurements by the survey's error alone, split as the model says."""
         parts = split(self.targets, self.hold_out or HoldOut(groups=()))
-        return Data(
-            self.targets.measured,
-            self.targets.covariance,
-            np.flatnonzero(parts.fitted),
-            np.flatnonzero(parts.held_out),
-        )
+        return self.targets.data(split=parts)
 
-    def space(self, effects: Sequence[Amplitude]) -> Space:
-        return Space(self.parameters, self.targets, tuple(effects))
+    def space(self, effects: Sequence[Amplitude]) -> Unknowns:
+        return Unknowns(self.parameters, tuple(effects))
 
-    def slope(self, space: Space) -> np.ndarray:
+    def slope(self, space: Unknowns) -> np.ndarray:
         """Derivative by the unknowns of a space, (SIZE, q)."""
         columns = [signatures()[effect.name] * effect.unit for effect in space.effects]
         return np.column_stack([slopes(), *columns])

@@ -19,13 +19,13 @@ from diagnosis.adequacy.adequacy import (
     standardised_sum,
 )
 from diagnosis.adequacy.windows import worst_window
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.places import places_of
-from diagnosis.fitting.space import Amplitude
-from diagnosis.fitting.whitened import System, augmented_residual, system
-from diagnosis.options import HoldOut
 from diagnosis.signatures.scores import score_all
 from diagnosis.signatures.signatures import Signature
+from inversion.estimation.data import places_of
+from inversion.estimation.hold_out import HoldOut
+from inversion.estimation.misfit import System, augmented_residual, system
+from inversion.estimation.surface_search import Fit
+from inversion.estimation.unknowns import Amplitude
 from tests.diagnosis.straight import X, signatures, straight
 
 CASES = 300

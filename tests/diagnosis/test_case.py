@@ -9,9 +9,9 @@ import yaml
 
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import ModelFile
-from diagnosis.options import HoldOut
 from geometry.case import load_case
 from inversion.engines.run_store import RunStore
+from inversion.estimation.hold_out import HoldOut
 from pipeline.cli import InputError
 from pipeline.config import Config, load_config
 

@@ -12,9 +12,6 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.optimize import lsq_linear
 
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.space import Amplitude, Space
-from diagnosis.fitting.whitened import Data
 from diagnosis.selection.evidence import (
     credible_set,
     ln_choices,
@@ -22,11 +19,14 @@ from diagnosis.selection.evidence import (
     probabilities,
     share_within,
 )
+from inversion.estimation.data import Data
+from inversion.estimation.surface_search import Fit
+from inversion.estimation.unknowns import Amplitude, Unknowns
 from tests.budget import examples
 from tests.diagnosis.straight import Straight, straight
 
 
-def fitted(case: Straight, space: Space) -> Fit:
+def fitted(case: Straight, space: Unknowns) -> Fit:
     """The bounded least of a model that is linear in all its unknowns."""
     data, slope = case.data, case.slope(space)
     rows, constants = space.prior
@@ -38,7 +38,7 @@ def fitted(case: Straight, space: Space) -> Fit:
     return Fit(space, x, prediction, slope, total)
 
 
-def by_quadrature(case: Straight, space: Space) -> float:
+def by_quadrature(case: Straight, space: Unknowns) -> float:
     """ln of the integral of likelihood times prior over all unknowns, on a grid of Gauss nodes."""
     data, slope = case.data, case.slope(space)
     rows, constants = space.prior

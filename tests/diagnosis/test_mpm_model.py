@@ -7,10 +7,11 @@ import pytest
 import yaml
 
 from diagnosis.case import diagnosis_case
-from diagnosis.hypotheses.model import Model, State, state
+from diagnosis.hypotheses.model import Model
 from geometry.case import load_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
+from inversion.problem.forward import State, state
 
 BOUNDARY = {"name": "top", "kind": "zone_boundary",
             "vertices": [{"at": [10.0, 5.0], "move": [2.0, 1.0]},

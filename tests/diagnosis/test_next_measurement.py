@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.hypotheses.model import Proposal, Proposing, State
+from diagnosis.hypotheses.model import Proposal, Proposing
 from diagnosis.loop import find, next_measurements
-from diagnosis.options import HoldOut, Options
+from diagnosis.options import Options
 from diagnosis.selection.next_measurement import Rival, greedy, proposal_error, read_at, separation
+from inversion.estimation.hold_out import HoldOut
+from inversion.problem.forward import State
 from tests.budget import examples
 from tests.diagnosis.straight import Straight, straight
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from diagnosis.case import diagnosis_case
-from diagnosis.hypotheses.model import Proposing, state
+from diagnosis.hypotheses.model import Proposing
 from diagnosis.selection.possible_measurements import possible_measurements, site_of
 from geometry.case import load_case
 from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe_history import ToeHistory
 from inversion.engines.run_store import RunStore
+from inversion.problem.forward import state
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import pytest
 
 from diagnosis import diagnose
 from diagnosis.adequacy.compare import Comparison, compare
-from diagnosis.hypotheses.model import State
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
 from diagnosis.selection.refit import ANCHORED, Refitted, refit
 from diagnosis.signatures.explain import Explanation, explain
+from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
 
 OPTIONS = Options(draws=400, replicates=3)

@@ -11,8 +11,6 @@ import pytest
 
 from diagnosis import diagnose
 from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit
-from diagnosis.fitting.fit import Fit
-from diagnosis.fitting.space import Amplitude
 from diagnosis.loop import find
 from diagnosis.options import Options
 from diagnosis.selection import forward_selection
@@ -28,6 +26,8 @@ from diagnosis.selection.forward_selection import (
 from diagnosis.selection.refit import Refitted
 from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_document import verdict_document
+from inversion.estimation.surface_search import Fit
+from inversion.estimation.unknowns import Amplitude
 from tests.diagnosis.straight import straight
 
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from diagnosis.hypotheses.model import CURVE, Candidate, Curve, State
+from diagnosis.hypotheses.model import CURVE, Candidate, Curve
 from diagnosis.loop import find
-from diagnosis.options import HoldOut, Options
+from diagnosis.options import Options
 from diagnosis.selection.unknown_curve import PRIOR_STD, FoundCurve, runs_wanted
 from diagnosis.verdict.verdict_document import Diagnosed, curve_part
+from inversion.estimation.hold_out import HoldOut
+from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, slopes
 
 QUICK = Options(draws=300, replicates=3, starts=1, rounds=1, synthetic=True)

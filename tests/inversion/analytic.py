@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geometry.survey.toe_runout import ToeRunout
-from inversion.estimation.finite_steps import FiniteSteps
-from inversion.estimation.objective import Objective
+from inversion.estimation.data import Targets, make_targets
+from inversion.estimation.derivatives import FiniteSteps, by_differences
+from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
-from inversion.problem.forward import Forward, Prediction, by_differences
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import Targets, make_targets
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.forward import Forward, Prediction
 from inversion.problem.question import ParameterSpec
 
 

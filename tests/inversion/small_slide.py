@@ -20,8 +20,8 @@ from gns.data.scene_facts import start_of
 from gns.network.simulator import Simulator, SimulatorConfig
 from inversion.engines.mpm_engine import Setup
 from inversion.engines.trained_model import Model
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import make_targets
+from inversion.estimation.data import make_targets
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 from pipeline.config import SimulationSettings
 from tests.gns.scenes import small_scene

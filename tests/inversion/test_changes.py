@@ -10,7 +10,7 @@ from geometry.case import load_case
 from geometry.scenes.polygon_checks import gaps
 from geometry.survey.marker_displacement import MarkerDisplacement
 from inversion.back_analysis.case import inversion_case
-from inversion.problem.predictions import make_targets
+from inversion.estimation.data import make_targets
 from inversion.problem.question import (
     CellSize,
     FixedProperty,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from inversion.estimation.calibrate import calibrate
-from inversion.estimation.finite_steps import FiniteSteps
-from inversion.problem.parameters import Parameters
+from inversion.estimation.derivatives import FiniteSteps
+from inversion.estimation.unknowns import Parameters
 from tests.inversion.analytic import angle, problem, strength, targets
 
 

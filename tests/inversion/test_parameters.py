@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geometry.scenes.scene import Scene
-from inversion.problem.parameters import Parameters, with_properties
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Prior
+from inversion.problem.scene_changes import with_properties
 from tests.inversion.analytic import angle, strength
 
 low_and_width = st.tuples(st.floats(0.1, 60.0), st.floats(1.05, 50.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inversion.estimation.calibrate import calibrate
-from inversion.estimation.finite_steps import FiniteSteps
+from inversion.estimation.derivatives import FiniteSteps
 from tests.inversion.analytic import angle, problem, strength, targets
 
 GOAL = np.array([40.0, 30.0, 22.0, 15.0, 9.0, 5.0])

@@ -10,7 +10,7 @@ from geometry.scenes.scene import Scene
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
-from inversion.problem.parameters import Parameters
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 from inversion.problem.water_level import moves_with_pool, pool_at
 from pipeline.cli import InputError

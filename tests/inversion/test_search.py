@@ -9,14 +9,14 @@ import pytest
 
 from inversion.back_analysis.result_builder import unknown_derivatives
 from inversion.estimation.calibrate import calibrate, further_starts
-from inversion.estimation.finite_steps import FiniteSteps, noise_of
+from inversion.estimation.data import make_targets
+from inversion.estimation.derivatives import FiniteSteps, by_differences, noise_of
 from inversion.estimation.gauss_newton import gauss_newton
 from inversion.estimation.lbfgsb import lbfgsb, value_and_gradient
-from inversion.estimation.objective import Objective
+from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
-from inversion.problem.forward import Prediction, by_differences
-from inversion.problem.parameters import Parameters
-from inversion.problem.predictions import make_targets
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.forward import Prediction
 from inversion.problem.question import Prior
 from pipeline.cli import WorkFailed
 from tests.inversion.analytic import Formula, angle, problem, strength, targets, toes

@@ -7,15 +7,15 @@ import pytest
 
 from inversion.back_analysis.equivalent_answers import walk
 from inversion.back_analysis.perturbed_answers import Problem, resolve
-from inversion.estimation.objective import Objective
-from inversion.estimation.uncertainty import (
+from inversion.estimation.misfit import Objective
+from inversion.estimation.posterior import (
     direction_in_words,
     interval,
     posterior,
     root_mean_square,
     simple_basis,
 )
-from inversion.problem.parameters import Parameters
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Prior
 from tests.inversion.analytic import Formula, angle, strength, targets
 

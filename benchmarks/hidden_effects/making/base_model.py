@@ -19,8 +19,8 @@ from benchmarks.hidden_effects.making import surveys
 from benchmarks.hidden_effects.making.detectability import Curve
 from benchmarks.hidden_effects.making.laboratory import Laboratory, Request
 from benchmarks.hidden_effects.making.sections import Section
-from diagnosis.fitting.covariance import covariance
 from geometry.survey.measured import Deposit
+from inversion.estimation.covariance import covariance
 from pipeline.cli import InputError
 
 #: Levels of the strength between its bounds, equally spaced in its logarithm.

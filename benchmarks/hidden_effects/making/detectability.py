@@ -2,8 +2,8 @@
 
 lambda is chi2 of the noise-free residual after the base model has been refitted: what a diagnosis
 with perfect luck has to go by. The covariance C = L L' is the judge's own at the refitted state,
-model error included (`diagnosis.fitting.covariance`). With the effect's reading y, the base model's
-f and the true parameters theta_0 (a prior counts as one more number that reads the truth),
+model error included (`inversion.estimation.covariance`). With the effect's reading y, the base
+model's f and the true parameters theta_0 (a prior counts as one more number that reads the truth),
 
     lambda = min over theta of |L^-1 (y - f(theta))|^2 + |R (theta - theta_0)|^2.
 

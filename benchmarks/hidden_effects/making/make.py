@@ -21,7 +21,7 @@ from benchmarks.hidden_effects.making.surveys import PROFILE_FILE
 from benchmarks.hidden_effects.making.truth import Made, Maker
 from benchmarks.hidden_effects.scoring.records import read_reach, read_sealed, read_truth
 from geometry.scenes.scene import save_scene
-from inversion.problem.parameters import with_properties
+from inversion.problem.scene_changes import with_properties
 from pipeline.cli import InputError
 from pipeline.files import write_json, write_text, yaml_text
 

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 
 from geometry.scenes.scene import Document, Point, Scene, document_error, load_scene
 from geometry.survey.toe import Side
-from inversion.problem.parameters import Parameters
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Question, load_question
 from pipeline.cli import InputError
 from pipeline.files import read_yaml

@@ -1,18 +1,18 @@
 """Forward runs, each asked for once, within an allowance.
 
 A diagnosis asks for the same run many times over; it is counted once. States that differ only by
-candidates that are `free` (errors of the survey that move the prediction) are one run. What the
-allowance no longer covers is left out and told, never silently replaced.
+effects that are `free` (errors of the survey that move the prediction) are one run. What the
+allowance no longer covers is left out and reported, never silently replaced.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.hypotheses.model import Model, State
+from inversion.problem.forward import Forward, State
 
 
 @dataclass
@@ -22,12 +22,14 @@ class Runs:
     Attributes:
         model: what answers.
         allowance: distinct forward runs that may be asked for.
+        free: effects whose runs cost nothing (errors of the survey that move the prediction).
         reserve: runs of the allowance that are kept for later.
         cut_short: what was left out because the allowance did not cover it.
     """
 
-    model: Model
+    model: Forward
     allowance: int
+    free: Collection[str] = ()
     reserve: int = 0
     cut_short: list[str] = field(default_factory=list)
     _known: dict[State, np.ndarray] = field(default_factory=dict)
@@ -36,7 +38,6 @@ class Runs:
 
     def __post_init__(self) -> None:
         self._computed_before = self.model.computed
-        self._free = {candidate.name for candidate in self.model.candidates if candidate.free}
 
     @property
     def asked(self) -> int:
@@ -81,7 +82,7 @@ class Runs:
 
     def _run(self, state: State) -> State:
         """The forward run behind a state: itself without what costs nothing."""
-        if not self._free:
+        if not self.free:
             return state
-        kept = tuple(pair for pair in state.effects if pair[0] not in self._free)
+        kept = tuple(pair for pair in state.effects if pair[0] not in self.free)
         return State(state.values, kept, state.seed, state.numerics)

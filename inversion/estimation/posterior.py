@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inversion.estimation.objective import Objective
-from inversion.problem.parameters import Parameters
+from inversion.estimation.misfit import Objective
+from inversion.estimation.unknowns import Parameters
 
 #: A standard deviation of more than this share of the one before: not determined.
 AS_WIDE = 0.9

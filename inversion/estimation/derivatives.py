@@ -1,10 +1,14 @@
-"""Steps of finite differences, chosen from measured noise.
+"""Derivatives by finite differences, one- or two-sided, with steps chosen from measured noise.
 
 A simulation is not a smooth function: where exactly its points lie moves a toe by decimetres. A
 step is wide enough when its effect on some fitted number is at least five times that noise, and no
 wider than needed, so that curvature does not show. Where many numbers are fitted together (loss
 `misfit`) the gradient of their sum must stand out of the noise, not the most sensitive of them: the
 effect and the noise of all are then compared, each in units of its error.
+
+The search of a back-analysis takes one-sided differences (`by_differences`, `FiniteSteps`): one run
+for each parameter. A response surface takes central ones (`central_differences`): one run on either
+side of each unknown.
 """
 
 from __future__ import annotations
@@ -14,10 +18,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from inversion.estimation.budget import Runs
+from inversion.estimation.data import Data
+from inversion.estimation.unknowns import Parameters, Unknowns
 from inversion.problem.forward import Forward, Prediction
-from inversion.problem.parameters import Parameters
 
-#: Shortest, first and widest steps: of a logarithm, and as shares of the width of the bounds.
+#: Least effect of a step, in units of the noise of one run.
+FACTOR = 5.0
+#: Shortest, first and widest step of central differences: of a scaled parameter, and of an
+#: amplitude in units of its rung.
+SHORTEST, FIRST, WIDEST = 0.08, 0.2, 0.35
+#: The same of one-sided ones: of a logarithm, and as shares of the width of the bounds.
 LOG_STEPS = (0.02, 0.04, 0.15)
 SHARE_STEPS = (0.1, 0.25, 0.45)
 
@@ -36,7 +47,7 @@ class FiniteSteps:
 
     parameters: Parameters
     noise: np.ndarray
-    factor: float = 5.0
+    factor: float = FACTOR
     whitener: np.ndarray | None = None
     _size: np.ndarray = field(init=False)
 
@@ -114,6 +125,28 @@ class FiniteSteps:
         )
 
 
+def by_differences(
+    engine: Forward, values: np.ndarray, steps: np.ndarray
+) -> tuple[Prediction, np.ndarray, np.ndarray]:
+    """`Forward.derivative` by one batch of 1 + p runs: the point itself and one step each.
+
+    A run that fails is tried again with half its step; a column whose second run fails too is NaN.
+    """
+    taken = np.array(steps, dtype=float)
+    base, *moved = engine.predict([values, *(values + np.diag(taken))])
+    failed = [place for place, other in enumerate(moved) if other.status == "failed"]
+    if failed and base.status != "failed":
+        taken[failed] *= 0.5
+        again = engine.predict(list((values + np.diag(taken))[failed]))
+        for place, other in zip(failed, again, strict=True):
+            moved[place] = other
+    change = np.stack([other.values - base.values for other in moved], axis=1)
+    for place, other in enumerate(moved):
+        if other.status == "failed":
+            change[:, place] = np.nan
+    return base, change / taken[None, :], taken
+
+
 def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:
     """Standard deviation of the chosen numbers over runs that differ in the seed, (k,).
 
@@ -133,3 +166,61 @@ def measured_noise(
         return np.zeros(int(np.sum(mask))), []
     predictions = engines[0].predict_each([(engine, values) for engine in engines])
     return noise_of(predictions, mask), predictions
+
+
+def central_differences(
+    runs: Runs, space: Unknowns, x: np.ndarray, prediction: np.ndarray, steps: np.ndarray, what: str
+) -> np.ndarray | None:
+    """Derivative (m, q) at x; None where the allowance does not cover it.
+
+    Args:
+        runs: the model.
+        space: unknowns.
+        x: where, (q,).
+        prediction: there, jitter seed 0, (m,); used on the side whose run failed or does not exist.
+        steps: half-width for each unknown, (q,).
+        what: words for what is left out where the allowance ends.
+    """
+    sides = []
+    for place in np.flatnonzero(space.free):
+        for sign in (-1.0, 1.0):
+            moved = x.copy()
+            moved[place] += sign * steps[place]
+            moved = space.clipped(moved)
+            sides.append((place, moved))
+    states = [space.state(moved) for _, moved in sides]
+    if not runs.affords(states, what):
+        return None
+    rows = runs.predict(states)
+    derivative = np.zeros((len(prediction), space.size))
+    for number in range(0, len(sides), 2):
+        place = sides[number][0]
+        pair = [(sides[number + side][1][place], rows[number + side]) for side in (0, 1)]
+        pair = [(at, row if np.all(np.isfinite(row)) else None) for at, row in pair]
+        pair = [(at, row) if row is not None else (x[place], prediction) for at, row in pair]
+        (low, before), (high, after) = pair
+        if high > low:
+            derivative[:, place] = (after - before) / (high - low)
+    return derivative
+
+
+def first_steps(space: Unknowns) -> np.ndarray:
+    """Steps (q,) before anything is known of noise or slope."""
+    return np.full(space.size, FIRST)
+
+
+def steps_above_noise(
+    space: Unknowns, data: Data, derivative: np.ndarray, jitter: np.ndarray
+) -> np.ndarray:
+    """Steps (q,) whose difference is `FACTOR` times the noise.
+
+    Args:
+        space: unknowns.
+        data: weighs the numbers.
+        derivative: as known so far, (m, q).
+        jitter: covariance of one run's noise, (m, m).
+    """
+    noise = data.noise(jitter)
+    effect = np.linalg.norm(data.whitened(derivative), axis=0)
+    wanted = FACTOR * noise / np.maximum(2.0 * effect, 1e-12)
+    return np.clip(wanted, SHORTEST, WIDEST)

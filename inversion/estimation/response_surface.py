@@ -1,7 +1,16 @@
-"""A response surface that learns: what a few noisy runs say beyond it.
+"""What is known of a model without running it: a local response surface, and one that learns.
+
+Around an anchor (x0, f0) of a model with some effects (`Surface`),
+
+    f(x) = f0 + J (x - x0) + sum_k D_k(a_k),
+
+J from central differences, and D_k the change by an effect the anchor does not have, interpolated
+between its signatures of finite amplitude: shaking grows with the square of its amplitude,
+softening and water bend, so a slope at zero would not do.
 
 The surface is right at its anchor and along its ladders. Away from them it is wrong by what bends
-and by what effects do to each other, and everywhere by the noise of the runs it was made from:
+and by what effects do to each other, and everywhere by the noise of the runs it was made
+from (`Surrogate`):
 
     f(x) = surface(x) + sum_j phi_j(x) b_j + e(x),    phi: 1, u_i, u_i u_j,    u = x - anchor
 
@@ -15,16 +24,18 @@ may, and runs with different jitters of the points average by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
-from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.space import Space
-from diagnosis.fitting.surface import Surface
-from diagnosis.fitting.whitened import Data, augmented_residual
-from diagnosis.hypotheses.model import State
+from inversion.estimation.budget import Runs
+from inversion.estimation.data import Data
+from inversion.estimation.misfit import augmented_residual
+from inversion.estimation.unknowns import Unknowns
+from inversion.problem.forward import State
 
 #: Change of a slope over the range of one unknown, as a share of the slope.
 BEND = 0.5
@@ -34,6 +45,99 @@ LOCAL, LENGTH = 0.06, 0.5
 SLOPE_STEP = 0.25
 #: Runs whose parameters are farther from the anchor than this follow other bends.
 NEAR = 2.0
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Changes of all predictions by one effect, at the anchor.
+
+    Attributes:
+        amplitudes: of the runs, ascending, with 0 among them, (n,).
+        changes: of all predictions, (n, m); nothing at 0.
+    """
+
+    amplitudes: np.ndarray
+    changes: np.ndarray
+
+    @cached_property
+    def _curve(self) -> PchipInterpolator:
+        return PchipInterpolator(self.amplitudes, self.changes, axis=0)
+
+    def change(self, amplitude: float) -> np.ndarray:
+        """Change of all predictions (m,); beyond the ladder in proportion to its last rung."""
+        first, last = self.amplitudes[0], self.amplitudes[-1]
+        if amplitude > last > 0.0:
+            return self.changes[-1] * (amplitude / last)
+        if amplitude < first < 0.0:
+            return self.changes[0] * (amplitude / first)
+        if not first <= amplitude <= last:
+            # Only one sign was run: the other is taken as its mirror image.
+            return -self.change(-amplitude)
+        return self._curve(amplitude)
+
+    @property
+    def rungs(self) -> np.ndarray:
+        """Amplitudes other than 0."""
+        return self.amplitudes[self.amplitudes != 0.0]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A local response surface of all m predictions.
+
+    Attributes:
+        space: unknowns of the model at the anchor.
+        x: of the anchor, (q,).
+        prediction: there, (m,).
+        derivative: there, by x, (m, q).
+        ladders: of effects that the anchor does not have, by name.
+    """
+
+    space: Unknowns
+    x: np.ndarray
+    prediction: np.ndarray
+    derivative: np.ndarray
+    ladders: Mapping[str, Ladder] = field(default_factory=dict)
+
+    def predict(self, space: Unknowns, x: np.ndarray) -> np.ndarray:
+        """Prediction (m,) of a model with any of the effects that the surface knows."""
+        own, other = self._sorted(space, x)
+        found = self.prediction + self.derivative @ (own - self.x)
+        for name, amplitude in other.items():
+            found = found + self.ladders[name].change(amplitude)
+        return found
+
+    def slope(self, space: Unknowns, x: np.ndarray) -> np.ndarray:
+        """Derivative of the prediction by the unknowns of `space`, (m, its size)."""
+        own, other = self._sorted(space, x)
+        columns = [self.derivative[:, place] for place in range(space.p)]
+        for effect in space.effects:
+            if effect.name in other:
+                ladder, here = self.ladders[effect.name], other[effect.name]
+                step = 0.05 * effect.unit
+                change = ladder.change(here + step) - ladder.change(here - step)
+                columns.append(change * (effect.unit / (2.0 * step)))
+            else:
+                place = self.space.p + self.space.names.index(effect.name)
+                columns.append(self.derivative[:, place])
+        return np.stack(columns, axis=1)
+
+    def knows(self, name: str) -> bool:
+        """True for effects that the surface can predict."""
+        return name in self.ladders or name in self.space.names
+
+    def with_ladders(self, ladders: Mapping[str, Ladder]) -> Surface:
+        """The same with more ladders, which replace those of the same name."""
+        return replace(self, ladders={**self.ladders, **ladders})
+
+    def _sorted(self, space: Unknowns, x: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+        """The anchor's own unknowns at x, and amplitudes of effects that it does not have.
+
+        An effect of the anchor that the other model lacks has amplitude 0 there.
+        """
+        amplitudes = space.amplitudes(x)
+        own = [amplitudes.pop(effect.name, 0.0) / effect.unit for effect in self.space.effects]
+        return np.concatenate([x[: space.p], own]), amplitudes
 
 
 @dataclass(frozen=True)
@@ -54,7 +158,7 @@ class Spreads:
 
 
 def spreads(
-    data: Data, surface: Surface, space: Space, jitter: np.ndarray, *, anchored_by: int
+    data: Data, surface: Surface, space: Unknowns, jitter: np.ndarray, *, anchored_by: int
 ) -> Spreads:
     """Spreads for a model on a surface.
 
@@ -65,8 +169,7 @@ def spreads(
         jitter: covariance of one run's noise, (m, m).
         anchored_by: runs whose mean the anchor is.
     """
-    fitted = jitter[np.ix_(data.fitted, data.fitted)]
-    noise = np.sqrt(max(float(np.trace(data.whitener @ fitted @ data.whitener.T)), 0.01))
+    noise = data.noise(jitter, least=0.01)
     change = np.linalg.norm(data.whitened(surface.slope(space, anchor_of(surface, space))), axis=0)
     for place, effect in enumerate(space.effects):
         if effect.name in surface.ladders:
@@ -84,7 +187,7 @@ def spreads(
     return Spreads(1.0 / np.sqrt(max(anchored_by, 1)), slope, product, local)
 
 
-def anchor_of(surface: Surface, space: Space) -> np.ndarray:
+def anchor_of(surface: Surface, space: Unknowns) -> np.ndarray:
     """The surface's anchor among the unknowns of another model, (q,)."""
     own = surface.space.amplitudes(surface.x)
     amplitudes = [own.get(effect.name, 0.0) / effect.unit for effect in space.effects]
@@ -104,7 +207,7 @@ class Surrogate:
     """
 
     surface: Surface
-    space: Space
+    space: Unknowns
     spread: Spreads
     points: list[np.ndarray] = field(default_factory=list)
     surprises: list[np.ndarray] = field(default_factory=list)

@@ -2,13 +2,21 @@
 
 In: the measurements of a set and the question. Out: `Targets`, and the same vector read from
 points (`read`) by the measurements' own definitions: field data, the material point method and
-learned simulators are read by the same lines.
+learned simulators are read by the same lines. `Data` are targets as a fit sees them: weighed by a
+covariance, split into what is fitted and what is held out. W with W' W = C^-1 turns differences
+into independent numbers of variance 1; it is the symmetric root C^-1/2, which of all choices moves
+the numbers least, so that a whitened difference still belongs to the place it comes from.
+
+A series is a measurement of several numbers at ascending places. Windows, neighbours and held-out
+blocks are looked for along series; all else is single numbers (`places_of`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -16,6 +24,9 @@ from scipy.linalg import block_diag
 from geometry.survey.measured import Deposit, Measured, Reading
 from inversion.back_analysis.result import Role
 from pipeline.cli import InputError
+
+#: What the places of a measurement's numbers are.
+Axis = Literal["x_m", "time_s", "none"]
 
 
 @dataclass(frozen=True)
@@ -43,13 +54,33 @@ class Targets:
 
     @property
     def shown(self) -> np.ndarray:
-        """(m,) bool: told in tables and histories; not what was constructed."""
+        """(m,) bool: shown in tables and histories; not what was constructed."""
         return np.array([role != "constructed" for role in self.roles], dtype=bool)
 
     @property
     def groups(self) -> list[int]:
         """For each number the place of its measurement in `entries`, (m,)."""
         return [place for place, entry in enumerate(self.entries) for _ in entry.values]
+
+    def data(self, covariance: np.ndarray | None = None, split: Split | None = None) -> Data:
+        """The numbers as a fit sees them.
+
+        Args:
+            covariance: C (m, m), the model's own error included; None: the survey's alone.
+            split: what is fitted and held out; None: by the roles.
+        """
+        fitted = self.fitted if split is None else split.fitted
+        held = (
+            np.array([role == "held out" for role in self.roles])
+            if split is None
+            else split.held_out
+        )
+        return Data(
+            self.measured,
+            self.covariance if covariance is None else covariance,
+            np.flatnonzero(fitted),
+            np.flatnonzero(held),
+        )
 
     def named(self, values: np.ndarray, mask: np.ndarray | None = None) -> dict[str, float]:
         """Finite values by name; `mask` (m,) bool chooses, None: all that is shown."""
@@ -74,6 +105,75 @@ class Targets:
                 )
             measured[self.names.index(name)] = value
         return replace(self, measured=measured)
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which numbers are fitted, which are held out.
+
+    Attributes:
+        fitted: (m,) bool.
+        held_out: (m,) bool; the rest is neither (compared only, or constructed).
+        words: how it was decided.
+    """
+
+    fitted: np.ndarray
+    held_out: np.ndarray
+    words: str
+
+
+@dataclass(frozen=True)
+class Data:
+    """What was measured, how well, and which of it is fitted.
+
+    Attributes:
+        measured: (m,).
+        covariance: C, (m, m).
+        fitted: places of the fitted numbers, (k,).
+        held_out: places of the held-out numbers, (h,).
+    """
+
+    measured: np.ndarray
+    covariance: np.ndarray
+    fitted: np.ndarray
+    held_out: np.ndarray
+
+    @cached_property
+    def whitener(self) -> np.ndarray:
+        """W = C^-1/2 of the fitted numbers, (k, k)."""
+        return symmetric_whitener(self.fitted_covariance)
+
+    @cached_property
+    def fitted_covariance(self) -> np.ndarray:
+        """C of the fitted numbers, (k, k)."""
+        return self.covariance[np.ix_(self.fitted, self.fitted)]
+
+    def residual(self, prediction: np.ndarray) -> np.ndarray:
+        """W (y - f) of the fitted numbers, (k,); predictions are of all numbers, (m,)."""
+        return self.whitener @ (self.measured - prediction)[self.fitted]
+
+    def whitened(self, change: np.ndarray) -> np.ndarray:
+        """W times changes of all predictions, (m, ...) -> (k, ...)."""
+        return self.whitener @ change[self.fitted]
+
+    def noise(self, jitter: np.ndarray, *, least: float = 0.0) -> float:
+        """Standardised size of a noise (m, m) in all fitted numbers; `least` of its square."""
+        fitted = jitter[np.ix_(self.fitted, self.fitted)]
+        return np.sqrt(max(float(np.trace(self.whitener @ fitted @ self.whitener.T)), least))
+
+    @cached_property
+    def conditional(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the held-out numbers given the fitted ones: gain (h, k) and covariance (h, h)."""
+        own = self.covariance[np.ix_(self.held_out, self.held_out)]
+        cross = self.covariance[np.ix_(self.held_out, self.fitted)]
+        gain = cross @ self.whitener.T @ self.whitener
+        return gain, own - gain @ cross.T
+
+
+def symmetric_whitener(matrix: np.ndarray) -> np.ndarray:
+    """C^-1/2 of a positive definite C (n, n)."""
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))) @ vectors.T
 
 
 def make_targets(
@@ -201,3 +301,36 @@ def toes_by_eye(targets: Targets, deposit: Deposit) -> dict[str, float]:
     """Runout of the last connected point, for each measured toe [m]."""
     read = {entry.name: entry.by_eye(deposit) for entry in targets.entries}
     return {name: value for name, value in read.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Places:
+    """Numbers of one measurement.
+
+    Attributes:
+        name: of the measurement.
+        axis: what `place` is.
+        place: where or when, (n,) in m or s; NaN where the measurement has no place.
+        index: of its numbers in the vector of all, (n,).
+        series: they follow each other along the axis.
+    """
+
+    name: str
+    axis: Axis
+    place: np.ndarray
+    index: np.ndarray
+    series: bool
+
+
+def places_of(targets: Targets) -> list[Places]:
+    """Places of every measurement, in the order of the entries."""
+    found, first = [], 0
+    for entry in targets.entries:
+        n, along = len(entry.values), entry.along
+        index = np.arange(first, first + n)
+        if along is None:
+            found.append(Places(entry.name, "none", np.full(n, np.nan), index, False))
+        else:
+            found.append(Places(entry.name, along.axis, along.place, index, along.series))
+        first += n
+    return found

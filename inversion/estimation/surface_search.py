@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from diagnosis.fitting.response_surface import Surrogate
-from diagnosis.fitting.runs import Runs
-from diagnosis.fitting.space import Space
-from diagnosis.fitting.whitened import Data, augmented_residual
+from inversion.estimation.budget import Runs
+from inversion.estimation.data import Data
+from inversion.estimation.misfit import augmented_residual
+from inversion.estimation.response_surface import Surrogate
+from inversion.estimation.unknowns import Unknowns
 
 #: Jitters of the points of the runs that correct a surrogate, two at a time, in turn.
 JITTERS = ((1, 2), (3, 4), (5, 6), (7, 8))
@@ -40,7 +41,7 @@ class Fit:
         total: sum of squares of the augmented residual.
     """
 
-    space: Space
+    space: Unknowns
     x: np.ndarray
     prediction: np.ndarray
     derivative: np.ndarray
@@ -50,14 +51,6 @@ class Fit:
     def names(self) -> tuple[str, ...]:
         """Effects of the model."""
         return self.space.names
-
-
-def total_of(data: Data, space: Space, prediction: np.ndarray, x: np.ndarray) -> float:
-    """Sum of squares of the augmented residual; infinite where the run failed."""
-    if not np.all(np.isfinite(prediction[data.fitted])):
-        return float("inf")
-    residual = augmented_residual(data, space, prediction, x)
-    return float(residual @ residual)
 
 
 def least(

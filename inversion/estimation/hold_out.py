@@ -7,14 +7,12 @@ out: two numbers less of four would be half of what is known.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.fitting.places import Places, places_of
-from diagnosis.options import HoldOut
-from inversion.problem.predictions import Targets
+from inversion.estimation.data import Places, Split, Targets, places_of
 from pipeline.cli import InputError
 
 #: A series gives a block once it has this many numbers, and then this share of them.
@@ -26,18 +24,17 @@ LEAST_ALIKE = 4
 
 
 @dataclass(frozen=True)
-class Split:
-    """Which numbers are fitted, which are held out.
+class HoldOut:
+    """What no fit may see, where the measurement file does not say it itself.
 
     Attributes:
-        fitted: (m,) bool.
-        held_out: (m,) bool; the rest is neither (compared only, or constructed).
-        words: how it was decided.
+        groups: names of whole measurements.
+        blocks: measurement -> (from, to): its numbers between are held out, in the unit of its
+            places (x [m] of a profile, time [s] of a history).
     """
 
-    fitted: np.ndarray
-    held_out: np.ndarray
-    words: str
+    groups: tuple[str, ...] = ()
+    blocks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def split(targets: Targets, wanted: HoldOut | None) -> Split:

@@ -1,0 +1,210 @@
+"""How far a prediction is from what was measured: the paper's loss and the standardised misfit.
+
+The sum of squares that Gauss-Newton makes small has two parts:
+
+- *data*: the fitted numbers. With the loss `runout` each difference is divided by a third of the
+  root of the tolerance, so that fitting it comes before everything else (the paper fits the runout
+  alone, to 0.1 m2, however well it is known). With `misfit` the differences are made independent
+  by the root of their covariance (`inversion.estimation.data.Data.whitener`).
+- what is known beforehand, as rows P x = P0 (`inversion.estimation.unknowns`).
+
+With A = [W J; P] = Q R and r = [W (y - f); P0 - P x], (I - Q Q') r is what no change of the
+unknowns can take away, and V = (R' R)^-1 their covariance (`System`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from inversion.estimation.data import Data, Targets
+from inversion.estimation.unknowns import Parameters, Unknowns
+from inversion.problem.forward import Prediction
+
+#: Singular values of A below this share of 1 (the prior's scale) count as no knowledge at all.
+NO_KNOWLEDGE = 1e-6
+
+
+@dataclass(frozen=True)
+class Objective:
+    """The function that is made small; f are the k fitted numbers, p the parameters.
+
+    Attributes:
+        parameters: what is sought.
+        targets: what was measured.
+        loss: runout or misfit.
+        tolerance: loss below which a prediction is good enough.
+        data_alone: without what is known beforehand: every answer that fits is as good.
+    """
+
+    parameters: Parameters
+    targets: Targets
+    loss: Literal["runout", "misfit"]
+    tolerance: float
+    data_alone: bool = False
+
+    @property
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (r, p) and constants (r,): rows @ fitted - constants is squared and summed."""
+        if self.data_alone:
+            return np.zeros((0, len(self.parameters.specs))), np.zeros(0)
+        return self.parameters.prior
+
+    @property
+    def unit(self) -> Literal["m2", "standardised"]:
+        """Unit of the loss."""
+        return "m2" if self.loss == "runout" else "standardised"
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the fitted numbers' errors, (k, k)."""
+        return self.data.fitted_covariance
+
+    @cached_property
+    def data(self) -> Data:
+        """The measurements as the fit sees them, weighed by the survey's errors."""
+        return self.targets.data()
+
+    @property
+    def survey_whitener(self) -> np.ndarray:
+        """W (k, k) with W' W = covariance^-1: W @ differences are independent, of variance 1."""
+        return self.data.whitener
+
+    @cached_property
+    def whitener(self) -> np.ndarray:
+        """W (k, k) of the search: the survey's, or sharper with the loss `runout`."""
+        if self.loss == "misfit":
+            return self.survey_whitener
+        return np.eye(int(self.targets.fitted.sum())) * 3.0 / np.sqrt(self.tolerance)
+
+    def difference(self, prediction: Prediction) -> np.ndarray:
+        """Predicted minus measured, fitted numbers (k,)."""
+        mask = self.targets.fitted
+        return prediction.values[mask] - self.targets.measured[mask]
+
+    def value(self, prediction: Prediction) -> float:
+        """The loss: m2, or the sum of squared standardised differences; infinite if it failed."""
+        difference = self.difference(prediction)
+        if not np.all(np.isfinite(difference)):
+            return float("inf")
+        if self.loss == "runout":
+            return float(difference @ difference)
+        standardised = self.survey_whitener @ difference
+        return float(standardised @ standardised)
+
+    def residuals(self, prediction: Prediction, fitted: np.ndarray) -> np.ndarray:
+        """All that is squared and summed: data, then what is known beforehand."""
+        data = self.whitener @ self.difference(prediction)
+        rows, constant = self.prior
+        return np.concatenate([data, rows @ fitted - constant])
+
+    def jacobian(self, derivative: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Derivative of `residuals` by the fitted parameters.
+
+        Args:
+            derivative: of all predictions by the values, (m, p), per outside unit; columns of NaN
+                (a run that failed) count as zero.
+            values: (p,) where it was taken.
+        """
+        scaled = self.fitted_derivative(derivative, values)
+        return np.concatenate([self.whitener @ scaled, self.prior[0]])
+
+    def fitted_derivative(self, derivative: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Derivative of the fitted numbers (k, p) by the fitted (scaled) parameters."""
+        known = np.nan_to_num(derivative[self.targets.fitted])
+        return known * self.parameters.value_per_fitted(values)[None, :]
+
+
+@dataclass(frozen=True)
+class System:
+    """The augmented linear system at a fit.
+
+    Attributes:
+        data: the measurements.
+        derivative: of all predictions by x, (m, q).
+        rows: P of the priors, (r, q).
+        moving: (q,) bool: unknowns that the fit could still change; not those held at a bound.
+    """
+
+    data: Data
+    derivative: np.ndarray
+    rows: np.ndarray
+    moving: np.ndarray
+
+    @cached_property
+    def matrix(self) -> np.ndarray:
+        """A = [W J; P] of the moving unknowns, (k + r, number moving)."""
+        return np.vstack([self.data.whitened(self.derivative), self.rows])[:, self.moving]
+
+    @cached_property
+    def _parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Singular value decomposition of A without directions of which nothing is known."""
+        left, size, right = np.linalg.svd(self.matrix, full_matrices=False)
+        kept = size > NO_KNOWLEDGE
+        return left[:, kept], size[kept], right[kept]
+
+    @property
+    def basis(self) -> np.ndarray:
+        """Q: orthonormal columns that span what the unknowns can imitate, (k + r, rank)."""
+        return self._parts[0]
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: rows of the augmented system less the unknowns it determines."""
+        return self.matrix.shape[0] - self.basis.shape[1]
+
+    @cached_property
+    def posterior(self) -> np.ndarray:
+        """V of all unknowns (q, q); 0 for those at a bound, 1 along what nothing is known of."""
+        _, size, right = self._parts
+        missing = np.eye(right.shape[1]) - right.T @ right
+        inner = (right.T / size**2) @ right + missing
+        full = np.zeros((len(self.moving), len(self.moving)))
+        full[np.ix_(self.moving, self.moving)] = inner
+        return full
+
+    def project(self, rows: np.ndarray) -> np.ndarray:
+        """(I - Q Q') of augmented vectors, (k + r, ...)."""
+        return rows - self.basis @ (self.basis.T @ rows)
+
+    def augmented(self, change: np.ndarray) -> np.ndarray:
+        """[W change; 0] of changes of all predictions (m,), (k + r,)."""
+        return np.concatenate([self.data.whitened(change), np.zeros(len(self.rows))])
+
+    def imitating(self, augmented: np.ndarray) -> np.ndarray:
+        """Change of the unknowns (q,) that comes nearest to an augmented vector (k + r,)."""
+        left, size, right = self._parts
+        found = np.zeros(len(self.moving))
+        found[self.moving] = right.T @ ((left.T @ augmented) / size)
+        return found
+
+
+def system(data: Data, space: Unknowns, derivative: np.ndarray, x: np.ndarray) -> System:
+    """The augmented system at x (q,).
+
+    Parameters that rest on a bound or are fixed do not move. Amplitudes do: what they may be beyond
+    their bound is no knowledge of the parameters.
+    """
+    near = 1e-6 * (space.high - space.low)
+    inside = (x > space.low + near) & (x < space.high - near)
+    inside[space.p :] = True
+    return System(data, derivative, space.prior[0], inside & space.free)
+
+
+def augmented_residual(
+    data: Data, space: Unknowns, prediction: np.ndarray, x: np.ndarray
+) -> np.ndarray:
+    """The residual [W (y - f); P0 - P x], (k + r,)."""
+    rows, constants = space.prior
+    return np.concatenate([data.residual(prediction), constants - rows @ x])
+
+
+def total_of(data: Data, space: Unknowns, prediction: np.ndarray, x: np.ndarray) -> float:
+    """Sum of squares of the augmented residual; infinite where the run failed."""
+    if not np.all(np.isfinite(prediction[data.fitted])):
+        return float("inf")
+    residual = augmented_residual(data, space, prediction, x)
+    return float(residual @ residual)
