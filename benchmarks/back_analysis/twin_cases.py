@@ -186,7 +186,7 @@ def write_case(truth: Truth, folder: Path, *, cell_factor: float) -> None:
     })  # fmt: skip
     _write_yaml(folder / "inversion.yaml", {
         "parameters": [{
-            "name": "residual_strength", "zones": plan.zones, "property": "cohesion_kpa",
+            "name": "residual_strength", "zones": plan.zones, "property": "residual_strength_kpa",
             "start": plan.start, "low": 0.5, "high": 150.0,
         }],
         "loss": "misfit",

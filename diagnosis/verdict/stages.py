@@ -18,6 +18,7 @@ from inversion.estimation.data import Data, Places, Targets
 from inversion.estimation.misfit import System, system
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Parameters
+from inversion.problem.question import RESIDUAL_STRENGTH
 
 #: Standard deviations to either side of a 95 % interval.
 WIDE = 1.96
@@ -28,7 +29,7 @@ def parameter_words(parameters: Parameters) -> list[verdict.ParameterWords]:
     return [
         verdict.ParameterWords(
             name=spec.name, words=spec.words, unit=spec.unit,
-            strength=spec.property == "cohesion_kpa", low=spec.low, high=spec.high,
+            strength=spec.property == RESIDUAL_STRENGTH, low=spec.low, high=spec.high,
         )
         for spec in parameters.specs
     ]  # fmt: skip

@@ -36,7 +36,7 @@ class ParameterAnswer(Part):
     name: str = Field(description="name in the question")
     label: str = Field(description="in words")
     zones: list[str] = Field(description="zones that share it")
-    property: str = Field(description="cohesion_kpa, friction_deg, density or water_level")
+    property: str = Field(description="of inversion.yaml, such as residual_strength_kpa")
     unit: str = Field(description="kPa, deg, kg/m3 or m")
     value: float = Field(description="the answer")
     start: float = Field(description="first guess")

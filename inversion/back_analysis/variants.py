@@ -27,6 +27,7 @@ from inversion.problem.question import (
     Variant,
     WaterLevel,
     ZoneBoundary,
+    material_key,
 )
 from inversion.problem.scene_changes import with_properties
 from inversion.problem.water_level import SAME_PLACE_M, pool_at
@@ -203,13 +204,14 @@ def _time_step(setup: Setup, sensitivity: TimeStep, where: str) -> Changed:
 
 def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Changed]:
     for spec in setup.parameters.specs:
-        if spec.property == sensitivity.property and set(spec.zones) & set(sensitivity.zones):
+        same = material_key(spec.property) == material_key(sensitivity.property)
+        if same and set(spec.zones) & set(sensitivity.zones):
             raise InputError(f"{where}: {sensitivity.property} there is sought by {spec.name!r}")
     materials = {zone.name: setup.scene.materials[zone.material] for zone in setup.scene.zones}
     found = []
     for change in (sensitivity.std, -sensitivity.std):
         values = {
-            name: getattr(materials[name], sensitivity.property) + change
+            name: getattr(materials[name], material_key(sensitivity.property)) + change
             for name in sensitivity.zones
         }
         if sensitivity.property != "density":  # no soil has less than no strength
@@ -217,7 +219,7 @@ def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Chan
         try:
             scene = with_properties(
                 setup.scene,
-                [(name, sensitivity.property, v) for name, v in values.items()],
+                [(name, material_key(sensitivity.property), v) for name, v in values.items()],
             )
         except ValidationError as error:
             words = f"{where}: {sensitivity.property} {change:+g}"

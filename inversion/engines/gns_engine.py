@@ -40,6 +40,7 @@ from inversion.engines.rollout_store import (
 from inversion.engines.run_store import KeptRun
 from inversion.engines.trained_model import Model
 from inversion.problem.forward import Forward, Prediction
+from inversion.problem.question import material_key
 from inversion.problem.water_level import moves_with_pool
 from pipeline.cli import InputError, WorkFailed
 
@@ -206,7 +207,7 @@ class GNSEngine:
         place = {zone.name: number for number, zone in enumerate(scene.zones)}
         return [
             Sought(
-                spec.property,
+                material_key(spec.property),
                 tuple(place[name] for name in spec.zones),
                 float(value),
                 moves_with_pool(scene) if spec.property == "water_level" else None,

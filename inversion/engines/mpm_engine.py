@@ -20,6 +20,7 @@ from inversion.estimation.data import Targets, read, toes_by_eye
 from inversion.estimation.derivatives import by_differences
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Forward, Prediction
+from inversion.problem.question import RESIDUAL_STRENGTH
 from pipeline.config import SimulationSettings
 
 
@@ -137,12 +138,12 @@ def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
 
 
 def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and spread of the vertical effective stress over each strength's zones, (p,) [kPa]."""
+    """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
     place = {zone.name: number for number, zone in enumerate(setup.scene.zones)}
     mean, spread = [], []
     for spec in setup.parameters.specs:
         member = np.isin(run.zone, [place[name] for name in spec.zones])
-        known = spec.property == "cohesion_kpa" and member.any()
+        known = spec.property == RESIDUAL_STRENGTH and member.any()
         stress = 1e-3 * run.vertical_stress[member].astype(float)
         mean.append(float(stress.mean()) if known else np.nan)
         spread.append(float(stress.std()) if known else np.nan)

@@ -25,6 +25,7 @@ from inversion.engines.run_store import (
 )
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
+from inversion.problem.question import material_key
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def derivative_key(run_key: str, parameters: Parameters, way: str) -> str:
         parameters: their zones and properties, in order.
         way: of the derivative; with that through a part of the numbers, which.
     """
-    sought = [[spec.property, list(spec.zones)] for spec in parameters.specs]
+    sought = [[material_key(spec.property), list(spec.zones)] for spec in parameters.specs]
     return content_hash({"run": run_key, "by": sought, "way": way})
 
 

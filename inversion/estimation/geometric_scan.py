@@ -58,7 +58,7 @@ def scan(search: Search, first: Look, least_m: float) -> Look:
     strengths = parameters.strengths
     if not strengths.any():
         raise WorkFailed(
-            "nothing moves at the start, and no strength (cohesion_kpa) is sought that could be "
+            "nothing moves at the start, and no strength is sought that could be "
             "lowered; give the parameters weaker starts"
         )
     still = first.prediction.values[search.objective.targets.fitted]

@@ -29,12 +29,10 @@ from scipy.special import ndtr
 
 from geometry.scenes.scene import Scene
 from inversion.problem.forward import State, state
-from inversion.problem.question import ParameterSpec
+from inversion.problem.question import LOGARITHMIC, ParameterSpec, material_key
 from inversion.problem.scene_changes import with_properties
 from inversion.problem.water_level import pool_at
 
-#: Properties that are fitted as logarithms.
-LOGARITHMIC = ("cohesion_kpa", "density")
 #: Spread of the logarithm of strength ratios that the preference for the first guesses allows.
 RATIO_STD = 1.0
 #: Least share of a prior within its bounds: one that lies wholly outside is an error of its author.
@@ -62,8 +60,8 @@ class Parameters:
 
     @property
     def strengths(self) -> np.ndarray:
-        """(p,) bool: cohesions, S_r where friction is 0."""
-        return np.array([spec.property == "cohesion_kpa" for spec in self.specs])
+        """(p,) bool: residual strengths and cohesions."""
+        return np.array([material_key(spec.property) == "cohesion_kpa" for spec in self.specs])
 
     @property
     def has_prior(self) -> np.ndarray:
@@ -167,7 +165,7 @@ class Parameters:
             if spec.property == "water_level":
                 base = Scene.model_validate(pool_at(base, float(value)))
         changes = [
-            (zone, spec.property, float(value))
+            (zone, material_key(spec.property), float(value))
             for spec, value in zip(self.specs, values, strict=True)
             for zone in spec.zones
         ]

@@ -162,7 +162,7 @@ def inversion_text(scene: Scene, runouts: Sequence[Runout]) -> str:
                 "name": f"residual_strength_{name}",
                 "label": f"S_r of the {name.replace('_', ' ')}",
                 "zones": zones,
-                "property": "cohesion_kpa",
+                "property": "residual_strength_kpa",
                 "start": start,
                 "low": round(LOW_FACTOR * start, 4),
                 "high": round(HIGH_FACTOR * start, 4),

@@ -21,7 +21,7 @@ from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
 from inversion.prediction.known_strength import KnownStrength
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
-from inversion.problem.question import ParameterSpec, load_question
+from inversion.problem.question import RESIDUAL_STRENGTH, ParameterSpec, load_question
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class PredictionCase(Case):
             scene = scene.changed(jitter=self.config.inversion.noise_jitter, seed=jitter_seed)
         specs = [
             ParameterSpec(
-                name=f"residual_strength_{place}", zones=list(s.zones), property="cohesion_kpa",
+                name=f"residual_strength_{place}", zones=list(s.zones), property=RESIDUAL_STRENGTH,
                 start=s.mean_kpa, low=1e-6 * s.mean_kpa, high=1e6 * s.mean_kpa,
             )
             for place, s in enumerate(strengths, start=1)
@@ -110,7 +110,7 @@ def prediction_case(case: Case, *, spacing_m: float | None = None) -> Prediction
         sought=[
             zone
             for spec in (question.parameters if question else [])
-            if spec.property == "cohesion_kpa"
+            if spec.property == RESIDUAL_STRENGTH
             for zone in spec.zones
         ],
     )

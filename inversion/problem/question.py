@@ -7,9 +7,11 @@ Every form of the document is described in docs/method/inversion.md.
 from __future__ import annotations
 
 import builtins
+import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -20,21 +22,35 @@ from pipeline.files import read_yaml
 
 FILE_NAME = "inversion.yaml"
 
-Property = Literal["cohesion_kpa", "friction_deg", "density", "water_level"]
+RESIDUAL_STRENGTH: Literal["residual_strength_kpa"] = "residual_strength_kpa"
+"""Of liquefied zones; a scene, whose materials have one strength, keeps it as their cohesion."""
+MaterialProperty = Literal["residual_strength_kpa", "cohesion_kpa", "friction_deg", "density"]
+Property = MaterialProperty | Literal["water_level"]
 Water = Literal["none", "buoyant", "pore_pressure"]
 Transfer = Literal["affine_flip", "flip", "apic", "pic"]
 Contact = Literal["rough", "no_slip"]
 
 UNITS: dict[str, str] = {
-    "cohesion_kpa": "kPa", "friction_deg": "deg", "density": "kg/m3", "water_level": "m"
+    "residual_strength_kpa": "kPa", "cohesion_kpa": "kPa", "friction_deg": "deg",
+    "density": "kg/m3", "water_level": "m",
 }  # fmt: skip
 SYMBOLS: dict[str, str] = {
-    "cohesion_kpa": "S_r", "friction_deg": "phi", "density": "density",
+    "residual_strength_kpa": "S_r", "cohesion_kpa": "c", "friction_deg": "phi",
+    "density": "density",
     "water_level": "level of the pool",
 }  # fmt: skip
 
 
 POOL = "the pool"
+
+
+#: Properties that are fitted as logarithms.
+LOGARITHMIC = ("residual_strength_kpa", "cohesion_kpa", "density")
+
+
+def material_key(name: str) -> str:
+    """The key of a scene's material that holds a property."""
+    return "cohesion_kpa" if name == RESIDUAL_STRENGTH else name
 
 
 class Prior(Document):
@@ -54,7 +70,8 @@ class ParameterSpec(Document):
         description="names of the zones that share the value; none for water_level",
     )
     property: Property = Field(
-        description="cohesion_kpa (S_r where friction is 0), friction_deg, density, water_level [m]"
+        description="residual_strength_kpa (S_r, of liquefied zones), cohesion_kpa, friction_deg, "
+        "density, water_level [m]"
     )
     start: float = Field(description="first guess")
     low: float = Field(description="lower bound")
@@ -75,7 +92,7 @@ class ParameterSpec(Document):
                 if self.zones
                 else f"zones: at least one must be named for {self.property}"
             )
-        if self.property in ("cohesion_kpa", "density") and self.low <= 0:
+        if self.property in LOGARITHMIC and self.low <= 0:
             raise ValueError(
                 f"low {self.low:g} must be greater than 0: it is fitted as a logarithm"
             )
@@ -176,8 +193,8 @@ class FixedProperty(Document):
     name: str = Field(min_length=1, description="in words; unique among the sensitivities")
     kind: Literal["property"]
     zones: list[str] = Field(min_length=1, description="zones that share the value")
-    property: Literal["cohesion_kpa", "friction_deg", "density"] = Field(
-        description="cohesion_kpa, friction_deg or density"
+    property: MaterialProperty = Field(
+        description="residual_strength_kpa, cohesion_kpa, friction_deg or density"
     )
     std: float = Field(gt=0, description="standard deviation, in the property's unit")
 
@@ -234,7 +251,8 @@ class Question(Document):
         taken: dict[tuple[str, str], str] = {}
         for parameter in self.parameters:
             for zone in parameter.zones or [POOL]:
-                other = taken.setdefault((zone, parameter.property), parameter.name)
+                key = (zone, material_key(parameter.property))
+                other = taken.setdefault(key, parameter.name)
                 if other != parameter.name:
                     raise ValueError(
                         f"parameters: {parameter.property} of {_place(zone)} is sought by "
@@ -265,7 +283,39 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
             text.replace("docs/method/geometry.md", "docs/method/inversion.md")
         ) from None
     check_zones(question, scene, str(path))
-    return question
+    return _residual_strengths_named(question, scene, str(path))
+
+
+def _residual_strengths_named(question: Question, scene: Scene, source: str) -> Question:
+    """The question with S_r called so: older files call it the cohesion of a liquefied zone."""
+    liquefied = {z.name for z in scene.zones if scene.materials[z.material].liquefied}
+    renamed: list[str] = []
+
+    def named(entry: Any) -> Any:
+        if getattr(entry, "property", "") != "cohesion_kpa" or not liquefied.issuperset(
+            entry.zones
+        ):
+            return entry
+        renamed.append(entry.name)
+        return entry.model_copy(update={"property": RESIDUAL_STRENGTH})
+
+    update = {
+        group: [named(entry) for entry in getattr(question, group)]
+        for group in ("parameters", "sensitivities")
+    }
+    if not renamed:
+        return question
+    _say_once(
+        f"{source}: {', '.join(renamed)}: write property: {RESIDUAL_STRENGTH}, not cohesion_kpa: "
+        "the zones are liquefied"
+    )
+    return question.model_copy(update=update)
+
+
+@cache
+def _say_once(line: str) -> None:
+    """Print a line on the standard error; a file that is read again does not repeat it."""
+    print(line, file=sys.stderr, flush=True)
 
 
 def _check_bounds(parameter: ParameterSpec, scene: Scene, where: str) -> None:

@@ -20,6 +20,7 @@ from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from inversion.back_analysis.result import ParameterAnswer, Result, load_result
 from inversion.back_analysis.result_files import RUN, SECTIONS, classical_beside
 from inversion.engines.registry import side_by_side
+from inversion.problem.question import RESIDUAL_STRENGTH
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
 from pipeline.places import CASES, resolve
@@ -75,8 +76,13 @@ class ReportData:
 
     @property
     def strengths(self) -> list[ParameterAnswer]:
-        """The parameters that are strengths."""
-        return [p for p in self.result.answer.parameters if p.property == "cohesion_kpa"]
+        """The residual strengths among the parameters."""
+        # In older results the property of an S_r is cohesion_kpa; it has its ratio all the same.
+        return [
+            p
+            for p in self.result.answer.parameters
+            if p.property == RESIDUAL_STRENGTH or p.ratio is not None
+        ]
 
     @property
     def with_water(self) -> bool | None:

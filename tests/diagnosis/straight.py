@@ -65,8 +65,8 @@ def measured(values: np.ndarray, *, correlation: float | None = 5.0):
 def parameters() -> Parameters:
     return Parameters(
         [
-            ParameterSpec(name="S_r", zones=["a"], property="cohesion_kpa", start=20.0, low=2.0,
-                          high=200.0),
+            ParameterSpec(name="S_r", zones=["a"], property="residual_strength_kpa",
+                          start=20.0, low=2.0, high=200.0),
             ParameterSpec(name="phi", zones=["b"], property="friction_deg", start=32.0, low=4.0,
                           high=60.0, prior=Prior(mean=32.0, std=4.0)),
         ]

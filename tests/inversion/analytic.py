@@ -19,7 +19,13 @@ from inversion.problem.question import ParameterSpec
 
 def strength(name: str, start: float = 30.0, low: float = 5.0, high: float = 90.0, **more):
     return ParameterSpec(
-        name=name, zones=[name], property="cohesion_kpa", start=start, low=low, high=high, **more
+        name=name,
+        zones=[name],
+        property="residual_strength_kpa",
+        start=start,
+        low=low,
+        high=high,
+        **more,
     )
 
 

@@ -9,8 +9,8 @@ import pytest
 
 QUESTION = """
 parameters:
-  - {name: residual_strength_1, label: S_r of the fill, zones: ["1"], property: cohesion_kpa,
-     start: 30, low: 5, high: 90}
+  - {name: residual_strength_1, label: S_r of the fill, zones: ["1"],
+     property: residual_strength_kpa, start: 30, low: 5, high: 90}
   - {name: friction_7, zones: ["7"], property: friction_deg, start: 30, low: 27, high: 37}
 fit: [upstream toe]
 loss: runout

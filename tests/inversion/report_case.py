@@ -13,7 +13,8 @@ NASTY = '<script>alert("1")</script> & $x_{1$ \\frac'
 def parameter(name: str, **more: Any) -> dict[str, Any]:
     """A strength that is well determined."""
     return {
-        "name": name, "label": f"S_r of {name}", "zones": ["1"], "property": "cohesion_kpa",
+        "name": name, "label": f"S_r of {name}", "zones": ["1"],
+        "property": "residual_strength_kpa",
         "unit": "kPa", "value": 27.5, "start": 30.0, "low": 5.0, "high": 90.0, "std_data": 1.5,
         "std_by_source": {"pool level": 0.5}, "std_total": 1.6, "interval_95": [24.0, 31.0],
         "equally_good_range": None, "at_bound": None, "determined": True, "prior_std": 21.0,

@@ -31,7 +31,9 @@ INTERVAL = 0.4
 """Of the model's frames."""
 
 SPECS = [
-    ParameterSpec(name="S_r", zones=["foot"], property="cohesion_kpa", start=18, low=2, high=60),
+    ParameterSpec(
+        name="S_r", zones=["foot"], property="residual_strength_kpa", start=18, low=2, high=60
+    ),
     ParameterSpec(name="phi", zones=["block"], property="friction_deg", start=30, low=5, high=50),
     ParameterSpec(name="c", zones=["block"], property="cohesion_kpa", start=1, low=0.1, high=9),
     ParameterSpec(name="rho", zones=["block"], property="density", start=1800, low=1500, high=2200),
@@ -123,8 +125,8 @@ SURVEY = {
 }  # fmt: skip
 ASKED = {
     "parameters": [
-        {"name": "S_r", "zones": ["soil"], "property": "cohesion_kpa", "start": 12.0, "low": 6.0,
-         "high": 15.0},
+        {"name": "S_r", "zones": ["soil"], "property": "residual_strength_kpa",
+         "start": 12.0, "low": 6.0, "high": 15.0},
     ],
     "loss": "runout",
     "duration_s": 6.0,

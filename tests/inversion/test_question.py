@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+import yaml
 
 from geometry.case import load_case
 from geometry.scenes.scene import load_scene
@@ -26,14 +27,14 @@ def test_the_shipped_questions_hold_together(root, name):
     [
         ("low: 5,", "low: 95,", "low 95 must be less than high 90"),
         (
-            "property: cohesion_kpa",
+            "property: residual_strength_kpa",
             "property: density",
             "residual_strength_1: low 5 kg/m3: allowed are 100 to 1e+08",
         ),
         ("start: 30, low: 5", "start: 3, low: 5", "start 3 lies outside low 5 to high 90"),
         ("low: 5,", "low: 0,", "low 0 must be greater than 0"),
         ('zones: ["1"]', 'zones: ["11"]', "no zone '11' in the scene; known are 1, 2"),
-        ("property: cohesion_kpa", "property: cohesion", "cohesion_kpa"),
+        ("property: residual_strength_kpa", "property: cohesion", "cohesion_kpa"),
         ("name: friction_7", "name: residual_strength_1", "names must be unique"),
         ("loss: runout", "lose: runout", "docs/method/inversion.md"),
         ("fit: [upstream toe]", "fit: [toe]", "no measurement 'toe' in this set"),
@@ -90,3 +91,35 @@ def test_spacing_from_question_option_and_factor(lsfd):
     config = load_config(None, ["inversion.spacing_factor=0.5"])
     assert inversion_case(load_case(lsfd, config)).scene.spacing == 2.0
     assert inversion_case(load_case(lsfd, config), spacing_m=3.0).scene.spacing == 3.0
+
+
+def test_an_older_file_calls_a_residual_strength_a_cohesion(lsfd, capsys):
+    """It is the same question; one line says what to write."""
+    path = lsfd / "inversion.yaml"
+    new = load_question(lsfd, load_scene(lsfd / "scene.yaml"))
+    assert new.parameters[0].property == "residual_strength_kpa" and not capsys.readouterr().err
+    path.write_text(path.read_text().replace("residual_strength_kpa", "cohesion_kpa"))
+    for _ in range(2):  # read again, it is not said again
+        assert load_question(lsfd, load_scene(lsfd / "scene.yaml")) == new
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == (
+        f"{path}: {new.parameters[0].name}: write property: residual_strength_kpa, not "
+        "cohesion_kpa: the zones are liquefied"
+    )
+
+
+def test_the_cohesion_of_a_zone_with_friction_is_one(lsfd):
+    """It has no ratio to the overburden, and no label of a residual strength."""
+    path, scene = lsfd / "inversion.yaml", load_scene(lsfd / "scene.yaml")
+    firm = next(zone for zone in scene.zones if not scene.materials[zone.material].liquefied)
+    parameter = {"name": "c", "zones": [firm.name], "property": "cohesion_kpa"}
+    path.write_text(
+        yaml.safe_dump({"parameters": [{**parameter, "start": 5.0, "low": 1.0, "high": 9.0}]})
+    )
+    (spec,) = load_question(lsfd, scene).parameters
+    assert spec.property == "cohesion_kpa" and spec.words == f"c of zone {firm.name}"
+    twice = [{**parameter, "name": name, "property": key, "start": 5.0, "low": 1.0, "high": 9.0}
+             for name, key in (("c", "cohesion_kpa"), ("s", "residual_strength_kpa"))]  # fmt: skip
+    path.write_text(yaml.safe_dump({"parameters": twice}))
+    with pytest.raises(InputError, match="is sought by 'c' and by 's'"):
+        load_question(lsfd, scene)

@@ -27,7 +27,8 @@ TOO_FAR = 3.0
 SETTINGS = ["inversion.starts=2", "inversion.noise_seeds=2", "inversion.step_seeds=0"]
 QUESTION = """
 parameters:
-  - {name: residual_strength_1, zones: ["1"], property: cohesion_kpa, start: 30, low: 5, high: 90}
+  - {name: residual_strength_1, zones: ["1"], property: residual_strength_kpa,
+     start: 30, low: 5, high: 90}
 fit: [upstream toe]
 loss: runout
 spacing_m: 4.5

@@ -21,6 +21,7 @@ from benchmarks.hidden_effects.making.surveys import PROFILE_FILE
 from benchmarks.hidden_effects.making.truth import Made, Maker
 from benchmarks.hidden_effects.scoring.records import read_reach, read_sealed, read_truth
 from geometry.scenes.scene import save_scene
+from inversion.problem.question import material_key
 from inversion.problem.scene_changes import with_properties
 from pipeline.cli import InputError
 from pipeline.files import write_json, write_text, yaml_text
@@ -153,7 +154,7 @@ def write_case(
     """Write what a diagnosis sees: section, survey and question, with first guesses put in."""
     folder = places.case(planned.name)
     guesses = [
-        (zone, spec.property, spec.start)
+        (zone, material_key(spec.property), spec.start)
         for spec in section.question.parameters
         for zone in spec.zones
     ]
