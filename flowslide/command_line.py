@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -279,15 +278,13 @@ def _parser_of(*args: Any, entry: Command | Group, **keywords: Any) -> CommandPa
 def _run(parser: CommandParser, argv: Sequence[str] | None) -> int:
     arguments = parser.parse_args(argv)
     options.check(arguments)
-    with ExitStack() as known:
-        if getattr(arguments, "effect_files", None):
-            from mpm_taichi.effects import given_effects
+    effects = getattr(arguments, "effect_files", ())
+    measurements = getattr(arguments, "measurement_files", ())
+    if not (effects or measurements):
+        return arguments.handler(arguments) or 0
+    from flowslide.api import own_code
 
-            known.enter_context(given_effects(arguments.effect_files))
-        if getattr(arguments, "measurement_files", None):
-            from geometry.survey.registry import given_measurements
-
-            known.enter_context(given_measurements(arguments.measurement_files))
+    with own_code(effects, measurements):
         return arguments.handler(arguments) or 0
 
 

@@ -16,7 +16,7 @@ import math
 import os
 import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,6 @@ from typing import Any
 import yaml
 
 from pipeline.cli import InputError, WorkFailed
-from pipeline.text_files import read_text
 
 _HASH_LENGTH = 16
 _MOST_NESTED = 100
@@ -333,3 +332,36 @@ for _tag, _pattern, _first in (
         _side.add_implicit_resolver(
             f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _first
         )
+
+
+def read_text(path: str | os.PathLike[str], *, encoding: str = "utf-8") -> str:
+    """The text of a file.
+
+    Args:
+        path: of the file.
+        encoding: "utf-8", or "utf-8-sig" where a spreadsheet may have put a mark in front.
+
+    Raises:
+        InputError: no such file, one that cannot be read, or no text: one line.
+    """
+    try:
+        return Path(path).read_text(encoding=encoding)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a UTF-8 text file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def ready_folder(path: str | os.PathLike[str], names: Iterable[str]) -> Path:
+    """Make a folder in which files of these names can be written.
+
+    Raises:
+        InputError: it cannot be made or written, or a folder lies where a file is to be.
+    """
+    folder = make_folder(path)
+    for name in names:
+        if (folder / name).is_dir():
+            raise InputError(f"{folder / name}: is a folder; a file is to be written there")
+    return folder

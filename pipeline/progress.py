@@ -1,27 +1,130 @@
-"""Progress of long work: a bar on a terminal, plain lines in a log, nothing when told to be quiet.
+"""Progress of long work: a bar on a terminal, plain lines in a log, nothing when quiet.
 
-Everything goes to the standard error stream; results alone go to the standard output.
+Two halves that meet in one callback, `Report`. `Watch` is what work calls: it counts what is done,
+asks whether it shall stop, and reports. `Progress` is what a command shows of that; a program that
+calls `flowslide` as a library passes a function of its own instead. Everything is printed to the
+standard error stream; results alone go to the standard output.
+
+Where standard error goes into a file, as under Snakemake, the bar still appears on the terminal
+that the environment variable FLOWSLIDE_TERMINAL names as HOST:DEVICE. `rules/common.smk` sets it
+where the workflow was started from a terminal; a job on another host, as on a cluster, shows none.
 """
 
 from __future__ import annotations
 
+import fcntl
+import os
+import socket
 import sys
 import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from threading import Event
 from types import TracebackType
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as RichProgress
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
 
 LOG_INTERVAL_S = 5.0
+TERMINAL = "FLOWSLIDE_TERMINAL"
+
+Report = Callable[[int, int, str], None]
+"""Called with (pieces of work done, in all, what is being done or was found); the number in all may
+be an estimate that changes."""
+
+Cancel = Callable[[], bool] | Event
+"""Asked between simulations whether to stop."""
+
+
+class Cancelled(RuntimeError):
+    """The caller asked the work to stop. What was finished is kept and is found again."""
+
+
+class Watch:
+    """Counts runs against a plan, reports them, and stops the work where the caller asks for it.
+
+    Args:
+        report: told of every run and every line; None: nobody.
+        cancel: a function that returns True, or an event that is set, to stop the work at the next
+            run; None: never.
+    """
+
+    def __init__(self, report: Report | None = None, cancel: Cancel | None = None) -> None:
+        self._report = report
+        self._cancel = cancel
+        self._plan: dict[str, int] = {}
+        self._done, self._of = 0, -1
+        self._before = 0  # runs that were done when the present stage began
+        self._stage = ""
+
+    def plan(self, runs: Mapping[str, int]) -> None:
+        """Say which stages there will be, and about how many runs each of them takes."""
+        self._plan = {name: max(number, 0) for name, number in runs.items()}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """A stage of the plan. After it the estimate has its real number of runs."""
+        self._stage, self._before = name, self._done
+        self._tell(self._words())
+        yield
+        self._plan[name] = self._done - self._before
+
+    def run_done(self, done: int = 0, of: int = 0) -> None:
+        """A run has ended, `done` of the `of` runs of the present batch.
+
+        Raises:
+            Cancelled: the caller asks the work to stop.
+        """
+        self._done += 1
+        if self._stage:
+            expected = self._done - self._before + max(of - done, 0)
+            self._plan[self._stage] = max(self._plan.get(self._stage, 0), expected)
+        self._tell(self._words())
+
+    def frame_done(self, done: int, of: int) -> None:
+        """A frame of a rollout has been computed: nothing to count, but a moment to stop at."""
+        self._check()
+
+    def reach(self, done: int, of: int, message: str) -> None:
+        """So much of a single run is done; reported where it has changed."""
+        self._check()
+        if self._report is not None and (done, of) != (self._done, self._of):
+            self._done, self._of = done, of
+            self._report(done, of, message)
+
+    def say(self, line: str) -> None:
+        """Report a line.
+
+        Raises:
+            Cancelled: the caller asks the work to stop.
+        """
+        self._tell(line)
+
+    def _words(self) -> str:
+        if self._stage not in self._plan:
+            return self._stage or "simulating"
+        place = list(self._plan).index(self._stage) + 1
+        return f"{self._stage} ({place} of {len(self._plan)})" if len(self._plan) > 1 else (
+            self._stage
+        )  # fmt: skip
+
+    def _check(self) -> None:
+        cancel = self._cancel
+        if cancel is not None and (cancel.is_set() if isinstance(cancel, Event) else cancel()):
+            raise Cancelled("cancelled; what was finished is kept")
+
+    def _tell(self, message: str) -> None:
+        self._check()
+        if self._report is not None:
+            self._report(self._done, max(sum(self._plan.values()), self._done), message)
 
 
 class Progress:
-    """Counts finished pieces of work; use it as a context manager.
+    """Shows finished pieces of work; use it as a context manager.
 
     Args:
-        total: pieces of work in all.
+        total: pieces of work in all; 0: not known yet.
         label: what they are, for instance "simulating large, batch 7".
         quiet: print nothing.
         stream: where to print; None: the standard error stream.
@@ -43,28 +146,52 @@ class Progress:
         self._stream = stream if stream is not None else sys.stderr
         self._quiet = quiet
         self._log_interval_s = log_interval_s
-        self._started = time.monotonic()
-        self._last_line = self._started
+        self._started = self._last_line = time.monotonic()
+        self._message = ""
+        self._terminal: TextIO | None = None
         self._bar: RichProgress | None = None
         self._task = None
 
     def __enter__(self) -> Progress:
         self._started = self._last_line = time.monotonic()
-        if not self._quiet and self._stream.isatty():
-            self._bar = _rich_bar(self._stream)
-            self._task = self._bar.add_task(self.label, total=self.total, note="")
+        if self._quiet:
+            return self
+        on_terminal = self._stream.isatty()
+        if not on_terminal:
+            self._terminal = _other_terminal()
+        if on_terminal or self._terminal is not None:
+            self._bar = _rich_bar(self._terminal or self._stream)
+            self._task = self._bar.add_task(self.label, total=self.total or None, note="")
             self._bar.start()
         return self
 
     def advance(self, count: int = 1, note: str = "") -> None:
-        """Record `count` more finished pieces; `note` is a few words beside the bar."""
+        """Record `count` more finished pieces; `note` is a few words next to the bar."""
         self.done += count
         if self._bar is not None:
-            self._bar.update(self._task, advance=count, note=note)
-            return
+            self._bar.update(self._task, completed=self.done, note=note)
         now = time.monotonic()
         if self.done >= self.total or now - self._last_line >= self._log_interval_s:
             self._write_line(now, note)
+
+    def report(self, done: int, total: int, message: str) -> None:
+        """Show a `Report`: a bar; in a log every new message, and a line at times."""
+        new, self._message = message != self._message, message
+        self.done, self.total = done, total
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done, total=total or None, note=message)
+        if self._quiet:
+            return
+        now = time.monotonic()
+        if new:
+            self._print(message)
+        elif now - self._last_line >= self._log_interval_s:
+            self._write_line(now, message)
+
+    def say(self, line: str) -> None:
+        """Print a line, in a log or above the bar."""
+        if not self._quiet:
+            self._print(line)
 
     def __exit__(
         self,
@@ -74,12 +201,21 @@ class Progress:
     ) -> None:
         if self._bar is not None:
             self._bar.stop()
-        elif kind is not None and self.done < self.total:
+        if kind is not None and self.done < self.total:
             self._write_line(time.monotonic(), "stopped")
+        if self._terminal is not None:
+            self._terminal.close()
+
+    def _print(self, line: str) -> None:
+        if self._bar is not None and self._terminal is None:
+            self._bar.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        else:
+            print(line, file=self._stream, flush=True)
 
     def _write_line(self, now: float, note: str) -> None:
+        """A line of a log; a terminal has the bar."""
         self._last_line = now
-        if self._quiet:
+        if self._quiet or (self._bar is not None and self._terminal is None):
             return
         elapsed = now - self._started
         line = f"{self.label}: {self.done}/{self.total}, {elapsed:.0f} s"
@@ -90,12 +226,49 @@ class Progress:
         print(line, file=self._stream, flush=True)
 
 
+def _other_terminal() -> TextIO | None:
+    """The terminal that FLOWSLIDE_TERMINAL names; None: there is none, or another job has it.
+
+    Of several jobs at a time the first one to ask has the terminal: two bars would overwrite each
+    other.
+    """
+    host, _, name = os.environ.get(TERMINAL, "").partition(":")
+    if not name or host != socket.gethostname():
+        return None
+    try:
+        terminal = open(os.open(name, os.O_WRONLY | os.O_NOCTTY), "w", encoding="utf-8")
+    except OSError:
+        return None
+    try:
+        if terminal.isatty():
+            fcntl.flock(terminal, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return terminal
+    except OSError:
+        pass
+    terminal.close()
+    return None
+
+
 def _rich_bar(stream: TextIO) -> RichProgress:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.progress import Progress as RichProgress
+
     return RichProgress(
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=24),
         MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
         TimeRemainingColumn(),
         TextColumn("{task.fields[note]}"),
-        console=Console(file=stream),
+        console=Console(file=stream, force_terminal=True),
+        redirect_stdout=False,  # results go to standard output, wherever that is
+        redirect_stderr=False,
     )

@@ -8,6 +8,7 @@
 
 import ast
 import os
+import socket
 import sys
 from pathlib import Path
 
@@ -17,6 +18,14 @@ from pipeline.cli import InputError
 from pipeline.config import Config, validate_settings
 from pipeline.files import content_hash, read_json, read_yaml, write_text, yaml_text
 from snakemake.exceptions import WorkflowError
+
+# Bars of the programs appear on the terminal from which the workflow was started, although the rules
+# send their standard error into files (pipeline.progress).
+if sys.stderr.isatty():
+    try:
+        os.environ.setdefault("FLOWSLIDE_TERMINAL", f"{socket.gethostname()}:{os.ttyname(2)}")
+    except OSError:
+        pass
 
 # `python` in a shell command is the Python that runs Snakemake.
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from flowslide.commands import options
-from pipeline.cli import InputError, add_common
+from pipeline.cli import add_common
 
-FILE_NAME, PICTURE = "prediction.json", "prediction.png"
 OPTION, KINDS = "--residual-strength", ("lognormal", "normal")
 
 
@@ -44,56 +42,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_common(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Predict, write, print."""
-    from geometry.case import load_case
-    from inversion.engines.mpm_engine import MPMEngine
-    from inversion.engines.run_store import RunStore
-    from inversion.prediction.known_strength import parse_strength, placed
-    from inversion.prediction.predict import envelope, predict
-    from inversion.prediction.prediction_case import prediction_case
-    from inversion.prediction.prediction_document import document_of, summary
-    from pipeline.batch_bar import BatchBar
+    from flowslide import api
+    from inversion.prediction.prediction_document import summary
     from pipeline.config import load_config
-    from pipeline.files import write_json
-    from report.charts.prediction import save_prediction_picture
+    from pipeline.progress import Progress
 
-    _check(arguments)
-    config = load_config(arguments.config, arguments.overrides)
-    read = [parse_strength(text, arguments.distribution) for text in arguments.strengths]
-    case = prediction_case(load_case(arguments.case, config), spacing_m=arguments.spacing)
-    if arguments.zones is not None and read[0].zones:
-        raise InputError(f"--zones: {OPTION} names its zones already")
-    given = [name.strip() for name in (arguments.zones or "").split(",") if name.strip()]
-    strengths = placed(read, given or case.default_zones, case.scene)
-    folder = Path(arguments.out or Path(config.results_folder) / case.name / "prediction")
-    store = RunStore(
-        folder / "runs",
-        device=arguments.device,
-        threads=arguments.threads,
-        on_run=BatchBar(quiet=arguments.quiet),
-    )
-    found = predict(
-        MPMEngine(case.setup(strengths), store),
-        strengths,
-        jittered=[
-            MPMEngine(case.setup(strengths, jitter_seed=seed), store)
-            for seed in range(1, arguments.seeds + 1)
-        ],
-        samples=arguments.samples,
-    )
-    sections = envelope(found, spacing=case.scene.spacing, ground=case.ground)
-    document = document_of(case, strengths, found, sections)
-    write_json(folder / FILE_NAME, document)
-    save_prediction_picture(case.scene, document, folder / PICTURE)
+    settings = load_config(arguments.config, arguments.overrides)
+    case = api.load_case(arguments.case, settings=settings)
+    folder = Path(arguments.out or Path(settings.results_folder) / case.name / "prediction")
+    with Progress(0, f"prediction of {case.title}", quiet=arguments.quiet) as bar:
+        document = api.predict(
+            case,
+            arguments.strengths,
+            out=folder,
+            zones=[zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()],
+            distribution=arguments.distribution,
+            samples=arguments.samples,
+            seeds=arguments.seeds,
+            spacing_m=arguments.spacing,
+            device=arguments.device,
+            threads=arguments.threads,
+            progress=bar.report,
+        )
+        bar.say(f"wrote {folder}")
     print(summary(document))
-    if not arguments.quiet:
-        print(f"wrote {folder}", file=sys.stderr)
-    return 0
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    for name, least in (("samples", 100), ("seeds", 0)):
-        value = getattr(arguments, name)
-        if value is not None and value < least:
-            raise InputError(f"--{name} {value}: at least {least}")

@@ -4,17 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flowslide.commands import options
 from pipeline.cli import add_common
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from geometry.case import Case
-    from mpm_taichi.comparison import Reading
-    from mpm_taichi.trajectory import Run
 
 FILMS = ("mp4", "gif", "none")
 DESCRIPTION = (
@@ -47,50 +39,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Simulate, write, print."""
-    from geometry.case import load_case
+    from flowslide import api
     from mpm_taichi import comparison
     from pipeline.config import load_config
-    from pipeline.out_folder import ready_folder
     from pipeline.progress import Progress
-    from report.pictures.video import check_video
 
-    config = load_config(arguments.config, arguments.overrides)
-    case = load_case(arguments.case, config).with_set(arguments.set_of_measurements)
-    case = case.resolved(spacing_m=arguments.spacing)
-    case = case.changed(water=not arguments.no_water, strengths=dict(arguments.strength))
-    out = Path(arguments.out or Path(config.results_folder) / case.name / "simulation")
-    film = None if arguments.film == "none" else out / f"runout.{arguments.film}"
-    if film is not None:
-        check_video(film)
-    files = ["runout.png", "observables.csv"]
-    ready_folder(out, files if film is None else [*files, film.name])
-    seconds = max(round(case.simulation.duration_s), 1)
-    with Progress(
-        seconds, f"simulating {case.title}, s of motion", quiet=arguments.quiet
-    ) as progress:
-        run = comparison.simulate_case(
+    settings = load_config(arguments.config, arguments.overrides)
+    case = api.load_case(arguments.case, settings=settings)
+    out = Path(arguments.out or Path(settings.results_folder) / case.name / "simulation")
+    with Progress(0, case.title, quiet=arguments.quiet) as bar:
+        done = api.simulate(
             case,
+            out=out,
+            film=arguments.film,
+            strengths_kpa=dict(arguments.strength),
+            water=not arguments.no_water,
+            spacing_m=arguments.spacing,
+            measurement_set=arguments.set_of_measurements,
             device=arguments.device,
             threads=arguments.threads,
-            on_time=lambda time: progress.advance(max(min(int(time), seconds) - progress.done, 0)),
+            progress=bar.report,
         )
-        progress.advance(seconds - progress.done, note=f"ended at {run.time[-1]:.1f} s")
-    readings = comparison.read_deposit(case, run)
-    _write(case, run, readings, out, film)
-    print(comparison.heading(case, run), comparison.table(case, readings), sep="\n\n")
-    print(comparison.energy_line(run))
+        bar.report(bar.total, bar.total, f"ended at {done.run.time[-1]:.1f} s")
+    print(
+        comparison.heading(done.case, done.run),
+        comparison.table(done.case, done.readings),
+        sep="\n\n",
+    )
+    print(comparison.energy_line(done.run))
     print(f"Picture: {out / 'runout.png'}; numbers: {out / 'observables.csv'}", end="")
-    print(f"; film: {film}" if film else "")
-
-
-def _write(case: Case, run: Run, readings: Sequence[Reading], out: Path, film: Path | None) -> None:
-    from mpm_taichi.comparison import write_observables
-    from report.pictures.case_history import save_case_film, save_case_picture
-
-    save_case_picture(case, run, readings, out / "runout.png")
-    if film is not None:
-        save_case_film(case, run, film)
-    write_observables(out / "observables.csv", readings)
+    print("" if arguments.film == "none" else f"; film: {out / 'runout'}.{arguments.film}")
 
 
 def _strength(text: str) -> tuple[str, float]:

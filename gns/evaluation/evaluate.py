@@ -21,8 +21,7 @@ from gns.evaluation.metrics import Score, one_step_error, score
 from gns.network.simulator import Simulator
 from gns.rollout.rollout import Rollout, rollout
 from pipeline.cli import InputError
-from pipeline.files import atomic_path
-from pipeline.text_files import read_text
+from pipeline.files import atomic_path, read_text
 
 ONE_STEP_STRIDE = 7
 """Single steps are judged from every so many frames."""

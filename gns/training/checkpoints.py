@@ -19,8 +19,7 @@ import torch
 
 from gns.network.simulator import FORMAT_VERSION, Simulator, read_document
 from pipeline.cli import InputError
-from pipeline.files import atomic_path, make_folder, only_one, write_text
-from pipeline.text_files import read_text
+from pipeline.files import atomic_path, make_folder, only_one, read_text, write_text
 
 MODEL_FILE = "model.pt"
 METRICS_FILE = "metrics.jsonl"

@@ -7,7 +7,6 @@ killed back-analysis goes through the finished stages again in seconds.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -45,6 +44,7 @@ from inversion.problem.forward import Forward
 from inversion.problem.question import Sensitivity
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest
+from pipeline.progress import Watch
 
 
 @dataclass
@@ -55,11 +55,13 @@ class BackAnalysis:
         case: the case.
         store: where runs of the material point method are kept.
         say: told in a line what is happening.
+        watch: told of the stages.
     """
 
     case: InversionCase
     store: RunStore
-    say: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True)
+    say: Callable[[str], None] = lambda line: None
+    watch: Watch = field(default_factory=Watch)
     found: Found | None = None
     spread: Posterior | None = None
     stops: list[Stop] = field(default_factory=list)
@@ -95,10 +97,25 @@ class BackAnalysis:
             stages.append(("variants", self.solve_variants))
         if settings.sensitivities:
             stages.append(("sensitivities", self.solve_sensitivities))
+        self.watch.plan({name: self._expected_runs(name) for name, _ in stages})
         for name, stage in stages:
-            with self._timed(name):
+            with self._timed(name), self.watch.stage(name):
                 stage()
         return self.result()
+
+    def _expected_runs(self, stage: str) -> int:
+        """About how many simulations a stage takes, for the progress alone."""
+        settings, question = self.case.config.inversion, self.case.question
+        look = 1 + len(self.case.parameters.names)
+        changes = len(question.sensitivities)
+        return {
+            "answer": settings.step_seeds + 5 * look,
+            "starts": (settings.starts - 1) * 4 * look,
+            "equally good": 4 * look if look > 2 else 0,
+            "seeds": 2 * settings.noise_seeds,
+            "variants": 3 * look * len(question.variants),
+            "sensitivities": 4 * changes,
+        }.get(stage, 2 * look)
 
     # --- what an engine decides ---
 

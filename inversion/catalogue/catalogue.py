@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.cli import InputError
-from pipeline.files import read_json
+from pipeline.files import read_json, read_text
 from pipeline.places import CASES, shipped
-from pipeline.text_files import read_text
 
 FOLDER = shipped(CASES)
 CATALOGUE_FILE, STRENGTHS_FILE = "catalogue.csv", "catalogue_strengths.csv"

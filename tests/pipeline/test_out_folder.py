@@ -3,7 +3,7 @@
 import pytest
 
 from pipeline.cli import InputError
-from pipeline.out_folder import ready_folder
+from pipeline.files import ready_folder
 
 
 def test_it_is_made_with_those_above_it(tmp_path):

@@ -3,7 +3,7 @@
 import pytest
 
 from pipeline.cli import InputError
-from pipeline.text_files import read_text
+from pipeline.files import read_text
 
 
 def test_text_is_read_whole(tmp_path):

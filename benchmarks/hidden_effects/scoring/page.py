@@ -14,8 +14,7 @@ from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, STRENGTH_FACT
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
 from pipeline.cli import InputError
-from pipeline.files import write_text
-from pipeline.text_files import read_text
+from pipeline.files import read_text, write_text
 
 SCORE, SPARSE = "score", "sparse"
 """Names of the generated parts; the markers of one are `<!-- score: begin -->` and `end`."""

@@ -26,8 +26,8 @@ def run(arguments: argparse.Namespace) -> None:
     from diagnosis.answers import compared
     from report.diagnosis import terminal
 
-    session = session_of(arguments)
-    document = compared(session)
+    with session_of(arguments, "comparison") as session:
+        document = compared(session)
     parts = [
         document.sentence,
         terminal.parameters(document.parameters, [("fitted", document.base)]),

@@ -30,8 +30,9 @@ def run(arguments: argparse.Namespace) -> None:
     """Diagnose, write, print."""
     from diagnosis.answers import diagnosed
 
-    session = session_of(arguments)
-    print(f"{_text_of(diagnosed(session))}\n\n{session.runs_line()}")
+    with session_of(arguments, "diagnosis") as session:
+        verdict = diagnosed(session)
+    print(f"{_text_of(verdict)}\n\n{session.runs_line()}")
     session.write_timing("run")
     write_page(arguments, session, "write_report")
 

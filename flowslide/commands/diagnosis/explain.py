@@ -30,8 +30,8 @@ def run(arguments: argparse.Namespace) -> None:
     from diagnosis.answers import explained
     from report.diagnosis import terminal
 
-    session = session_of(arguments)
-    document = explained(session)
+    with session_of(arguments, "explanation") as session:
+        document = explained(session)
     parts = [
         document.sentence,
         terminal.candidates(document.candidates),

@@ -30,8 +30,8 @@ def run(arguments: argparse.Namespace) -> None:
     from diagnosis.verdict.stages import effect_answers, measurement_lines
     from report.diagnosis import terminal
 
-    session = session_of(arguments)
-    done = extended(session, arguments.add, arguments.notes)
+    with session_of(arguments, "extension") as session:
+        done = extended(session, arguments.add, arguments.notes)
     found, data = done.found, done.comparison.base.data
     words = {c.name: (c.unit, c.words) for c in done.asked.model.candidates}
     for answer in effect_answers(data, found.after.fit, words):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,26 +34,29 @@ def add_session_options(parser: argparse.ArgumentParser) -> None:
     add_common(parser)
 
 
-def session_of(arguments: argparse.Namespace) -> Session:
-    """The session that the options ask for."""
+@contextmanager
+def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
+    """The session that the options ask for, with a bar for the length of the `with` block."""
     from diagnosis.session import open_session
     from geometry.case import load_case
-    from pipeline.batch_lines import BatchLines
     from pipeline.config import load_config
+    from pipeline.progress import Progress, Watch
 
-    def say(line: str) -> None:
-        if not arguments.quiet:
-            print(line, file=sys.stderr, flush=True)
-
-    return open_session(
-        load_case(arguments.case, load_config(arguments.config, arguments.overrides)),
-        out=arguments.out,
-        hypothesis=arguments.model,
-        spacing_m=arguments.spacing,
-        threads=arguments.threads,
-        say=say,
-        on_run=BatchLines(quiet=arguments.quiet),
-    )
+    config = load_config(arguments.config, arguments.overrides)
+    case = load_case(arguments.case, config)
+    with Progress(0, f"{what} of {case.title}", quiet=arguments.quiet) as bar:
+        watch = Watch(bar.report)
+        watch.plan({what: config.diagnosis.max_runs})
+        session = open_session(
+            case,
+            out=arguments.out,
+            hypothesis=arguments.model,
+            spacing_m=arguments.spacing,
+            threads=arguments.threads,
+            say=bar.say,
+            on_run=watch.run_done,
+        )
+        yield session
 
 
 def write_page(arguments: argparse.Namespace, session: Session, composer: str) -> None:

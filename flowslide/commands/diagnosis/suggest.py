@@ -29,8 +29,8 @@ def run(arguments: argparse.Namespace) -> None:
     from report.diagnosis import terminal
 
     at_least_one("--n", arguments.n)
-    session = session_of(arguments)
-    found = find(session.model, session.options, session.say, count=arguments.n)
+    with session_of(arguments, "suggestion") as session:
+        found = find(session.model, session.options, session.say, count=arguments.n)
     lines = next_part(found.next_measurement)
     print(f"{sentence(found)}\n")
     print(terminal.next_measurements(lines) if lines else "Nothing can be suggested here.")

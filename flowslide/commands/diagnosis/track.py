@@ -28,8 +28,8 @@ def run(arguments: argparse.Namespace) -> None:
     from diagnosis.verdict.kept_steps import kept_step
     from report.diagnosis import terminal
 
-    session = session_of(arguments)
-    track = tracked(session)
+    with session_of(arguments, "track") as session:
+        track = tracked(session)
     print(terminal.steps(track.steps, track.notes))
     for name in model_files(session.folder):
         if not kept_step(session.folder, name):

@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     from geometry.scenes.scene import load_scene, scene_from_mapping
     from gns.data.scene_facts import start_of
     from pipeline.config import load_config
-    from pipeline.out_folder import ready_folder
+    from pipeline.files import ready_folder
     from pipeline.progress import Progress
 
     config = load_config(arguments.config, arguments.overrides)

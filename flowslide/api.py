@@ -1,0 +1,500 @@
+"""What a notebook, a web page and the command line call: a case in, answers out.
+
+    import flowslide
+
+    case = flowslide.load_case("lower_san_fernando")
+    result = flowslide.back_analyse(case, spacing_m=3.0, quick=True)
+    print(result.answer.parameters[0].value)
+
+In: case folders, names of shipped cases, settings. Out: the same objects that the commands write as
+documents. Nothing is printed here. The functions share these arguments:
+
+`case`: what `load_case` returns; or a folder, or the name of a case that ships with the program.
+`settings`: of all stages (`flowslide.load_settings`); None: those that the case was loaded with, or
+    the defaults.
+`spacing_m`: distance between material points [m]; None: the case's own.
+`device`, `threads`: "cpu" or "cuda"; CPU threads, None: all.
+`out`: folder of the results, made where it is missing. Finished simulations are kept there, so that
+    a call that was stopped continues where it was. None: nothing is kept.
+`effect_files`, `measurement_files`: Python files with effects and measurement types of your own.
+    They are executed, and known for the length of the call only.
+`progress`: called as `progress(done, total, message)` after every simulation and at every stage;
+    `total` is an estimate where the number of simulations is not known beforehand.
+`cancel`: a function that returns True, or a `threading.Event` that is set, to stop. It is asked
+    between simulations and raises `Cancelled`.
+
+Bad input raises `InputError`, work that cannot be done `WorkFailed`: one line for a person.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Literal
+
+from pipeline.cli import InputError, WorkFailed
+from pipeline.config import Config
+from pipeline.config import load_config as load_settings
+from pipeline.progress import Cancel, Cancelled, Report, Watch
+
+if TYPE_CHECKING:
+    from diagnosis.verdict.verdict import Verdict
+    from geometry.case import Case
+    from inversion.back_analysis.back_analysis import BackAnalysis
+    from inversion.back_analysis.case import InversionCase
+    from inversion.back_analysis.result import Result
+    from inversion.engines.run_store import RunStore
+    from inversion.prediction.known_strength import KnownStrength
+    from mpm_taichi.comparison import Reading
+    from mpm_taichi.trajectory import Run
+
+__all__ = [
+    "Cancelled",
+    "InputError",
+    "Simulation",
+    "WorkFailed",
+    "back_analyse",
+    "diagnose",
+    "load_case",
+    "load_settings",
+    "predict",
+    "simulate",
+    "write_report",
+]
+
+PREDICTION, PREDICTION_PICTURE = "prediction.json", "prediction.png"
+Files = Sequence[str | os.PathLike[str]]
+
+
+def load_case(
+    case: str | os.PathLike[str] | Case,
+    *,
+    settings: Config | None = None,
+    measurement_set: str | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+) -> Case:
+    """Read and check a case: its section and what was measured on it.
+
+    Args:
+        case: folder with `scene.yaml`, and `measurements.yaml` where something was measured; or the
+            name of a case that ships with the program.
+        settings: of all stages; None: the defaults.
+        measurement_set: name of a set in `measurements.yaml`; None: the one that the file names.
+        effect_files: see above.
+        measurement_files: see above.
+
+    Raises:
+        InputError: file, field, value and what is allowed.
+    """
+    from geometry import case as cases
+
+    with own_code(effect_files, measurement_files):
+        if not isinstance(case, cases.Case):
+            case = cases.load_case(os.fspath(case), settings)
+        elif settings is not None:
+            case = replace(case, config=settings, simulation=settings.simulation)
+        return case if measurement_set is None else case.with_set(measurement_set)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated case history.
+
+    Attributes:
+        case: section and measurements.
+        run: the trajectory: `positions` (T, N, 2) [m], `time` (T,) [s] of N material points.
+        readings: every measurement, as simulated and as measured.
+    """
+
+    case: Case
+    run: Run
+    readings: list[Reading]
+
+
+def simulate(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    film: Literal["mp4", "gif", "none"] = "none",
+    strengths_kpa: Mapping[str, float] | None = None,
+    water: bool = True,
+    spacing_m: float | None = None,
+    measurement_set: str | None = None,
+    settings: Config | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> Simulation:
+    """Simulate the section of a case by the material point method, and read what was measured.
+
+    Args:
+        case: with a section and measurements.
+        out: folder of `runout.png`, `observables.csv` and the film; None: nothing is written.
+        film: what kind of film is written to `out`.
+        strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
+        water: False takes the reservoir and the groundwater away.
+        spacing_m: see above.
+        measurement_set: name of a set; None: the default one.
+        settings: see above.
+        device: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: told of the seconds of motion simulated.
+        cancel: asked every few time steps.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: the solver stopped the run.
+        Cancelled: the caller asked for it.
+    """
+    from mpm_taichi.comparison import read_deposit, simulate_case
+
+    watch = Watch(progress, cancel)
+    with own_code(effect_files, measurement_files):
+        case = load_case(case, settings=settings, measurement_set=measurement_set)
+        case = case.with_set(None).resolved(spacing_m=spacing_m)
+        case = case.changed(water=water, strengths=strengths_kpa)
+        if out is not None:
+            _ready(Path(out), film)
+        seconds = max(round(case.simulation.duration_s), 1)
+        words = f"simulating {case.title}, s of motion"
+        run = simulate_case(
+            case,
+            device=device,
+            threads=threads,
+            on_time=lambda time: watch.reach(min(int(time), seconds), seconds, words),
+        )
+        watch.reach(seconds, seconds, words)
+        done = Simulation(case, run, read_deposit(case, run))
+        if out is not None:
+            _write_simulation(done, Path(out), film)
+        return done
+
+
+def _ready(out: Path, film: str) -> None:
+    """Find out before the simulation whether everything can be written."""
+    from pipeline.files import ready_folder
+    from report.pictures.video import check_video
+
+    files = ["runout.png", "observables.csv"]
+    if film != "none":
+        check_video(out / f"runout.{film}")
+        files.append(f"runout.{film}")
+    ready_folder(out, files)
+
+
+def _write_simulation(done: Simulation, out: Path, film: str) -> None:
+    from mpm_taichi.comparison import write_observables
+    from report.pictures.case_history import save_case_film, save_case_picture
+
+    save_case_picture(done.case, done.run, done.readings, out / "runout.png")
+    if film != "none":
+        save_case_film(done.case, done.run, out / f"runout.{film}")
+    write_observables(out / "observables.csv", done.readings)
+
+
+def back_analyse(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    engine: Literal["mpm", "gns"] | None = None,
+    model: str | os.PathLike[str] | None = None,
+    method: Literal["gauss_newton", "lbfgsb"] | None = None,
+    quick: bool = False,
+    spacing_m: float | None = None,
+    measurement_set: str | None = None,
+    use_constructed: bool = False,
+    settings: Config | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> Result:
+    """Find the strengths that the question of a case asks for, and how certain they are.
+
+    Args:
+        case: with a section, measurements and a question (`inversion.yaml`).
+        out: see above; `result.json`, `history.csv`, `sections.npz` and `run.h5` are written there.
+        engine: "mpm", the material point method, or "gns", a learned simulator; None: the
+            question's, else the settings'.
+        model: of the engine "gns": a folder, or the name of a model that ships.
+        method: of the search; None: the settings'.
+        quick: the answer alone: one start, no variants, no seeds, no sensitivities.
+        spacing_m: see above.
+        measurement_set: name of a set; None: the default one.
+        use_constructed: let constructed data enter the fit.
+        settings: see above.
+        device: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: see above.
+        cancel: see above.
+
+    Returns:
+        what `result.json` holds; strengths in kPa, lengths in m.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: no simulation of the case can be read.
+        Cancelled: the caller asked for it.
+    """
+    from inversion.back_analysis.case import inversion_case
+    from inversion.back_analysis.result_files import save_all
+    from inversion.engines.registry import chosen_engine
+    from inversion.engines.run_store import RunStore
+
+    watch = Watch(progress, cancel)
+    with own_code(effect_files, measurement_files), _folder(out) as folder:
+        asked = inversion_case(
+            _with_choices(load_case(case, settings=settings), method, quick),
+            measurement_set=measurement_set,
+            spacing_m=spacing_m,
+            use_constructed=use_constructed,
+        )
+        choice = chosen_engine(asked, engine, None if model is None else os.fspath(model))
+        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        if choice.name == "mpm":
+            from inversion.back_analysis.back_analysis import BackAnalysis
+
+            analysis = BackAnalysis(asked, store, watch.say, watch)
+        else:
+            analysis = _with_learned_simulator(asked, store, watch, choice.model, folder)
+        return save_all(analysis, analysis.run(), folder)
+
+
+def _with_choices(case: Case, method: str | None, quick: bool) -> Case:
+    """The case with the settings of a back-analysis that arguments replace."""
+    changes: dict[str, Any] = {} if method is None else {"method": method}
+    if quick:
+        changes |= {"starts": 1, "noise_seeds": 0, "variants": False, "sensitivities": False}
+    chosen = case.config.inversion.model_copy(update=changes)
+    return replace(case, config=case.config.model_copy(update={"inversion": chosen}))
+
+
+def _with_learned_simulator(
+    case: InversionCase, store: RunStore, watch: Watch, model: Path, folder: Path
+) -> BackAnalysis:
+    from inversion.back_analysis.with_learned_simulator import SurrogateAnalysis
+    from inversion.engines.gns_engine import prepare
+    from inversion.engines.rollout_store import RolloutStore
+    from inversion.engines.trained_model import load_model
+
+    prepare(store.device, store.threads)
+    return SurrogateAnalysis(
+        case,
+        store,
+        watch.say,
+        watch,
+        model=load_model(model, store.device),
+        rollouts=RolloutStore(folder / "rollouts"),
+        on_frame=watch.frame_done,
+    )
+
+
+def predict(
+    case: str | os.PathLike[str] | Case,
+    strengths: Sequence[str | KnownStrength],
+    *,
+    out: str | os.PathLike[str] | None = None,
+    zones: Sequence[str] = (),
+    distribution: Literal["lognormal", "normal"] = "lognormal",
+    samples: int = 20_000,
+    seeds: int = 3,
+    spacing_m: float | None = None,
+    settings: Config | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> dict[str, Any]:
+    """The distribution of the runout that follows from that of the residual strength.
+
+    Args:
+        case: with a section, at least.
+        strengths: mean and standard deviation [kPa] such as "18+-5", of some zones "1,6=4+-1".
+        out: see above; `prediction.json` is written there.
+        zones: of a single strength; empty: those whose strength `inversion.yaml` seeks, else the
+            liquefied ones.
+        distribution: of strengths that are given as text.
+        samples: drawn from the strengths, at least 100.
+        seeds: jitter seeds that measure the numerical noise; 0: none.
+        spacing_m: see above.
+        settings: see above.
+        device: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: see above.
+        cancel: see above.
+
+    Returns:
+        what `prediction.json` holds (docs/files.md).
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: the simulations fail.
+        Cancelled: the caller asked for it.
+    """
+    from inversion.engines.mpm_engine import MPMEngine
+    from inversion.engines.run_store import RunStore
+    from inversion.prediction import predict as prediction
+    from inversion.prediction.known_strength import OPTION, parse_strength, placed
+    from inversion.prediction.prediction_case import prediction_case
+    from inversion.prediction.prediction_document import document_of
+    from pipeline.files import write_json
+    from report.charts.prediction import save_prediction_picture
+
+    for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
+        if value < least:
+            raise InputError(f"--{name} {value}: at least {least}")
+    watch = Watch(progress, cancel)
+    with own_code(effect_files, measurement_files), _folder(out) as folder:
+        read = [
+            parse_strength(one, distribution) if isinstance(one, str) else one for one in strengths
+        ]
+        if zones and read[0].zones:
+            raise InputError(f"--zones: {OPTION} names its zones already")
+        section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
+        known = placed(read, list(zones) or section.default_zones, section.scene)
+        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        watch.plan({"simulating": (1 + seeds) * 7})
+        with watch.stage("simulating"):
+            found = prediction.predict(
+                MPMEngine(section.setup(known), store),
+                known,
+                jittered=[
+                    MPMEngine(section.setup(known, jitter_seed=seed), store)
+                    for seed in range(1, seeds + 1)
+                ],
+                samples=samples,
+            )
+        sections = prediction.envelope(found, spacing=section.scene.spacing, ground=section.ground)
+        document = document_of(section, known, found, sections)
+        write_json(folder / PREDICTION, document)
+        save_prediction_picture(section.scene, document, folder / PREDICTION_PICTURE)
+        return document
+
+
+def diagnose(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    hypothesis: str | None = None,
+    spacing_m: float | None = None,
+    settings: Config | None = None,
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> Verdict:
+    """Say whether the model of a case explains its measurements, and which effect it lacks if not.
+
+    Args:
+        case: with a section, measurements and a question.
+        out: see above; `verdict.json`, `sections.npz` and the hypotheses are written there.
+        hypothesis: to go on from: a file, or its name in `out`; None: the base model.
+        spacing_m: see above.
+        settings: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: told of runs; the number in all is the budget, which is rarely used up.
+        cancel: see above.
+
+    Returns:
+        what `verdict.json` holds.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: no run of the base model could be read.
+        Cancelled: the caller asked for it.
+    """
+    from diagnosis.answers import diagnosed
+    from diagnosis.session import open_session
+
+    watch = Watch(progress, cancel)
+    with own_code(effect_files, measurement_files), _folder(out) as folder:
+        case = load_case(case, settings=settings)
+        watch.plan({"diagnosis": case.config.diagnosis.max_runs})
+        session = open_session(
+            case,
+            out=folder,
+            hypothesis=hypothesis,
+            spacing_m=spacing_m,
+            threads=threads,
+            say=watch.say,
+            on_run=watch.run_done,
+        )
+        with watch.stage("diagnosis"):
+            verdict = diagnosed(session)
+        session.write_timing("run")
+        return verdict
+
+
+def write_report(
+    folder: str | os.PathLike[str],
+    *,
+    case: str | os.PathLike[str] | None = None,
+    film: bool = True,
+) -> Path:
+    """Write the page of a back-analysis or of a diagnosis, with its pictures next to it.
+
+    Args:
+        folder: `out` of `back_analyse` or `diagnose`.
+        case: folder of the case, of a back-analysis; None: the one of that name that ships.
+        film: of a back-analysis: make a new film; False: show the one that is there, if any.
+
+    Returns:
+        The page, `report.html`: one file that needs nothing else.
+
+    Raises:
+        InputError: the folder holds neither a result nor a verdict.
+    """
+    folder = Path(folder)
+    if (folder / "verdict.json").is_file():
+        from report.diagnosis.page import write_report as write_diagnosis
+
+        return write_diagnosis(folder)
+    from report.back_analysis.page import write_report as write_back_analysis
+
+    return write_back_analysis(folder, case, film=film)
+
+
+@contextmanager
+def _folder(out: str | os.PathLike[str] | None) -> Iterator[Path]:
+    """The folder of the results; a temporary one where nothing is to be kept."""
+    if out is not None:
+        yield Path(out)
+        return
+    with TemporaryDirectory(prefix="flowslide_") as temporary:
+        yield Path(temporary)
+
+
+@contextmanager
+def own_code(effect_files: Files, measurement_files: Files) -> Iterator[None]:
+    """Effects and measurement types of the caller's own, for the length of a call."""
+    with ExitStack() as stack:
+        if effect_files:
+            from mpm_taichi.effects import given_effects
+
+            stack.enter_context(given_effects(effect_files))
+        if measurement_files:
+            from geometry.survey.registry import given_measurements
+
+            stack.enter_context(given_measurements(measurement_files))
+        yield
