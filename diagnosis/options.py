@@ -1,6 +1,6 @@
 """Options of a diagnosis; the defaults are the method (docs/method/diagnosis.md).
 
-Every number that decides something stands here, so that it can be read, changed and tested.
+What a user or an ablation may change. Constants of a single step stand at the head of its module.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Options:
     suspect: float = 0.20
     still_failing: float = 0.05
     left_over: float = 0.2
-    refitted: int = 5
+    refitted: int = 4
     inseparable: float = 0.95
     hardly_separable: float = 0.8
     same_signature: float = 0.9

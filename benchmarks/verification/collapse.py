@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import naked_eye_toe, toe
+from geometry.survey.toe import toe
 from mpm_taichi.trajectory import Run
 from pipeline.files import read_yaml
 
@@ -86,12 +86,6 @@ def front(position: np.ndarray, *, spacing: float, volume: float = 1.0) -> float
     """
     scaled = np.asarray(position, dtype=float) / spacing
     return spacing * toe(scaled, volume, spacing=1.0, side="right", anchor_x=3.0)
-
-
-def last_point(position: np.ndarray, *, spacing: float) -> float:
-    """Where the last connected point ends [m]."""
-    scaled = np.asarray(position, dtype=float) / spacing
-    return spacing * naked_eye_toe(scaled, 1.0, spacing=1.0, side="right")
 
 
 def front_history(run: Run, every: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -136,11 +136,6 @@ class Lab:
             tension_cap_kpa=soil.tension_cap_kpa,
         )
 
-    def set_mass(self, material: str, density: float) -> None:
-        """Give the points of a material another density [kg/m3]; they keep their velocity."""
-        for row in self.rows(material):
-            self.slots.edges[row, 3] = density * self.prepared.points.volume
-
     def set_gravity(self, gravity: float, *, tilt_deg: float = 0.0) -> None:
         """Set gravity [m/s2], turned by `tilt_deg` so that it pulls towards +x.
 
@@ -159,10 +154,6 @@ class Lab:
         """Let smooth walls hold the soil, as a plane of symmetry does; they let it go otherwise."""
         kind = self.slots.kind
         kind[(kind & (LEFT | RIGHT)) > 0] |= LEFT | RIGHT
-
-    def set_damping(self, share: float) -> None:
-        """Set Cundall's local damping (0 = none): for standstills looked for, not for motion."""
-        self.slots.numbers[0, layout.DAMPING] = share
 
     # -- reading --------------------------------------------------------------------------------
 

@@ -95,20 +95,6 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     )
 
 
-def rejections(config: Config, scale: str, index: int) -> list[str]:
-    """Reasons for which draws of a scene were given up, in order; for statistics."""
-    settings, size = config.geometry, config.scale(scale)
-    scene = draw_scene(config, scale, index)
-    key = (settings.seed, number_of(scale), index)
-    size = _size_of(key, size)
-    found = []
-    for attempt in range(scene.origin.draws - 1):
-        stream = Stream(*key, _OUTLINES, attempt)
-        drawn = _draw_outlines(stream, scene.origin.template, settings, size)
-        found.append(drawn.reason)
-    return found
-
-
 def _size_of(key: tuple[int, int, int], size: ScaleSettings) -> ScaleSettings:
     """The size of one scene: that of its scale, or enlarged, domain and all."""
     stream = Stream(*key, _SIZE)

@@ -140,15 +140,6 @@ def position_error(predicted: np.ndarray, simulated: np.ndarray, facts: SceneFac
     return _root_mean_square(_distance(predicted[:, soil], simulated[:, soil]))
 
 
-def position_error_history(
-    predicted: np.ndarray, simulated: np.ndarray, facts: SceneFacts
-) -> np.ndarray:
-    """Root mean square distance of the soil points in each frame, (T,) [m]."""
-    soil = facts.type == SOIL
-    distance = _distance(predicted[:, soil], simulated[:, soil])
-    return np.sqrt(np.mean(distance**2, axis=1))
-
-
 def one_step_error(
     predicted: np.ndarray, window: np.ndarray, facts: SceneFacts, *, moving_only: bool = True
 ) -> float:

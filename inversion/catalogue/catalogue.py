@@ -149,12 +149,6 @@ def load_strengths(folder: Path = FOLDER) -> list[Strength]:
     return found
 
 
-def case_strengths(case: str, folder: Path = FOLDER) -> list[Strength]:
-    """The strengths others found for a case folder, by its name; none for a case of your own."""
-    names = {entry.name for entry in load_catalogue(folder) if entry.case == case}
-    return [strength for strength in load_strengths(folder) if strength.name in names]
-
-
 def answers_of(result: Mapping[str, Any]) -> list[OurAnswer]:
     """The strengths of a `result.json` that have a stress to be compared with."""
     return [

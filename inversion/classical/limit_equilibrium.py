@@ -19,7 +19,6 @@ from typing import Literal
 import numpy as np
 
 from inversion.classical.slices import Circle, Slices
-from pipeline.cli import WorkFailed
 
 Method = Literal["ordinary", "force", "bishop", "spencer"]
 
@@ -273,22 +272,3 @@ def _strength_at(slices: Slices, theta: np.ndarray, factor: float) -> tuple[np.n
         strength = -force.sum(axis=-1) / per_strength.sum(axis=-1)
     total = force + per_strength * _last(strength)
     return strength, _moment(slices, theta, total)
-
-
-def factor_of_safety(slices: Slices, method: Method, circle: Circle | None = None) -> float:
-    """Factor of safety of one slip surface by one method.
-
-    Raises:
-        WorkFailed: the method has no solution on this slip surface.
-    """
-    if method == "bishop" and circle is None:
-        raise ValueError("Bishop's method needs the circle")
-    value = {
-        "ordinary": lambda: ordinary(slices),
-        "bishop": lambda: bishop(slices, circle),
-        "force": lambda: force_balance(slices),
-        "spencer": lambda: spencer(slices),
-    }[method]()
-    if not np.isfinite(value):
-        raise WorkFailed(f"the {method} method has no solution on this slip surface")
-    return float(value)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from geometry import PHYSICS_VERSION, draw_scene
+from geometry.random_scenes import templates
 from geometry.random_scenes.materials import RANGES
 from geometry.random_scenes.sketch import signed_area
-from geometry.random_scenes.templates import rejections
 from geometry.scenes.fill import fill
 from geometry.scenes.polygon_checks import gaps
 from geometry.scenes.scene import scene_hash
@@ -242,9 +242,14 @@ def test_redraws_are_counted_and_explained(config):
     again = [scene for scene in drawn("large") if scene.origin.draws > 1]
     assert again
     for scene in again[:3]:
-        reasons = rejections(config, "large", scene.origin.index)
-        assert len(reasons) == scene.origin.draws - 1
-        assert all(isinstance(reason, str) for reason in reasons)
+        key = (config.geometry.seed, number_of("large"), scene.origin.index)
+        size = templates._size_of(key, config.scale("large"))
+        for attempt in range(scene.origin.draws):
+            stream = Stream(*key, templates._OUTLINES, attempt)
+            sketch = templates._draw_outlines(stream, scene.origin.template, config.geometry, size)
+            given_up = isinstance(sketch, templates.Rejected)
+            assert given_up == (attempt < scene.origin.draws - 1)
+            assert not given_up or sketch.reason
 
 
 def test_impossible_settings_end_with_one_line():

@@ -14,7 +14,6 @@ from gns.evaluation.metrics import (
     energy_history,
     one_step_error,
     position_error,
-    position_error_history,
     profile_error,
     runout,
     score,
@@ -58,7 +57,6 @@ def test_a_rollout_that_is_shifted():
     facts, path = heap(8.0)
     moved = path + np.float32([0.3, 0.4])
     assert position_error(moved, path, facts) == pytest.approx(0.5, rel=1e-5)
-    np.testing.assert_allclose(position_error_history(moved, path, facts), 0.5, rtol=1e-4)
     one = score(path + np.float32([1.5, 0.0]), path, facts)
     assert one.runout_error_m == pytest.approx(1.5, abs=1e-4), "signed: too far"
     assert one.runout_error_spacings == pytest.approx(3.0, abs=1e-3)

@@ -14,7 +14,6 @@ from inversion.catalogue.catalogue import (
     OurAnswer,
     answers_of,
     blow_count,
-    case_strengths,
     load_answers,
     load_catalogue,
     load_strengths,
@@ -24,6 +23,12 @@ from pipeline.cli import InputError
 from report.charts.catalogue import catalogue_figure, draw_catalogue
 
 OURS = OurAnswer("lower_san_fernando", "Lower San Fernando", "S_r", ("1",), 27.5, 3.0, 0.17, 0.02)
+
+
+def case_strengths(case: str) -> list:
+    """The strengths that others found for a case folder."""
+    names = {entry.name for entry in load_catalogue() if entry.case == case}
+    return [strength for strength in load_strengths() if strength.name in names]
 
 
 def parameter(**fields) -> dict:

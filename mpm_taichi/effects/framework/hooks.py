@@ -133,7 +133,7 @@ def effect_functions(effects: tuple[Effect, ...]) -> SimpleNamespace:
 
     Returns:
         `table` (`EffectTable`); masks of the slots whose points need a pass, `strength_mask` and
-        `resistance_mask`, of nodes `node_mask`, of `dilation_mask`; and the functions below.
+        `resistance_mask` and `dilation_mask`; and the functions below.
     """
     table = EffectTable(effects)
     calls = {hook: _calls(table, hook) for hook in Effect.DEVICE_HOOKS}
