@@ -7,16 +7,12 @@ Simulations are cached by content in results/benchmarks/back_analysis, so a kill
 
 from __future__ import annotations
 
-import importlib
-import time
-import traceback
 from collections.abc import Sequence
-from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from benchmarks.back_analysis import page, record
+from benchmarks.generated_pages import run_part, wide_console
 from pipeline.cli import CommandParser, InputError, base_parser, main_exit
 
 
@@ -51,30 +47,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise InputError(f"part {name!r} is unknown: allowed are {', '.join(record.PARTS)}")
     done: dict[str, record.Record] = {}
     for name in [n for n in record.PARTS if n in (options.parts or record.PARTS)]:
-        done[name] = run_part(name, None if options.quick else page.PICTURES, quick=options.quick)
+        folder = None if options.quick else page.PICTURES
+        measured = run_part("benchmarks.back_analysis", name, folder, quick=options.quick)
+        done[name] = record.make_record(measured)
         if not options.quick:
             record.write_records({**record.read_records(), name: done[name]})
             page.write_page(record.read_records())
     print_table(done)
     return 1 if any(record.missed(entry) for entry in done.values()) else 0
-
-
-def run_part(name: str, folder: Path | None, *, quick: bool) -> record.Record:
-    """Run one part; an error ends that part alone and is kept in its record."""
-    print(f"{name} ...", flush=True)
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-    began, figures, error, title = time.perf_counter(), [], "", name
-    try:
-        module = importlib.import_module(f"benchmarks.back_analysis.{name}")
-        title = module.TITLE
-        figures = module.run(folder, quick=quick)
-    except Exception as problem:
-        traceback.print_exc()
-        error = " ".join(f"{type(problem).__name__}: {problem}".split())
-    seconds = time.perf_counter() - began
-    print(f"{name}: {seconds:.1f} s", flush=True)
-    return record.make_record(title, figures, seconds, error)
 
 
 def print_table(records: dict[str, record.Record]) -> None:
@@ -92,10 +72,7 @@ def print_table(records: dict[str, record.Record]) -> None:
         if entry["error"]:
             table.add_row(name, entry["error"], "", "", "[bold red]FAIL[/]")
         table.add_section()
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=150)
-    console.print(table)
+    wide_console().print(table)
 
 
 if __name__ == "__main__":

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping
 from pathlib import Path
 
 from benchmarks.back_analysis.lab import ROOT
 from benchmarks.back_analysis.record import Record, figures_of, missed
-from benchmarks.verification.document import between
+from benchmarks.generated_pages import between, explanation
 from pipeline.files import write_text
 
+HERE = Path(__file__).parent
 PAGE = ROOT / "docs" / "records" / "validation.md"
 PICTURES = ROOT / "docs" / "images" / "validation"
-SUMMARY = ("<!-- summary: begin -->", "<!-- summary: end -->")
-PARTS = ("<!-- parts: begin -->", "<!-- parts: end -->")
+SUMMARY, PARTS = "summary", "parts"
 PICTURE_OF = {
     "lower_san_fernando": "history.png", "la_marquesa": "la_marquesa.png", "twins": "twins.png",
 }  # fmt: skip
@@ -42,7 +41,11 @@ def summary(records: Mapping[str, Record]) -> str:
 
 def section(name: str, record: Record) -> str:
     """Heading, explanation, picture and table of one part."""
-    parts = [f'<a id="{name}"></a>', f"## {record['title']}", explanation(name)]
+    parts = [
+        f'<a id="{name}"></a>',
+        f"## {record['title']}",
+        explanation(HERE / f"{name}.py").partition("\n\n")[2],
+    ]
     picture = PICTURE_OF.get(name)
     if picture and (PICTURES / picture).exists():
         parts.append(f"![{record['title']}](../images/validation/{picture})")
@@ -60,9 +63,3 @@ def section(name: str, record: Record) -> str:
         f"nothing), {record['made']}, solver version {version}."
     )
     return "\n\n".join(parts) + "\n"
-
-
-def explanation(name: str) -> str:
-    """What a part says of itself at the head of its file."""
-    text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
-    return (ast.get_docstring(ast.parse(text)) or "").partition("\n\n")[2]

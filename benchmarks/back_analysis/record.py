@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from benchmarks.back_analysis.figures import Figure
+from benchmarks.generated_pages import Measured
 from inversion import PHYSICS_VERSION as INVERSION_VERSION
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import read_json, write_json
@@ -25,17 +26,17 @@ PARTS = (
 Record = dict[str, Any]
 
 
-def make_record(title: str, figures: Sequence[Figure], seconds: float, error: str) -> Record:
+def make_record(measured: Measured) -> Record:
     """The record of a part; `error` is empty where it ran to its end."""
     return {
-        "title": title,
+        "title": measured.title,
         "made": datetime.now(UTC).date().isoformat(),
-        "seconds": round(seconds, 1),
+        "seconds": round(measured.seconds, 1),
         "code_version": code_version(),
         "physics": {"mpm": PHYSICS_VERSION, "inversion": INVERSION_VERSION},
         "processor": machine()["processor"],
-        "error": error,
-        "figures": [asdict(figure) for figure in figures],
+        "error": measured.error,
+        "figures": [asdict(figure) for figure in measured.rows],
     }
 
 

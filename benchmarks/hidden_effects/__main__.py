@@ -11,10 +11,11 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.generated_pages import between
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
 from pipeline.cli import InputError, add_common, base_parser, main_exit
 from pipeline.config import Config, load_config
-from pipeline.files import make_folder
+from pipeline.files import make_folder, read_text
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
@@ -255,14 +256,12 @@ def _check_page(page: Path, scores: Collection[str]) -> None:
         InputError: there is no such page, it has no markers, or a variant that it tells of was
             never run.
     """
-    from benchmarks.hidden_effects.scoring.page import SCORE, SPARSE, around
+    from benchmarks.hidden_effects.scoring.page import SCORE, SPARSE
 
     if (SUGGESTED in scores) != (RANDOM in scores):
         missing = RANDOM if SUGGESTED in scores else SUGGESTED
-        raise InputError(
-            f"--page {page}: no case has been judged {missing}; `blind more` does that"
-        )
-    around(page, SPARSE if SUGGESTED in scores else SCORE)
+        raise InputError(f"--page {page}: no case has been judged {missing}; `more` does that")
+    between(read_text(page), SPARSE if SUGGESTED in scores else SCORE, "", page=page)
     make_folder(page.parent)
 
 

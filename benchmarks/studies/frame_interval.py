@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.verification.document import TABLE, between
+from benchmarks.generated_pages import between
 from geometry.random_scenes.templates import draw_scene
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import Run, write_runs
@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     print(parts[-1])
     if options.write:
         text = PAGE.read_text(encoding="utf-8")
-        write_text(PAGE, between(text, TABLE, "\n" + "\n\n".join(parts) + "\n\n"))
+        write_text(PAGE, between(text, "table", "\n" + "\n\n".join(parts) + "\n\n"))
 
 
 def dense_runs(config: Config, scale: str, number: int, threads: int) -> list[Run]:

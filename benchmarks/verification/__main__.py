@@ -6,15 +6,12 @@ the table of `docs/records/verification.md`. Ends with 1 if any row is outside i
 
 from __future__ import annotations
 
-import importlib
-import time
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
+from benchmarks.generated_pages import run_part, wide_console
 from benchmarks.verification import document, record
 from pipeline.cli import CommandParser, InputError, base_parser, main_exit
 
@@ -85,20 +82,8 @@ def is_current(name: str, entry: record.Record | None) -> bool:
 
 def run_case(name: str, folder: Path | None, *, quick: bool) -> record.Record:
     """Run one case; an error ends that case alone and is kept in its record."""
-    print(f"{name} ...", flush=True)
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-    began, rows, error, title = time.perf_counter(), [], "", name
-    try:
-        module = importlib.import_module(f"benchmarks.verification.{name}")
-        title = module.TITLE
-        rows = module.run(folder, quick=quick)
-    except Exception as problem:
-        traceback.print_exc()
-        error = " ".join(f"{type(problem).__name__}: {problem}".split())
-    seconds = time.perf_counter() - began
-    print(f"{name}: {seconds:.1f} s", flush=True)
-    return record.make_record(name, title, rows, seconds, error)
+    measured = run_part("benchmarks.verification", name, folder, quick=quick)
+    return record.make_record(name, measured)
 
 
 def store(name: str, entry: record.Record) -> None:
@@ -126,10 +111,7 @@ def print_table(records: dict[str, record.Record]) -> None:
         if entry["error"]:
             table.add_row(name, entry["error"], "", "", "", "", "[bold red]FAIL[/]")
         table.add_section()
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=150)
-    console.print(table)
+    wide_console().print(table)
 
 
 if __name__ == "__main__":

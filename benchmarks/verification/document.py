@@ -6,11 +6,10 @@ its picture and its rows, so that the explanation stands in one place.
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
+from benchmarks.generated_pages import between, explanation
 from benchmarks.verification.record import HERE, ROOT, Record, passed, rows_of
 from benchmarks.verification.rows import Row
 from pipeline.files import write_text
@@ -18,10 +17,8 @@ from pipeline.files import write_text
 PAGE = ROOT / "docs" / "records" / "verification.md"
 FRAGMENT = ROOT / "docs" / "records" / "verification-table.md"
 PICTURES = ROOT / "docs" / "images" / "verification"
-SUMMARY = ("<!-- summary: begin -->", "<!-- summary: end -->")
-SECTIONS = ("<!-- cases: begin -->", "<!-- cases: end -->")
-TABLE = ("<!-- table: begin -->", "<!-- table: end -->")
-"""Markers of pages between which text is generated; `TABLE` is for the pages of other studies."""
+SUMMARY, SECTIONS = "summary", "cases"
+"""Generated parts of the page."""
 
 HEADINGS = (
     "| quantity | measured | reference | error | tolerance | |\n|---|---:|---:|---:|---:|---|\n"
@@ -104,7 +101,7 @@ def summary(records: Mapping[str, Record]) -> str:
 
 def section(name: str, record: Record) -> str:
     """Heading, explanation, picture and rows of one case."""
-    parts = [f'<a id="{name}"></a>', f"## {record['title']}", explanation(name)]
+    parts = [f'<a id="{name}"></a>', f"## {record['title']}", explanation(HERE / f"{name}.py")]
     if (PICTURES / f"{name}.png").exists():
         parts.append(f"![{record['title']}](../images/verification/{name}.png)")
     parts.append(HEADINGS + "\n".join(row_lines(record)))
@@ -114,12 +111,6 @@ def section(name: str, record: Record) -> str:
         f"{record['made']}: {state}."
     )
     return "\n\n".join(parts) + "\n"
-
-
-def explanation(name: str, folder: Path = HERE) -> str:
-    """What a case says of itself at the head of its file."""
-    text = (folder / f"{name}.py").read_text(encoding="utf-8")
-    return ast.get_docstring(ast.parse(text)) or ""
 
 
 def row_lines(record: Record) -> list[str]:
@@ -133,13 +124,3 @@ def row_lines(record: Record) -> list[str]:
         quantity = row.quantity + (f" ({row.note})" if row.note else "")
         lines.append(f"| {quantity} | {' | '.join(texts)} | {verdict} |")
     return lines
-
-
-def between(text: str, markers: tuple[str, str], new: str) -> str:
-    """`text` with everything between two markers replaced by `new`."""
-    begin, end = markers
-    before, found, rest = text.partition(begin)
-    _, also_found, after = rest.partition(end)
-    if not (found and also_found):
-        raise ValueError(f"the page has no markers {begin} ... {end}")
-    return f"{before}{begin}\n{new}{end}{after}"

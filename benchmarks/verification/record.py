@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from benchmarks.generated_pages import Measured
 from benchmarks.verification.rows import Row
 from pipeline.files import read_json, write_json
 from pipeline.manifest import code_version, machine, package_versions
@@ -90,19 +91,19 @@ def imported_files(path: Path) -> list[Path]:
     return [file for file in files if file.is_file()]
 
 
-def make_record(case: str, title: str, rows: Sequence[Row], seconds: float, error: str) -> Record:
+def make_record(case: str, measured: Measured) -> Record:
     """The record of one case; `error` is empty where it ran to its end."""
     packages = package_versions()
     return {
-        "title": title,
+        "title": measured.title,
         "made": datetime.now(UTC).date().isoformat(),
-        "seconds": round(seconds, 1),
+        "seconds": round(measured.seconds, 1),
         "code_version": code_version(),
         "sources": sources_hash(case),
         "packages": {name: packages[name] for name in ("python", "numpy", "taichi")},
         "processor": machine()["processor"],
-        "error": error,
-        "rows": [_plain(row) for row in rows],
+        "error": measured.error,
+        "rows": [_plain(row) for row in measured.rows],
     }
 
 

@@ -99,7 +99,7 @@ def test_a_page_of_sparse_surveys_needs_both_kinds_of_more(root, rows, tmp_path)
     page = tmp_path / "page.md"
     page.write_text("<!-- sparse: begin -->\n<!-- sparse: end -->\n")
     rows[0]["verdicts"]["suggested"] = rows[0]["verdicts"]["method"]
-    with pytest.raises(InputError, match="no case has been judged random; `blind more`"):
+    with pytest.raises(InputError, match="no case has been judged random; `more`"):
         score(root, tmp_path, "--record", str(kept(rows, tmp_path)), "--page", str(page))
     assert not (tmp_path / "out").exists()
 

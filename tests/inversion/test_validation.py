@@ -17,6 +17,7 @@ from benchmarks.back_analysis.twin_cases import (
     truth_of,
     write_case,
 )
+from benchmarks.generated_pages import Measured
 from geometry.case import load_case
 from geometry.scenes.scene import load_scene
 from inversion.back_analysis.case import inversion_case
@@ -123,8 +124,10 @@ def test_limits_say_pass_or_miss():
 
 
 def test_the_page_tells_misses_and_errors(tmp_path):
-    good = record.make_record("Good", [Figure("a", "1 m", "≤ 2 m", True)], 1.0, "")
-    bad = record.make_record("Bad", [Figure("b | c", "3 m", "≤ 2 m", False)], 1.0, "Boom: no")
+    good = record.make_record(Measured("Good", [Figure("a", "1 m", "≤ 2 m", True)], 1.0, ""))
+    bad = record.make_record(
+        Measured("Bad", [Figure("b | c", "3 m", "≤ 2 m", False)], 1.0, "Boom: no")
+    )
     records = {"twins": good, "derivative": bad}
     record.write_records(records, tmp_path / "results.json")
     kept = record.read_records(tmp_path / "results.json")
@@ -148,7 +151,7 @@ def test_the_stored_page_is_made_of_the_stored_records():
 
 def test_every_part_explains_itself():
     for name in record.PARTS:
-        assert len(page.explanation(name)) > 100
+        assert len(page.explanation(page.HERE / f"{name}.py")) > 100
 
 
 def test_an_unknown_part_is_refused():

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.generated_pages import Measured
 from benchmarks.verification import __main__ as command
 from benchmarks.verification import document, record
 from benchmarks.verification.rows import Row
@@ -26,10 +27,14 @@ def place(tmp_path, monkeypatch):
     monkeypatch.setattr(document, "PAGE", tmp_path / "page.md")
     monkeypatch.setattr(document, "FRAGMENT", tmp_path / "table.md")
     monkeypatch.setattr(document, "PICTURES", tmp_path / "pictures")
-    monkeypatch.setattr(document, "explanation", lambda name: f"What {name} is.")
+    monkeypatch.setattr(document, "explanation", lambda file: f"What {file.stem} is.")
     monkeypatch.setattr(record, "case_names", lambda: ["first", "second", "broken"])
     monkeypatch.setattr(record, "sources_hash", lambda name: f"hash of {name}")
-    markers = "\n".join([*document.SUMMARY, "kept", *document.SECTIONS])
+    summary, cases = (
+        f"<!-- {part}: begin -->\n<!-- {part}: end -->"
+        for part in (document.SUMMARY, document.SECTIONS)
+    )
+    markers = f"{summary}\nkept\n{cases}"
     (tmp_path / "page.md").write_text(f"# Page\n{markers}\nend\n")
     calls = []
 
@@ -123,7 +128,7 @@ def test_unknown_case_is_refused_with_the_known_ones(place):
 
 def test_numbers_that_are_none_are_kept_and_pass_nothing(place):
     rows = [Row("first", "x", math.nan, 1.0, 0.1), Row("first", "y", math.nan, 1.0, 0, bound=True)]
-    entry = record.make_record("first", "First", rows, 1.0, "")
+    entry = record.make_record("first", Measured("First", rows, 1.0, ""))
     record.write_records({"first": entry})
     read = record.rows_of(record.read_records()["first"])
     assert all(math.isnan(row.measured) and not row.passed for row in read)
@@ -138,7 +143,9 @@ def test_cases_are_the_files_with_a_title_and_a_run(tmp_path):
 
 def test_every_case_explains_itself():
     for name in record.case_names():
-        assert len(document.explanation(name).split()) > 30, f"{name}: a docstring of a few lines"
+        assert len(document.explanation(record.HERE / f"{name}.py").split()) > 30, (
+            f"{name}: a docstring of a few lines"
+        )
 
 
 def test_page_is_what_its_records_make_it():
@@ -151,5 +158,5 @@ def test_page_is_what_its_records_make_it():
 
 
 def test_page_without_markers_is_refused():
-    with pytest.raises(ValueError, match="markers"):
+    with pytest.raises(InputError, match="the lines <!-- summary: begin --> and .* are missing"):
         document.between("no markers", document.SUMMARY, "new")

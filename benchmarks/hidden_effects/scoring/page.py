@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from benchmarks.generated_pages import between
 from benchmarks.hidden_effects.making.detectability import BINS
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, STRENGTH_FACTOR
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
-from pipeline.cli import InputError
 from pipeline.files import read_text, write_text
 
 SCORE, SPARSE = "score", "sparse"
@@ -34,22 +34,7 @@ def write_page(page: Path, part: str, text: str) -> None:
     Raises:
         InputError: there is no such page, or it has no markers.
     """
-    before, after = around(page, part)
-    write_text(page, f"{before}\n{text}{after}")
-
-
-def around(page: Path, part: str) -> tuple[str, str]:
-    """What a page has before and after a generated part, markers included.
-
-    Raises:
-        InputError: there is no such page, or it has no markers.
-    """
-    whole = read_text(page)
-    markers = [f"<!-- {part}: {end} -->" for end in ("begin", "end")]
-    begin, end = (whole.find(marker) for marker in markers)
-    if not 0 <= begin < end:
-        raise InputError(f"{page}: the lines {markers[0]} and {markers[1]} are missing")
-    return whole[: begin + len(markers[0])], whole[end:]
+    write_text(page, between(read_text(page), part, text, page=page))
 
 
 def generated(
