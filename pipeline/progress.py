@@ -147,7 +147,7 @@ class Progress:
         self._quiet = quiet
         self._log_interval_s = log_interval_s
         self._started = self._last_line = time.monotonic()
-        self._message = ""
+        self._told: set[str] = set()
         self._terminal: TextIO | None = None
         self._bar: RichProgress | None = None
         self._task = None
@@ -176,7 +176,8 @@ class Progress:
 
     def report(self, done: int, total: int, message: str) -> None:
         """Show a `Report`: a bar; in a log every new message, and a line at times."""
-        new, self._message = message != self._message, message
+        new = message not in self._told
+        self._told.add(message)
         self.done, self.total = done, total
         if self._bar is not None:
             self._bar.update(self._task, completed=done, total=total or None, note=message)
@@ -251,24 +252,28 @@ def _other_terminal() -> TextIO | None:
 
 def _rich_bar(stream: TextIO) -> RichProgress:
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as RichProgress
+    from rich.table import Column
 
+    try:
+        width = os.get_terminal_size(stream.fileno()).columns or None
+    except OSError:
+        width = None
+    whole = Column(no_wrap=True)
     return RichProgress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
-        console=Console(file=stream, force_terminal=True),
+        TextColumn("{task.description}", markup=False, table_column=whole),
+        BarColumn(bar_width=16),
+        MofNCompleteColumn(table_column=whole),
+        TimeRemainingColumn(compact=True, table_column=whole),
+        TextColumn("left", table_column=whole),
+        TextColumn(
+            "{task.fields[note]}",
+            markup=False,
+            table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1),
+        ),
+        console=Console(file=stream, force_terminal=True, width=width),
+        expand=True,
         redirect_stdout=False,  # results go to standard output, wherever that is
         redirect_stderr=False,
     )

@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
     choice = chosen_engine(case, arguments.engine, arguments.model)
     beside = Path(case.config.results_folder) / case.name
     folder = Path(arguments.out or beside / FOLDERS[choice.name])
-    with Progress(0, f"back-analysis of {case.title}", quiet=arguments.quiet) as bar:
+    with Progress(0, case.title, quiet=arguments.quiet) as bar:
         result = api.back_analyse(
             case,
             out=folder,

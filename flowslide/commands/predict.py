@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> None:
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
     folder = Path(arguments.out or Path(settings.results_folder) / case.name / "prediction")
-    with Progress(0, f"prediction of {case.title}", quiet=arguments.quiet) as bar:
+    with Progress(0, case.title, quiet=arguments.quiet) as bar:
         document = api.predict(
             case,
             arguments.strengths,

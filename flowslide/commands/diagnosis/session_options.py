@@ -44,7 +44,7 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
 
     config = load_config(arguments.config, arguments.overrides)
     case = load_case(arguments.case, config)
-    with Progress(0, f"{what} of {case.title}", quiet=arguments.quiet) as bar:
+    with Progress(0, case.title, quiet=arguments.quiet) as bar:
         watch = Watch(bar.report)
         watch.plan({what: config.diagnosis.max_runs})
         session = open_session(
