@@ -16,7 +16,14 @@ from diagnosis.options import Options
 from diagnosis.selection.refit import Refitted
 from diagnosis.signatures.explain import Explanation
 from diagnosis.verdict import verdict
-from diagnosis.verdict.stages import measurement_lines, parameter_words, runs_part, spread, stage
+from diagnosis.verdict.stages import (
+    fitted_to_part,
+    measurement_lines,
+    parameter_words,
+    runs_part,
+    spread,
+    stage,
+)
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import system
 
@@ -33,6 +40,7 @@ def compare_document(
         sentence=comparison_sentence(comparison, options),
         alarm=told,
         parameters=parameter_words(model.parameters),
+        fitted_to=fitted_to_part(base, model.targets),
         base=base_stage(model, comparison),
         measurements=measurement_lines(
             model.targets, comparison.places, base.data, base.covariance.survey,

@@ -11,8 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit
+from diagnosis.adequacy.calibration import Base
 from diagnosis.adequacy.windows import WorstWindow
 from diagnosis.verdict import verdict
+from inversion.back_analysis.result import FittedTo, fitted_to
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data, Places, Targets
 from inversion.estimation.misfit import System, system
@@ -33,6 +35,19 @@ def parameter_words(parameters: Parameters) -> list[verdict.ParameterWords]:
         )
         for spec in parameters.specs
     ]  # fmt: skip
+
+
+def fitted_to_part(base: Base, targets: Targets) -> FittedTo:
+    """What every model was fitted to, and which errors are in C."""
+    cov = base.covariance
+    parts = {
+        "the survey's errors": cov.survey,
+        "the place of the material points": cov.jitter,
+        "the transfer scheme": cov.transfer,
+        "the size of the cells": cov.resolution,
+    }
+    errors = [name for name, matrix in parts.items() if np.any(matrix)]
+    return fitted_to(targets, base.split.fitted, errors)
 
 
 def spread(fit: Fit, linear: System) -> np.ndarray:

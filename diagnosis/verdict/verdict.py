@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from inversion.back_analysis.result import Part, Role
+from inversion.back_analysis.result import FittedTo, Part
+from inversion.estimation.data import Role
 from pipeline.config import validate_settings
 from pipeline.files import read_json, write_json
 from pipeline.schemas import document_schema
@@ -275,6 +276,9 @@ class CompareDocument(Part):
     parameters: list[ParameterWords] = Field(
         default_factory=list, description="what is calibrated, in words"
     )
+    fitted_to: FittedTo | None = Field(
+        None, description="which data, with which covariance; null in files of earlier versions"
+    )
     base: Stage = Field(description="the base model, calibrated")
     measurements: list[MeasurementVerdict] = Field(description="number by number")
     runs: Runs = Field(description="forward runs")
@@ -311,6 +315,9 @@ class Verdict(Part):
     answer: Answer = Field(description="effects of the answer, and the 90 % set")
     parameters: list[ParameterWords] = Field(
         default_factory=list, description="what is calibrated, in words"
+    )
+    fitted_to: FittedTo | None = Field(
+        None, description="which data, with which covariance; null in files of earlier versions"
     )
     base: Stage = Field(description="the base model")
     final: Stage = Field(description="the model of the answer; the base model where there is none")

@@ -29,6 +29,7 @@ from diagnosis.verdict.documents import (
 from diagnosis.verdict.kept_steps import judge, step_of
 from diagnosis.verdict.stages import (
     effect_answers,
+    fitted_to_part,
     measurement_lines,
     parameter_words,
     runs_part,
@@ -85,6 +86,7 @@ def verdict_document(
         forbidden=sorted(found.options.forbidden),
         answer=_answer(found),
         parameters=parameter_words(model.parameters),
+        fitted_to=fitted_to_part(base, model.targets),
         base=first,
         final=_stage_of(found, final) if has_effects else first,
         steps=_steps(found),

@@ -7,12 +7,15 @@ question is asked again, or when a killed run is continued.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from inversion.back_analysis.result_checks import check_whole
+from inversion.estimation.data import Role, Targets
 from inversion.problem.question import Question
 from pipeline.config import validate_settings
 from pipeline.files import read_json, write_json
@@ -20,8 +23,6 @@ from pipeline.schemas import document_schema
 from pipeline.strict_numbers import StrictNumbers
 
 FILE_NAME = "result.json"
-
-Role = Literal["fitted", "held out", "compared", "constructed"]
 
 
 class Part(StrictNumbers):
@@ -99,9 +100,38 @@ class EquallyGood(Part):
     at_bound: list[str] = Field(description="parameters that rest on a bound there")
 
 
+class FittedTo(Part):
+    """The question that an answer is to: what was fitted, with which covariance."""
+
+    measurements: list[str] = Field(description="those with a number that entered the fit")
+    covariance: list[str] = Field(
+        description="errors in the covariance C that weighs the differences; empty: differences in "
+        "m count equally, as in the paper"
+    )
+
+    @property
+    def words(self) -> str:
+        """As part of a sentence."""
+        many = len(self.measurements) > 4
+        names = f"{len(self.measurements)} measurements" if many else ", ".join(self.measurements)
+        if not self.covariance:
+            return f"fitted to {names} alone, unweighted"
+        return f"fitted to {names}, weighted by the covariance of {', '.join(self.covariance)}"
+
+
+def fitted_to(targets: Targets, fitted: np.ndarray, errors: Sequence[str]) -> FittedTo:
+    """What was fitted: `fitted` (m,) bool; `errors` in the covariance."""
+    groups = [targets.groups[place] for place in np.flatnonzero(fitted)]
+    names = [targets.entries[group].name for group in dict.fromkeys(groups)]
+    return FittedTo(measurements=names, covariance=list(errors))
+
+
 class Answer(Part):
     """What was found."""
 
+    fitted_to: FittedTo | None = Field(
+        None, description="which data, with which covariance; null in files of earlier versions"
+    )
     parameters: list[ParameterAnswer] = Field(description="in the question's order")
     loss: float = Field(description="at the answer")
     loss_unit: Literal["m2", "standardised"] = Field(

@@ -18,6 +18,7 @@ from inversion.back_analysis.result import (
     SensitivityAnswer,
     Start,
     Undetermined,
+    fitted_to,
 )
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import Posterior, direction_in_words, interval
@@ -28,6 +29,8 @@ from pipeline.config import SimulationSettings
 
 #: Source of the scatter over jitter seeds among the sources of uncertainty.
 NOISE_SOURCE = "place of the material points"
+#: The survey's own errors, and what the user grants the model, in a covariance.
+SURVEY_ERRORS = "the survey's errors"
 
 
 def ratios(prediction: Prediction, values: np.ndarray, names: Sequence[str]) -> dict[str, float]:
@@ -171,7 +174,9 @@ def answer(
         ]
     )
     look = found.look
+    errors = [] if objective.loss == "runout" else [SURVEY_ERRORS, *(more_sources or {})]
     return Answer(
+        fitted_to=fitted_to(targets, targets.fitted, errors),
         parameters=_parameters(
             case,
             found,

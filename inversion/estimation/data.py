@@ -22,9 +22,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from geometry.survey.measured import Deposit, Measured, Reading
-from inversion.back_analysis.result import Role
 from pipeline.cli import InputError
 
+#: What a fit does with a number.
+Role = Literal["fitted", "held out", "compared", "constructed"]
 #: What the places of a measurement's numbers are.
 Axis = Literal["x_m", "time_s", "none"]
 

@@ -15,6 +15,7 @@ from report.back_analysis import tables as tables
 from report.back_analysis.data import ReportData, load_report
 from report.page import Folded, Paragraph, Picture, Section, Table, write_page
 from report.pictures.answer_film import LARGEST_BYTES, known_film, save_film
+from report.two_strengths import two_strengths_parts
 
 PAGE = "report.html"
 Part = Paragraph | Table | Picture | Folded
@@ -71,6 +72,7 @@ def _answer(data: ReportData) -> Section:
             *map(Paragraph, words.meaning_sentences(data)),
             tables.answer_table(data),
             *map(Paragraph, words.surrogate_sentences(data)),
+            *two_strengths_parts(data.folder),
         ],
     )
 

@@ -16,6 +16,7 @@ from report.diagnosis import sentences as words
 from report.diagnosis import tables as tables
 from report.diagnosis.data import ReportData, load_report
 from report.page import Folded, KeyNumbers, Paragraph, Picture, Section, Table, write_page
+from report.two_strengths import two_strengths_parts
 
 PAGE, COMPARE_PAGE, EXPLAIN_PAGE, TRACK_PAGE = (
     "report.html", "compare.html", "explain.html", "track.html"
@@ -273,11 +274,12 @@ def _strength(data: ReportData) -> Section:
     from report.charts.strength import draw_strength
 
     if data.verdict is None:
-        return Section("The strength before and after")
+        return Section("The strength by two questions", two_strengths_parts(data.folder))
     path = draw_strength(data, data.folder / "strength.svg")
     picture = _picture(path, "Each parameter with two standard deviations, before and after.")
     title = "The strength before and after" if data.final is not None else "The strength"
-    return Section(title, [*_said(words.strength_sentences(data)), picture])
+    beside = two_strengths_parts(data.folder)
+    return Section(title, [*_said(words.strength_sentences(data)), picture, *beside])
 
 
 def _hidden(data: ReportData) -> Section:

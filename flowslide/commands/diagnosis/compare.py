@@ -25,6 +25,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Compare, write, print."""
     from diagnosis.answers import compared
     from report.diagnosis import terminal
+    from report.two_strengths import two_strengths
 
     with session_of(arguments, "comparison") as session:
         document = compared(session)
@@ -35,6 +36,9 @@ def run(arguments: argparse.Namespace) -> None:
         terminal.measurements(document.measurements),
         session.runs_line(),
     ]
+    both = two_strengths(session.folder)
+    if both is not None:
+        parts.insert(2, both.text)
     print("\n\n".join(parts))
     session.write_timing("compare")
     write_page(arguments, session, "write_compare")

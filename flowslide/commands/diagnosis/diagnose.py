@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flowslide.commands.diagnosis.session_options import (
@@ -37,10 +38,12 @@ def run(arguments: argparse.Namespace) -> None:
     write_page(arguments, session, "write_report")
 
 
-def _text_of(verdict: Verdict) -> str:
+def _text_of(verdict: Verdict, folder: Path) -> str:
     """A verdict for a terminal."""
     from report.diagnosis import terminal
+    from report.two_strengths import two_strengths
 
+    both = two_strengths(folder)
     stages = [("base model", verdict.base)]
     if verdict.final.effects:
         stages.append(("with the effects", verdict.final))
@@ -48,6 +51,7 @@ def _text_of(verdict: Verdict) -> str:
         f"{verdict.verdict.replace('_', ' ').upper()}. {verdict.sentence}",
         terminal.answer(verdict),
         terminal.parameters(verdict.parameters, stages),
+        "" if both is None else both.text,
         terminal.candidates(verdict.candidates),
         terminal.measurements(verdict.measurements),
         terminal.steps(verdict.steps),

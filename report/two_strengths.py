@@ -1,0 +1,153 @@
+"""One dam, two questions: the strengths of the back-analysis and of the diagnosis, side by side.
+
+The back-analysis asks which strength brings the slide to where its toe was measured, whatever else
+the model gets wrong. The diagnosis asks which strength agrees best with all measurements together,
+with the model's own error in their covariance. Where the model can explain every measurement the
+two agree; where it cannot, they differ, and a reader of either report must see both and why.
+
+In: the folder of one of the results, `results/<case>/inversion` or `results/<case>/diagnosis`; the
+other is looked for next to it. Out: lines of a table and a paragraph, nothing where there is only
+one of the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from diagnosis.verdict.verdict import COMPARE_FILE, FILE_NAME, CompareDocument, Stage, Verdict
+from inversion.back_analysis.result import FILE_NAME as RESULT_FILE
+from inversion.back_analysis.result import FittedTo, Result, load_result
+from inversion.engines.registry import FOLDERS
+from pipeline.cli import InputError
+from pipeline.config import validate_settings
+from pipeline.files import read_json
+from pipeline.table import aligned
+from report.page import Paragraph, Table
+
+DIAGNOSIS = "diagnosis"
+TITLE = "Two questions, two strengths"
+HEAD = ("", "strength", "the question")
+#: Two strengths agree within this many standard deviations of their difference.
+AGREE = 2.0
+#: The base model fails where chi2 is larger than noise would leave by this factor.
+FAILS = 2.0
+
+
+@dataclass(frozen=True)
+class TwoStrengths:
+    """The strengths of one case by the two questions.
+
+    Attributes:
+        rows: who answers, the strength with its standard deviation, the question.
+        reason: why there are two, and what their difference says.
+    """
+
+    rows: list[tuple[str, str, str]]
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """For a terminal."""
+        return (
+            f"{TITLE}\n{aligned([list(HEAD), *map(list, self.rows)], left={0, 2})}\n{self.reason}"
+        )
+
+
+def two_strengths(folder: str | Path) -> TwoStrengths | None:
+    """The strengths of a case by the two questions; None: only one of the two was asked.
+
+    Args:
+        folder: of a back-analysis or of a diagnosis.
+    """
+    results = Path(folder).resolve().parent
+    answer, document = _back_analysis(results), _diagnosis(results)
+    if answer is None or document is None or answer.case != document.case:
+        return None
+    words = {p.name: p for p in document.parameters if p.strength}
+    shared = [p for p in answer.answer.parameters if p.name in words]
+    rows, differences = [], []
+    for parameter in shared:
+        name, unit = parameter.name, parameter.unit
+        of = f", {parameter.label}" if len(shared) > 1 else ""
+        base = document.base
+        rows.append((
+            f"back-analysis{of}",
+            f"{parameter.value:.1f} ± {parameter.std_total:.1f} {unit}",
+            _question(answer.answer.fitted_to),
+        ))  # fmt: skip
+        rows.append(_of_stage(f"diagnosis, base model{of}", base, name, unit, document))
+        final = document.final if isinstance(document, Verdict) else base
+        if final.effects:
+            with_effects = f"diagnosis, with {', '.join(final.effects)}{of}"
+            rows.append(_of_stage(with_effects, final, name, unit, document))
+        apart = abs(parameter.value - base.values[name])
+        width = (parameter.std_total**2 + base.std[name] ** 2) ** 0.5
+        differences.append((apart, apart / max(width, 1e-12), unit))
+    return TwoStrengths(rows, _reason(differences, document.base)) if rows else None
+
+
+def two_strengths_parts(folder: str | Path) -> list[Paragraph | Table]:
+    """The same for a page; empty where only one of the two questions was asked."""
+    both = two_strengths(folder)
+    if both is None:
+        return []
+    return [Table(HEAD, both.rows, TITLE), Paragraph(both.reason)]
+
+
+def _of_stage(
+    who: str, stage: Stage, name: str, unit: str, document: Verdict | CompareDocument
+) -> tuple[str, str, str]:
+    value = f"{stage.values[name]:.1f} ± {stage.std[name]:.1f} {unit}"
+    return who, value, _question(document.fitted_to)
+
+
+def _question(fitted_to: FittedTo | None) -> str:
+    return "not recorded by this version" if fitted_to is None else fitted_to.words
+
+
+def _reason(differences: list[tuple[float, float, str]], base: Stage) -> str:
+    questions = (
+        "The back-analysis asks which strength brings what it fits to where it was measured, "
+        "whatever else the model gets wrong; the diagnosis asks which strength agrees best with "
+        "all its measurements together, the model's own error included."
+    )
+    apart, in_std, unit = max(differences, key=lambda difference: difference[1])
+    if in_std <= AGREE:
+        return f"{questions} Here the two agree within {AGREE:g} standard deviations."
+    noise = f"chi2 is {base.chi2:.0f} where noise would leave {base.dof}"
+    if base.chi2 > FAILS * base.dof:
+        why = (
+            f"No strength makes this model explain all measurements at once ({noise}): the "
+            "diagnosis' value is the best compromise of a model that fails, not an estimate."
+        )
+    else:
+        why = (
+            f"The model explains all measurements together ({noise}), with another strength than "
+            "the back-analysis' data alone ask for."
+        )
+    differ = f"Here they differ by {apart:.1f} {unit}, {in_std:.1f} standard deviations."
+    return f"{questions} {differ} {why}"
+
+
+def _back_analysis(results: Path) -> Result | None:
+    """The back-analysis, by the material point method first; None: none, or not readable."""
+    for name in FOLDERS.values():
+        if (results / name / RESULT_FILE).is_file():
+            try:
+                return load_result(results / name)
+            except InputError:
+                continue
+    return None
+
+
+def _diagnosis(results: Path) -> Verdict | CompareDocument | None:
+    """The verdict, or where there is none the comparison; None: neither, or not readable."""
+    for name, kind in ((FILE_NAME, Verdict), (COMPARE_FILE, CompareDocument)):
+        path = results / DIAGNOSIS / name
+        if path.is_file():
+            try:
+                return validate_settings(kind, read_json(path), origin=str(path))
+            except InputError:
+                continue
+    return None
