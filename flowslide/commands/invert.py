@@ -64,6 +64,7 @@ def run(arguments: argparse.Namespace) -> None:
     from pipeline.config import load_config
     from pipeline.progress import Progress
     from report.back_analysis.summary import summary
+    from report.two_strengths import two_strengths
 
     settings = load_config(arguments.config, arguments.overrides)
     case = inversion_case(
@@ -94,3 +95,6 @@ def run(arguments: argparse.Namespace) -> None:
             api.write_report(folder, case=case.folder, film=arguments.report == "film")
         bar.say(f"wrote {folder}")
     print(summary(result))
+    both = two_strengths(folder)
+    if both is not None:
+        print(f"\n{both.text}")

@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     with session_of(arguments, "diagnosis") as session:
         verdict = diagnosed(session)
-    print(f"{_text_of(verdict)}\n\n{session.runs_line()}")
+    print(f"{_text_of(verdict, session.folder)}\n\n{session.runs_line()}")
     session.write_timing("run")
     write_page(arguments, session, "write_report")
 
