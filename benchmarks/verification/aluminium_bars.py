@@ -1,7 +1,7 @@
-"""Collapse of a stack of aluminium bars beside a wall, against Bui et al. (2008).
+"""Collapse of a stack of aluminium bars next to a wall, compared with Bui et al. (2008).
 
-True size and stiffness, material as published, rough ground, everything else as the solver has it
-by default. Three comparisons with the digitised experiment:
+True size and stiffness, material as published, rough ground, solver defaults otherwise. Three
+comparisons with the digitised experiment:
 
 - surface: smooth column height at the measured places, root mean square over the height;
 - toe: where the deposit is 2.5 mm (about two bars) thick, the measured surface read the same way;
@@ -9,14 +9,14 @@ by default. Three comparisons with the digitised experiment:
   in places before the collapse. Photographs show such bars as unmoved. The band in the picture
   shows the line for 1 and 5 mm.
 
-What is off: the toe. One or two hundredths of the mass, a layer of two or three points, slide ahead
-of the body of the deposit, 16 to 19 % beyond the measured toe at 2 mm. It is not a matter of the
-ground: sheets of one to four points thrown along it stop within 1 to 6 % of v^2 / (2 g sin(phi)),
-on rough and on Coulomb ground alike. It does not vanish with the cell, and bonded ground only hides
-it behind a drag that vanishes with the cell. What the model lacks is friction that rises where
-grains flow fast in a thin layer. If 19.8 degrees were the angle of a shear box, the angle of the
-model would be asin(tan 19.8) = 21.1 degrees (see `granular_column`), the surface would fit to 2.8 %
-and the toe to 6 %; the published angle is taken as it stands.
+The toe is wrong. One or two per cent of the mass, a layer of two or three points, slides ahead of
+the body of the deposit, 16 to 19 % beyond the measured toe at 2 mm. The ground is not the cause:
+sheets of one to four points thrown along it stop within 1 to 6 % of v^2 / (2 g sin(phi)), on rough
+and on Coulomb ground. Smaller cells do not remove it, and bonded ground only hides it behind a drag
+that depends on the cell. The model lacks friction that rises where grains flow fast in a thin
+layer. If 19.8 degrees were the angle of a shear box, the angle of the model would be
+asin(tan 19.8) = 21.1 degrees (see `granular_column`), the surface would fit to 2.8 % and the toe to
+6 %; the published angle is used unchanged.
 """
 
 from __future__ import annotations

@@ -6,11 +6,11 @@ The plane is a sloped ground line across the square grid, so the contact acts at
 anywhere in the cell below the block. The acceleration is that of a parabola through the path of
 the centre of mass.
 
-What limits it: where mu comes near tan b the net force is small, and an elastic block without
-damping chatters on a plane with friction, with any transfer scheme and on level ground under
-inclined gravity as well, the more so the finer it is (sliding with Coulomb friction is unstable:
-Adams 1995, Journal of Applied Mechanics 62; soil, which yields, damps it). There the friction that
-was mobilised is compared, and the acceleration stands beside it.
+Limit: where mu is close to tan b the net force is small, and an elastic block without damping
+chatters on a plane with friction, with any transfer scheme, also on level ground under inclined
+gravity, and more so the finer it is (sliding with Coulomb friction is unstable: Adams 1995, Journal
+of Applied Mechanics 62; soil, which yields, damps it). There the mobilised friction is compared,
+and the acceleration is given in addition.
 """
 
 from __future__ import annotations

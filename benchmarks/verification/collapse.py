@@ -1,4 +1,4 @@
-"""Columns of soil that collapse beside a closed wall: scene, end state, figures of a deposit.
+"""Columns of soil that collapse next to a closed wall: scene, end state, figures of a deposit.
 
 The wall at x = 0 is smooth, so the column is the half of a symmetric one. Surfaces are measured on
 the deposit and its mirror image: the smooth column height then holds up to the wall.

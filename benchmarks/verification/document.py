@@ -1,7 +1,7 @@
 """The page `docs/records/verification.md`, made from the records and the docstring of each case.
 
-A case explains itself in its docstring: formula, source, what limits it. The page shows that text,
-its picture and its rows, so that the explanation stands in one place.
+The docstring of a case gives formula, source and what limits the accuracy. The page shows that
+text, the picture and the rows.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from benchmarks.verification.rows import Row
 from pipeline.files import write_text
 
 PAGE = ROOT / "docs" / "records" / "verification.md"
-FRAGMENT = ROOT / "docs" / "records" / "verification-table.md"
 PICTURES = ROOT / "docs" / "images" / "verification"
 SUMMARY, SECTIONS = "summary", "cases"
 """Generated parts of the page."""
@@ -53,8 +52,7 @@ def number(value: float) -> str:
 
 
 def write_documents(records: Mapping[str, Record]) -> None:
-    """Write all rows as one table, and the generated parts of the page."""
-    write_text(FRAGMENT, whole_table(records))
+    """Write the generated parts of the page."""
     write_text(PAGE, page_text(records, PAGE.read_text(encoding="utf-8")))
 
 
@@ -63,16 +61,6 @@ def page_text(records: Mapping[str, Record], text: str) -> str:
     text = between(text, SUMMARY, summary(records))
     sections = "\n".join(section(name, record) for name, record in records.items())
     return between(text, SECTIONS, sections)
-
-
-def whole_table(records: Mapping[str, Record]) -> str:
-    """All rows of all cases as one markdown table."""
-    heading, rule = HEADINGS.splitlines()
-    lines = [f"| case {heading}", f"|---{rule}"]
-    for name, record in records.items():
-        link = f"[{name}](verification.md#{name})"
-        lines += [f"| {link} {line}" for line in row_lines(record)]
-    return "\n".join(lines) + "\n"
 
 
 def summary(records: Mapping[str, Record]) -> str:
@@ -93,8 +81,7 @@ def summary(records: Mapping[str, Record]) -> str:
     lines += [
         "",
         f"{good} of {total} rows are within their tolerance. Run {span}; every digit, date and "
-        "version is in `benchmarks/verification/results.json`, all rows in one table in "
-        "[verification-table.md](verification-table.md).",
+        "version is in `benchmarks/verification/results.json`.",
     ]
     return "\n".join(lines) + "\n"
 

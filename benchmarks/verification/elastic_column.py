@@ -8,10 +8,10 @@ In the middle, far from the side walls, the layer is a column that strains along
 `settled` must find the stress and then stay; `k0` starts with it; `gravity_on` must reach stress
 and settlement with damping. Errors of stress are shares of rho g H, of settlement of u(H).
 
-Splines that reach through the ground would leave the stress of the two lowest cells off by some
-12 % of rho g H whatever their size, and likewise beside a smooth wall; ours end there
-(`mpm_taichi.solver.splines`). What limits it now: F-bar and the relaxation of pressure make the
-mean stress constant in a cell: first order, point by point.
+With splines that reach through the ground, the stress of the two lowest cells would be off by some
+12 % of rho g H at any cell size, and likewise next to a smooth wall; ours end there
+(`mpm_taichi.solver.splines`). Limit: F-bar and the relaxation of pressure make the mean stress
+constant in a cell, which is first order at a point.
 """
 
 from __future__ import annotations

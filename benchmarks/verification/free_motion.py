@@ -11,12 +11,12 @@ so angular momentum and energy must stay and the stress must turn with the disc.
 layer of `elastic_column` under gravity turned on at once swings with the period 4 H / c_p, and
 its energy, potential + kinetic + elastic, must stay.
 
-x += dt v stretches what turns by (dt w)^2 / 2 a step. A strain of first order would not see it, and
-the radius would grow by 2 pi^2 / steps in a turn; the strain is therefore of second order
-(`mohr_coulomb.elastic_trial`). What limits the stress: pressures that are evened out within a cell
-spread a little each time a point passes from cell to cell, which equilibrium mends in the plane but
-not in sigma_zz. It halves with the cell: with 16 cells to the radius it is just over the tolerance,
-and it is compared with 32.
+x += dt v stretches a rotating body by (dt w)^2 / 2 per step. A first-order strain would not see it,
+and the radius would grow by 2 pi^2 / steps per turn; so the strain is second order
+(`mohr_coulomb.elastic_trial`). Limit of the stress: pressures are averaged within a cell and spread
+a little each time a point crosses into another cell. Equilibrium corrects this in the plane but not
+in sigma_zz. The error halves with the cell: with 16 cells to the radius it is just over the
+tolerance, so 32 are used.
 """
 
 from __future__ import annotations

@@ -1,20 +1,20 @@
-"""Collapse of dry granular columns beside a wall, against Lube and Lajeunesse (2005).
+"""Collapse of dry granular columns next to a wall, compared with Lube and Lajeunesse (2005).
 
-The sand. What is known of it is the slope on which it comes to rest, 31 degrees: the ratio of
-shear to normal stress on the surface along which it flows. A Mohr-Coulomb soil that shears along a
+The sand is known by its angle of repose, 31 degrees: the ratio of shear to normal stress on the
+surface along which it flows. A Mohr-Coulomb soil that shears along a
 plane without dilation mobilises sin(phi) there, not tan(phi): shear at constant volume turns the
 principal axes to 45 degrees, so both normal stresses are the mean p of the plane and the shear is
 p sin(phi) (Davis 1968; in a shear box tan(phi_box) = sin(phi)). The friction angle of the model is
 therefore asin(tan 31) = 36.9 degrees; the first row measures that identity on one element of the
-solver. The picture also shows 31 degrees taken for the friction angle itself, our first attempt,
-made before we thought of this identity: it runs 30 to 50 % too far.
+solver. The picture also shows 31 degrees used as the friction angle itself, our first attempt: it
+runs 30 to 50 % too far.
 
 Everything else is the solver's default. The angle of repose and the base, rough, are those of
 `experiments.yaml`; no value was varied to fit. The front is where the deposit is one spacing
-thick, about L0 / 50, as thick as a layer or two of their grains; its way ends at 99 %.
-What limits it: wide columns run 5 to 23 % beyond the law, thin fast fronts having no more friction
-in the model than slow thick soil; and the laws themselves, which change with the width of the
-channel (Balmforth and Kerswell 2005).
+thick, about L0 / 50, a layer or two of their grains; its path ends at 99 %. Limits: wide
+columns run 5 to 23 % beyond the law, because in the model thin fast fronts have the same friction
+as slow thick soil; and the laws themselves change with the width of the channel (Balmforth and
+Kerswell 2005).
 """
 
 from __future__ import annotations

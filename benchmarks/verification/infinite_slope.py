@@ -4,7 +4,7 @@ Formula (thickness z measured vertically, slope b, unit weight gamma):
 
     F = (c + gamma z cos^2 b tan phi) / (gamma z sin b cos b).                               (1)
 
-Ends. The slab ends in tapers against nothing, so no wall pushes or holds it. Sliding as a whole it
+Ends. The slab ends in free tapers, so no wall pushes or holds it. Sliding as a whole it
 has F_whole, (1) with the whole base and the smaller weight, exactly. The uniform middle alone
 needs F of (1) and can lean on the ends, so the answer lies between F and F_whole; the slab is made
 so long that these differ by a few per cent.

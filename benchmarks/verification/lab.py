@@ -1,8 +1,8 @@
 """A scene driven step by step: strengths, masses and forces changed while it moves.
 
-`simulate` runs a scene from start to end with what the scene says. Limit loads and slow processes
-need a hand on the apparatus: a strength lowered bit by bit, a footing pressed down, gravity tilted.
-`Lab` holds one scene in the solver's own arrays and changes nothing in the physics.
+`simulate` runs a scene unchanged from start to end. Limit loads and slow processes need changes
+during the run: a strength lowered step by step, a footing pressed down, gravity tilted. `Lab` holds
+one scene in the solver's own arrays and changes nothing in the physics.
 """
 
 from __future__ import annotations

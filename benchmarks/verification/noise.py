@@ -1,4 +1,4 @@
-"""What noise is left in a result: on the Lower San Fernando section at 1 m.
+"""Noise of a result, measured on the Lower San Fernando section at 1 m.
 
 Point jitter (16 seeds), motion after rest, volume gained, pressure that differs from point to
 point. Public codes of the same kind showed 6 % of scatter of the toe, 2-4 % of the peak energy as

@@ -19,7 +19,7 @@ So x_f is the toe, where the ground contact ends; (1) itself ends there with a b
 height pi B, which real soil rounds off. The area under (1),
 (h0^3 / 3 - pi B h0^2 / 4 - (pi B)^3 / 12) / B, gives h0 and x_f: nothing is fitted. The forms of
 leading order, h = sqrt(2 B (x_f - x)) and x_f = (9 A^2 / (8 B))^(1/3), leave out pi B, which at
-B / h0 = 0.05 are 9 % of the toe; they are drawn and used nowhere.
+B / h0 = 0.05 are 9 % of the toe; they are drawn for comparison only.
 
 The same runs on bonded ground (`no_slip`) show the drag of nodes that are held fixed.
 """

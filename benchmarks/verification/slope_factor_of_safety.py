@@ -2,9 +2,9 @@
 
 The infinite slope, the effect of its ends, and why soil without dilation (psi = 0) has
 c cos(phi) + sigma sin(phi) on a slip plane and not c + sigma tan(phi), are in `infinite_slope`.
-What is found there hangs on how gently the strength is lowered, since slabs that creep flatten:
-in stages of 2 %, as here, +2.4 and -5.3 % (phi 0, level; phi 20, sloped); in stages of 1 and 0.5 %
-they gave +8 and -3.5 %.
+The result depends on how slowly the strength is lowered, because creeping slabs flatten: in stages
+of 2 %, as here, +2.4 and -5.3 % (phi 0, level; phi 20, sloped); in stages of 1 and 0.5 % they gave
++8 and -3.5 %.
 Homogeneous slopes of height H on a rigid base at the level of the toe:
 
     2 : 1, phi = 20 degrees, c = 0.05 gamma H: F = 1.40, Griffiths and Lane (1999), example 1,

@@ -1,6 +1,6 @@
 """Bearing capacity of a strip footing on clay: (2 + pi) c, phi = 0 (Prandtl 1920).
 
-A stiff rough block, half of it beside a plane of symmetry, is pressed at a steady speed into soil
+A stiff rough block, half of it at a plane of symmetry, is pressed at a steady speed into soil
 without weight; no tension cap. The block is a thousand times denser than soil, so it keeps its
 speed between two corrections, and the momentum it loses is the load. Steady speed finds the limit
 load from one run, where a load raised in steps would run away at an uncertain step; without

@@ -3,8 +3,8 @@
 H_c lies between 3.76 and 3.83 c / gamma: bounds of limit analysis (3.83 is the slip circle through
 the toe, Fellenius 1927; 3.776 the best lower bound, Pastor et al. 2009). Strength is lowered in a
 steady ramp and N = gamma H / c at failure read off (`strength_reduction`). Shear bands are as thick
-as the grid makes them, so N comes out too high by an amount proportional to the cell size. Besides,
-a cut 8 % below the interval must come to rest, and one 8 % above it must fall.
+as the grid makes them, so N comes out too high by an amount proportional to the cell size.
+In addition, a cut 8 % below the interval must come to rest, and one 8 % above it must fall.
 """
 
 from __future__ import annotations

@@ -25,7 +25,6 @@ def place(tmp_path, monkeypatch):
     """An empty place for results and documents, and three cases that take no time."""
     monkeypatch.setattr(record, "RESULTS", tmp_path / "results.json")
     monkeypatch.setattr(document, "PAGE", tmp_path / "page.md")
-    monkeypatch.setattr(document, "FRAGMENT", tmp_path / "table.md")
     monkeypatch.setattr(document, "PICTURES", tmp_path / "pictures")
     monkeypatch.setattr(document, "explanation", lambda file: f"What {file.stem} is.")
     monkeypatch.setattr(record, "case_names", lambda: ["first", "second", "broken"])
@@ -67,7 +66,6 @@ def test_good_rows_end_with_0_and_are_stored(place):
     assert "| speed (a note) | 1.01 m/s | 1 m/s | +1 % | ± 2 % | pass |" in page
     assert "| noise | 0.3 |  |  | ≤ 0.5 | pass |" in page
     assert page.startswith("# Page\n") and "\nkept\n" in page and page.endswith("\nend\n")
-    assert "| [first](verification.md#first) | speed" in (place.folder / "table.md").read_text()
 
 
 def test_a_row_outside_its_tolerance_ends_with_1_and_is_named(place):
@@ -118,7 +116,7 @@ def test_quick_stores_nothing_and_draws_only_where_told(place):
     assert place.calls[-1] == ("first", None, True)
     command.main(["first", "--quick", "--out", str(place.folder / "here")])
     assert (place.folder / "here" / "first.png").exists()
-    assert not record.RESULTS.exists() and not document.FRAGMENT.exists()
+    assert not record.RESULTS.exists()
 
 
 def test_unknown_case_is_refused_with_the_known_ones(place):
@@ -153,8 +151,6 @@ def test_page_is_what_its_records_make_it():
     page = document.PAGE.read_text(encoding="utf-8")
     remedy = "out of date: python -m benchmarks.verification --page"
     assert document.page_text(stored, page) == page, f"docs/records/verification.md {remedy}"
-    table = document.FRAGMENT.read_text(encoding="utf-8")
-    assert document.whole_table(stored) == table, f"docs/records/verification-table.md {remedy}"
 
 
 def test_page_without_markers_is_refused():
