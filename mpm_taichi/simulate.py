@@ -19,7 +19,7 @@ from mpm_taichi.solver import layout
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.solver.initial_state import PreparedScene, prepare
 from mpm_taichi.solver.kernels import build_kernels
-from mpm_taichi.solver.runtime import MAX_ROWS, DeviceSlots, Slots, start
+from mpm_taichi.solver.runtime import DeviceSlots, Slots, start
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
 
@@ -162,10 +162,10 @@ def check_scene(scene: Scene) -> None:
     """Refuse what a scene may say but the solver cannot do; one line for a person."""
     effects_on(scene)
     saturated = sum(one.saturated_density is not None for one in scene.materials.values())
-    if len(scene.materials) + saturated > MAX_ROWS:
+    if len(scene.materials) + saturated > layout.MAX_ROWS:
         raise InputError(
             f"{scene.name}: materials: {len(scene.materials)}, {saturated} of them with a "
-            f"saturated_density: together at most {MAX_ROWS}"
+            f"saturated_density: together at most {layout.MAX_ROWS}"
         )
     for zone in scene.zones:
         if zone.kinematic and zone.initial_velocity != (0.0, 0.0):
@@ -284,7 +284,7 @@ class Flight:
         for frame in range(CHUNK):
             if self.ended:
                 return
-            position = slots.places[slot, frame, :count] + origin
+            position = slots.positions[slot, frame, :count] + origin
             sums = slots.sums[slot, frame].copy()
             now = len(self.frames) * frame_time
             self.reason = self._fault(position, sums, alarm == frame + 1)
@@ -342,7 +342,10 @@ class Flight:
         moduli = self.prepared.elastic[self.prepared.row]
         pressure = s[:, :3].mean(axis=1)
         shear = np.sum((s[:, :3] - pressure[:, None]) ** 2, axis=1) + 2.0 * s[:, 3] ** 2
-        stored = 0.5 * (pressure**2 * moduli[:, 3] + shear * moduli[:, 2])
+        stored = 0.5 * (
+            pressure**2 * moduli[:, layout.BULK_COMPLIANCE]
+            + shear * moduli[:, layout.SHEAR_COMPLIANCE]
+        )
         return float(stored.sum()) * self.prepared.points.volume
 
     def _scale(self) -> float:
@@ -386,7 +389,7 @@ class Flight:
         positions[:, order] = np.stack(self.frames)
         history = slots.history[where]
         volume = np.full(total, points.volume, np.float32)
-        volume[order] = points.volume * (1.0 + history[:, 0])
+        volume[order] = points.volume * (1.0 + history[:, layout.VOLUMETRIC])
         energies = np.stack(self.energies)
         potential = np.array([self._potential(frame) for frame in self.frames])
         names = {
@@ -408,7 +411,7 @@ class Flight:
             velocity=whole(slots.motion[where, 2:]),
             stress=whole(slots.stress[where]),
             initial_stress=whole(slots.initial_stress[where]),
-            plastic_shear_strain=whole(history[:, 2]),
+            plastic_shear_strain=whole(history[:, layout.SHEAR]),
             volume=volume,
             energy=energy,
             audit=self._audit(energy, history, slots, slot),
@@ -437,8 +440,8 @@ class Flight:
             "plastic_share": float(energy["plastic"][-1]) / released if released > 0 else 0.0,
             "contact_share": contact / released if released > 0 else 0.0,
             "numerical_share": numerical / released if released > 0 else 0.0,
-            "volume_growth": float(np.mean(history[:, 0])),
-            "volume_opened": float(np.mean(history[:, 1])),
+            "volume_growth": float(np.mean(history[:, layout.VOLUMETRIC])),
+            "volume_opened": float(np.mean(history[:, layout.OPENING])),
             "volume_m2": volume * len(history),
             "settle_steps": int(slots.integers[slot, layout.SETTLE_STEPS]),
             "settle_unbalanced": float(slots.numbers[slot, layout.UNBALANCED]),

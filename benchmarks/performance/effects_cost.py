@@ -27,12 +27,12 @@ SECTION = ROOT / "case_histories/lower_san_fernando/scene.yaml"
 
 COMPILE = """
 import time
-from mpm_taichi import runtime, solver
+from mpm_taichi.solver import kernels, runtime
 from mpm_taichi.effects.framework.registry import library
 runtime.start("cpu", 1)
 for effects in ((), tuple(one for one in library() if one.on_device)):
-    kernels = solver.build_kernels(affine=True, averaged=True, corrected=True, effects=effects)
-    slots = runtime.Slots(1, 10, 10, 8, device="cpu", kernels=kernels)
+    built = kernels.build_kernels(affine=True, averaged=True, corrected=True, effects=effects)
+    slots = runtime.Slots(1, 10, 10, 8, device="cpu", kernels=built)
     began = time.process_time()
     slots.compile()
     print(time.process_time() - began)

@@ -14,7 +14,7 @@ import numpy as np
 from geometry.scenes.scene import Scene, scene_from_mapping
 from mpm_taichi.materials.mohr_coulomb import material_constants
 from mpm_taichi.solver import layout, runtime
-from mpm_taichi.solver.boundary import LEFT, NEAR, RIGHT, WATER_X
+from mpm_taichi.solver.boundary import LEFT, NEAR, RIGHT
 from mpm_taichi.solver.initial_state import prepare
 from mpm_taichi.solver.kernels import build_kernels
 from pipeline.config import SimulationSettings
@@ -114,17 +114,13 @@ class Lab:
         tension_cap_kpa: float | None = None,
     ) -> None:
         """Give a material another strength from now on; the cap as in `scenes.scene.Material`."""
-        soil = self.scene.materials[material]
-        _, strength, edges = material_constants(
+        strength = material_constants(
             friction_angle=np.radians(friction_deg),
             cohesion=1e3 * cohesion_kpa,
-            youngs_modulus=soil.youngs_modulus_pa,
-            poisson_ratio=soil.poisson_ratio,
             tension_cap=None if tension_cap_kpa is None else 1e3 * tension_cap_kpa,
         )
         for row in self.rows(material):
             self.slots.strength[row] = strength
-            self.slots.edges[row, :3] = edges[:3]
 
     def reduce_strength(self, material: str, factor: float) -> None:
         """Strength of the scene divided by `factor`: c / F and tan(phi) / F."""
@@ -147,7 +143,7 @@ class Lab:
             raise ValueError("tilted gravity needs a dry scene of one density")
         angle = np.radians(tilt_deg)
         self.slots.numbers[0, layout.GRAVITY] = gravity * np.cos(angle)
-        self.slots.table[:, WATER_X] = min(densities) * gravity * np.sin(angle)
+        self.slots.surroundings[:, layout.WATER_X] = min(densities) * gravity * np.sin(angle)
         self.slots.kind |= NEAR  # every node is to be given the volume around it
 
     def hold_walls(self) -> None:
@@ -160,7 +156,7 @@ class Lab:
     @property
     def mass(self) -> np.ndarray:
         """Masses of the points, (P,) [kg/m]."""
-        return self.slots.edges[self.prepared.row, 3].astype(float)
+        return self.slots.point_mass[self.prepared.row].astype(float)
 
     @property
     def position(self) -> np.ndarray:
@@ -168,12 +164,14 @@ class Lab:
         grid = self.prepared.grid
         home = self.slots.home[: self.count]
         node = np.stack([home // grid.shape[1], home % grid.shape[1]], axis=1)
-        return np.asarray(grid.origin) + grid.cell * (node + self.slots.motion[: self.count, :2])
+        return np.asarray(grid.origin) + grid.cell * (
+            node + self.slots.motion[: self.count, : layout.VELOCITY_X]
+        )
 
     @property
     def velocity(self) -> np.ndarray:
         """Velocities, (P, 2) [m/s]; writing into the array moves the points."""
-        return self.slots.motion[: self.count, 2:]
+        return self.slots.motion[: self.count, layout.VELOCITY_X :]
 
     @property
     def stress(self) -> np.ndarray:
@@ -183,13 +181,13 @@ class Lab:
     @property
     def volume(self) -> np.ndarray:
         """Volumes of the points, (P,) [m2 per m]."""
-        swelling = self.slots.history[: self.count, 0].astype(float)
+        swelling = self.slots.history[: self.count, layout.VOLUMETRIC].astype(float)
         return self.prepared.points.volume * (1.0 + swelling)
 
     @property
     def plastic_shear_strain(self) -> np.ndarray:
         """Accumulated plastic shear strain, (P,)."""
-        return self.slots.history[: self.count, 2].astype(float)
+        return self.slots.history[: self.count, layout.SHEAR].astype(float)
 
     @property
     def displacement(self) -> np.ndarray:

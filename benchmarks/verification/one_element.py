@@ -10,54 +10,45 @@ import numpy as np
 import taichi as ti
 
 from benchmarks.verification.mohr_coulomb_reference import Soil
-from mpm_taichi.materials.mohr_coulomb import (
-    elastic_trial,
-    material_constants,
-    return_to_yield,
-    vec4,
-)
+from mpm_taichi.materials.elasticity import elastic_constants, elastic_trial
+from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, material_constants
+from mpm_taichi.solver.layout import VEC4, VEC8, vec4
 from mpm_taichi.solver.runtime import start
-from mpm_taichi.solver.transfer import area_rate
+from mpm_taichi.solver.stress import area_rate, stress_functions
 
-VECTORS = ti.types.ndarray(dtype=vec4, ndim=1)
+return_to_yield = stress_functions(MOHR_COULOMB).return_to_yield
 
 
 @ti.kernel
-def return_all(
-    trial: VECTORS, elastic: VECTORS, strength: VECTORS, edges: VECTORS, stress: VECTORS,
-    plastic: VECTORS,
-):  # fmt: skip
+def return_all(trial: VEC4, elastic: VEC4, strength: VEC8, stress: VEC4, plastic: VEC4):
     """`return_to_yield` of each trial; `plastic` holds (shear, opening, work, 0)."""
     for p in trial:
         t = trial[p]
         circle = vec4(0.5 * (t[0] + t[1]), 0.5 * (t[0] - t[1]), t[2], t[3])
-        new, shear, opening, work = return_to_yield(circle, elastic[p], strength[p], edges[p])
+        new, shear, opening, work = return_to_yield(circle, elastic[p], strength[p], 0)
         stress[p] = new
         plastic[p] = vec4(shear, opening, work, 0.0)
 
 
 @ti.kernel
-def step_all(
-    stress: VECTORS, gradient: VECTORS, elastic: VECTORS, strength: VECTORS, edges: VECTORS
-):
+def step_all(stress: VEC4, gradient: VEC4, elastic: VEC4, strength: VEC8):
     """One step of unit time of each element: elastic trial, return to yield."""
     for p in stress:
         g = gradient[p]
         trial = elastic_trial(stress[p], g, area_rate(g, 1.0), 1.0, elastic[p])
-        new, _, _, _ = return_to_yield(trial, elastic[p], strength[p], edges[p])
+        new, _, _, _ = return_to_yield(trial, elastic[p], strength[p], 0)
         stress[p] = new
 
 
-def constants(soil: Soil, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Constants of one soil as the kernels read them, each (count, 4) float32."""
-    values = material_constants(
-        friction_angle=soil.friction,
-        cohesion=soil.cohesion,
-        youngs_modulus=soil.youngs_modulus,
-        poisson_ratio=soil.poisson_ratio,
-        tension_cap=soil.tension_cap,
+def constants(soil: Soil, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Elastic constants (count, 4) and strength (count, 8) of one soil as the kernels read them."""
+    elastic = elastic_constants(
+        youngs_modulus=soil.youngs_modulus, poisson_ratio=soil.poisson_ratio
     )
-    return tuple(np.tile(value, (count, 1)) for value in values)
+    strength = material_constants(
+        friction_angle=soil.friction, cohesion=soil.cohesion, tension_cap=soil.tension_cap
+    )
+    return np.tile(elastic, (count, 1)), np.tile(strength, (count, 1))
 
 
 def solver_return(trial: np.ndarray, soil: Soil) -> tuple[np.ndarray, np.ndarray]:

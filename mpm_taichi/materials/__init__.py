@@ -1,4 +1,4 @@
-"""Constitutive laws, one file each.
+"""Material laws, one file each; `law.MaterialLaw` says what one is.
 
-In: trial strains. Out: stresses.
+In: a strain increment. Out: the stress. `docs/your-own-material-law.md` shows how to write one.
 """

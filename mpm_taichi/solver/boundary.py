@@ -15,12 +15,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import taichi as ti
 
+from mpm_taichi.solver.layout import (
+    AREA,
+    COEFFICIENT,
+    NORMAL_X,
+    NORMAL_Y,
+    PER_COVER,
+    WATER_X,
+    WATER_Y,
+    vec2,
+)
 from mpm_taichi.solver.splines import BASE_EDGE, EDGES, LEFT_EDGE, RIGHT_EDGE, weights_of_points
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
-
-vec2 = ti.types.vector(2, ti.f32)
 
 STICK, SLIDE, LEFT, RIGHT, TOP, ROUGH, TRACTION, NEAR = 1, 2, 4, 8, 16, 32, 64, 128
 """Bits of a node's type: bonded ground or fixed body; Coulomb ground; walls; lid; rough ground;
@@ -32,9 +40,6 @@ RESISTING = ROUGH | TRACTION
 """Ground whose traction is the strength of the soil beside it."""
 BARRING = SLIDE | ROUGH
 """Ground that soil cannot enter."""
-
-# Columns of the table of a node.
-NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, EMPTINESS = range(7)
 
 FULL_CONTACT = 0.5
 """Share of soil around a node of the base at which the base counts as fully covered."""
@@ -94,27 +99,25 @@ def node_tables(
 
     Returns:
         kind: (nodes,) int32, the bits above.
-        table: (nodes, 8) float32: normal x, y (out of the ground), Coulomb coefficient, area of
-            rough ground [m2 per m], water force per volume x, y [N/m3], 1 / volume at full contact
-            [1/m2], 0.
+        surroundings: (nodes, 8) float32, `layout.NodeState.surroundings`.
     """
     x, y = grid.coordinates()
     kind = np.zeros(grid.shape, np.int32)
-    table = np.zeros((*grid.shape, 8), np.float32)
+    surroundings = np.zeros((*grid.shape, 8), np.float32)
     tolerance = 1e-6 * grid.cell
 
     below = y <= scene.ground.height(x) + tolerance
     kind[below] |= {"no_slip": STICK, "coulomb": SLIDE, "rough": ROUGH}[scene.ground.contact]
     normal = ground_normal(scene, x)
-    table[..., NORMAL_X], table[..., NORMAL_Y] = normal[..., 0], normal[..., 1]
-    table[..., COEFFICIENT] = scene.ground.friction_coefficient or 0.0
+    surroundings[..., NORMAL_X], surroundings[..., NORMAL_Y] = normal[..., 0], normal[..., 1]
+    surroundings[..., COEFFICIENT] = scene.ground.friction_coefficient or 0.0
     edges = edge_bits(scene, grid)
     kind |= edges
     if scene.ground.contact == "rough":
         area, volume = ground_shares(scene, grid)
         kind[area > 0] |= TRACTION
-        table[..., AREA] = area
-        table[..., EMPTINESS] = np.where(
+        surroundings[..., AREA] = area
+        surroundings[..., PER_COVER] = np.where(
             area > 0, 1.0 / np.maximum(FULL_CONTACT * volume, tolerance), 0
         )
 
@@ -127,10 +130,12 @@ def node_tables(
     kind[last_x:] |= RIGHT
     kind[:, last_y:] |= TOP
 
-    table[..., WATER_X], table[..., WATER_Y] = water_force(scene, x, y, grid.cell, water, gravity)
-    wet = np.any(table[..., [WATER_X, WATER_Y]] != 0.0, axis=-1)
+    surroundings[..., WATER_X], surroundings[..., WATER_Y] = water_force(
+        scene, x, y, grid.cell, water, gravity
+    )
+    wet = np.any(surroundings[..., [WATER_X, WATER_Y]] != 0.0, axis=-1)
     kind[beside((kind & (TRACTION | ROUGH) > 0) | wet)] |= NEAR
-    return kind.ravel(), table.reshape(-1, 8)
+    return kind.ravel(), surroundings.reshape(-1, 8)
 
 
 def edge_bits(scene: Scene, grid: Grid) -> np.ndarray:
@@ -258,13 +263,13 @@ def node_weight(
 
 
 @ti.func
-def contact(velocity, kind, table, friction, adhesion):
+def contact(velocity, kind, surroundings, friction, adhesion):
     """Velocity of a node after ground and walls have acted on it [m/s].
 
     Args:
         velocity: without contact [m/s].
         kind: the bits of the node.
-        table: the row of the node.
+        surroundings: the row of the node.
         friction: Coulomb coefficient of the ground, of rough ground sin(phi) of the soil.
         adhesion: most the traction of rough ground changes the velocity in this step [m/s].
 
@@ -275,7 +280,7 @@ def contact(velocity, kind, table, friction, adhesion):
     if kind & STICK:
         v = vec2(0.0, 0.0)
     elif kind & (BARRING | RESISTING):
-        normal_x, normal_y = table[0], table[1]
+        normal_x, normal_y = surroundings[NORMAL_X], surroundings[NORMAL_Y]
         out = v[0] * normal_x + v[1] * normal_y
         along = v[1] * normal_x - v[0] * normal_y
         limit = adhesion

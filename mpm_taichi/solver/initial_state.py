@@ -7,6 +7,7 @@ has its own strength. Bodies that are thrown or that hang in the air start free 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,9 @@ from shapely.ops import unary_union
 
 from geometry.scenes.fill import MaterialPoints, fill
 from mpm_taichi.effects import Active, acting_scene, effects_on
-from mpm_taichi.materials.mohr_coulomb import NO_CAP, material_constants
+from mpm_taichi.materials.elasticity import elastic_constants
+from mpm_taichi.materials.law import CONSTANTS, MaterialLaw
+from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, NO_CAP
 from mpm_taichi.solver.boundary import (
     STICK,
     WATER_DENSITY,
@@ -45,16 +48,16 @@ class PreparedScene:
     settled: int  # the first so many points take part in settling
     grid: Grid
     kind: np.ndarray  # (nodes,) int32
-    table: np.ndarray  # (nodes, 8) float32
+    surroundings: np.ndarray  # (nodes, 8) float32
     motion: np.ndarray  # (P, 4) float32
     home: np.ndarray  # (P,) int32, node within the grid
     stress: np.ndarray  # (P, 4) float32 [Pa]
     row: np.ndarray  # (P,) int32
     elastic: np.ndarray  # (R, 4) float32
-    strength: np.ndarray  # (R, 4) float32
-    edges: np.ndarray  # (R, 4) float32
-    settle_strength: np.ndarray  # (R, 4) float32
-    settle_edges: np.ndarray  # (R, 4) float32
+    strength: np.ndarray  # (R, 8) float32
+    settle_strength: np.ndarray  # (R, 8) float32
+    point_mass: np.ndarray  # (R,) float32, of a point of each row [kg/m]
+    variables: np.ndarray  # (R, V) float32, history variables of the law at t = 0
     soil: np.ndarray  # (R, 4) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa]
     mass: np.ndarray  # (P,) float64 [kg/m]
     wave_speed: float  # m/s
@@ -73,31 +76,27 @@ class PreparedScene:
             cell=cell,
             shape=(shape[0] + left + right, shape[1]),
         )
-        self.kind, self.table = nodes_of(self.scene, self.settings, self.points, self.grid)
+        self.kind, self.surroundings = nodes_of(self.scene, self.settings, self.points, self.grid)
         return self
 
 
-def prepare(scene: Scene, settings: SimulationSettings) -> PreparedScene:
-    """Fill a scene, lay its grid and its tables."""
+def prepare(
+    scene: Scene, settings: SimulationSettings, law: MaterialLaw = MOHR_COULOMB
+) -> PreparedScene:
+    """Fill a scene, lay its grid and its tables, with the constants of a material law."""
     given, active = scene, effects_on(scene)
     scene = acting_scene(scene, active)
     points = fill(scene)
     grid = make_grid(scene)
-    kind, table = nodes_of(scene, settings, points, grid)
+    kind, surroundings = nodes_of(scene, settings, points, grid)
     fixed = points.kinematic
     row, rows, densities = material_rows(scene, points)
-    constants = [material_constants(**_strength(material)) for material in rows]
-    before = [material_constants(**_settling_strength(material)) for material in rows]
-    elastic, strength, edges = (np.array(column) for column in zip(*constants, strict=True))
-    _, settle_strength, settle_edges = (np.array(column) for column in zip(*before, strict=True))
     mass_of_row = np.asarray(densities) * points.volume
-    edges[:, 3] = settle_edges[:, 3] = mass_of_row
 
     resting = resting_points(scene, points) & ~fixed
     order = np.concatenate([np.flatnonzero(resting), np.flatnonzero(~resting & ~fixed)])
     motion, home = locate(grid, points.position[order])
     motion[:, 2:] = points.velocity[order]
-    mass = mass_of_row[row[order]]
     stress = np.zeros((len(order), 4), np.float32)
     if settings.initial_stress != "gravity_on":
         lateral = np.array([_k0(material) for material in rows])[row]
@@ -115,18 +114,18 @@ def prepare(scene: Scene, settings: SimulationSettings) -> PreparedScene:
         settled=int(resting.sum()) if settings.initial_stress == "settled" else 0,
         grid=grid,
         kind=kind,
-        table=table,
+        surroundings=surroundings,
         motion=motion,
         home=home,
         stress=stress,
         row=row[order].astype(np.int32),
-        elastic=elastic,
-        strength=strength,
-        edges=edges,
-        settle_strength=settle_strength,
-        settle_edges=settle_edges,
+        elastic=np.array([_elastic(material) for material in rows]),
+        strength=_constants(rows, law.constants),
+        settle_strength=_constants(rows, law.settling_constants),
+        point_mass=mass_of_row.astype(np.float32),
+        variables=_variables(rows, law),
         soil=np.array([_soil(material) for material in rows], np.float32),
-        mass=mass,
+        mass=mass_of_row[row[order]],
         wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),
         frame_time=settings.frame_interval
         * float(np.sqrt(scene.spacing / settings.gravity_m_per_s2)),
@@ -136,8 +135,8 @@ def prepare(scene: Scene, settings: SimulationSettings) -> PreparedScene:
 def nodes_of(
     scene: Scene, settings: SimulationSettings, points: MaterialPoints, grid: Grid
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Types (nodes,) int32 and tables (nodes, 8) of a grid, fixed bodies included."""
-    kind, table = node_tables(
+    """Types (nodes,) int32 and surroundings (nodes, 8) of a grid, fixed bodies included."""
+    kind, surroundings = node_tables(
         scene,
         grid,
         wall_contact=settings.wall_contact,
@@ -146,7 +145,7 @@ def nodes_of(
     )
     fixed = points.kinematic
     held = fixed_by_bodies(grid, points.position[~fixed], points.position[fixed], kind)
-    return np.where(held, STICK | (kind & EDGES), kind).astype(np.int32), table
+    return np.where(held, STICK | (kind & EDGES), kind).astype(np.int32), surroundings
 
 
 def material_rows(
@@ -234,28 +233,26 @@ def _soil(material: Material) -> tuple[float, float, float, float]:
     return float(material.liquefied), tangent, material.cohesion_pa, cap
 
 
-def _stiffness(material: Material) -> dict[str, float]:
-    return {
-        "youngs_modulus": material.youngs_modulus_pa,
-        "poisson_ratio": material.poisson_ratio,
-    }
+def _elastic(material: Material) -> np.ndarray:
+    return elastic_constants(
+        youngs_modulus=material.youngs_modulus_pa, poisson_ratio=material.poisson_ratio
+    )
 
 
-def _strength(material: Material) -> dict[str, float | None]:
-    return {
-        "friction_angle": material.friction_rad,
-        "cohesion": material.cohesion_pa,
-        "tension_cap": material.tension_cap_pa,
-        **_stiffness(material),
-    }
+def _constants(
+    materials: list[Material], constants: Callable[[Material], Sequence[float]]
+) -> np.ndarray:
+    """Rows of constants of a law, (R, 8) float32."""
+    rows = np.zeros((len(materials), CONSTANTS), np.float32)
+    for row, material in zip(rows, materials, strict=True):
+        values = constants(material)
+        row[: len(values)] = values
+    return rows
 
 
-def _settling_strength(material: Material) -> dict[str, float | None]:
-    """Pre-failure strength if the case gives one, else a strength that is never reached."""
-    if material.pre_failure is None:
-        return {"friction_angle": 0.0, "cohesion": 0.5 * NO_CAP, **_stiffness(material)}
-    return {
-        "friction_angle": material.pre_failure.friction_rad,
-        "cohesion": material.pre_failure.cohesion_pa,
-        **_stiffness(material),
-    }
+def _variables(materials: list[Material], law: MaterialLaw) -> np.ndarray:
+    """History variables of a law at t = 0, (R, V) float32."""
+    rows = np.zeros((len(materials), law.variables), np.float32)
+    if law.initial_variables is not None:
+        rows[:] = [law.initial_variables(material) for material in materials]
+    return rows

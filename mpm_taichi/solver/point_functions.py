@@ -1,8 +1,8 @@
-"""What one point, one node, one frame does; both schedules are made of these.
+"""What one point, one cell, one frame does; both schedules are made of these.
 
 A step: stress of the points; scatter; nodes; gather and motion; means of the cells. The stress
 comes first because F-bar needs the divergence of all points of a cell, which the gather before has
-summed. On the CPU the same is done for eight points side by side: `tiles`.
+summed. On the CPU the same is done for eight points together: `tiles`.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -11,30 +11,39 @@ from types import SimpleNamespace
 
 import taichi as ti
 
-from mpm_taichi.solver.boundary import BARRING, NEAR, STICK, WALLS
+from mpm_taichi.materials.law import MaterialLaw
+from mpm_taichi.solver.boundary import NEAR
 from mpm_taichi.solver.layout import (
+    BULK_COMPLIANCE,
+    BULK_MODULUS,
     CELL,
+    CLOSED_POINTS,
     COURANT,
+    DISSIPATED,
+    DVX_DX,
+    DVY_DY,
     FIXED_STEP,
     FRAME_TIME,
-    SETTLE_DAMPING,
+    OFFSET_X,
+    OFFSET_Y,
+    OPENING,
+    SHEAR_COMPLIANCE,
+    SMOOTHED,
     SPEED,
+    VELOCITY_X,
+    VELOCITY_Y,
+    VOLUMETRIC,
     WAVE_SPEED,
+    XX,
+    XY,
+    YY,
+    ZZ,
     A,
     vec2,
     vec4,
 )
-from mpm_taichi.solver.transfer import (
-    cell_sums,
-    gather,
-    move,
-    pressure_relief,
-    scatter,
-    scatter_volume,
-    smooth_pressure,
-    strain_increment,
-    stress_step,
-)
+from mpm_taichi.solver.stress import cell_means, cell_sums, smooth_pressure, stress_functions
+from mpm_taichi.solver.transfer import gather, mass_weights, move, scatter, scatter_volume
 
 
 @ti.func
@@ -48,192 +57,203 @@ def steps_of_frame(numbers: A, slot):
 
 
 @ti.func
-def settle_node(load, flow, table, kind, dt, gravity):
-    """Velocity of a node in dynamic relaxation (Cundall's damping), its unbalanced force, weight.
+def average_cell(n, cell_mean: A):
+    """The means of a cell from its sums."""
+    if cell_mean[n][CLOSED_POINTS] > 0.0:
+        cell_mean[n] = cell_means(cell_mean[n])
 
-    The ground holds; walls are smooth and hold as well.
-    """
-    weight = gravity * load[4]
-    force = vec2(load[2], load[3]) + load[5] * vec2(table[4], table[5])
-    force[1] -= weight
-    if kind & (STICK | BARRING):
-        force = vec2(0.0, 0.0)
-    if kind & WALLS:
-        force[0] = 0.0
-    unbalanced = ti.abs(force[0]) + ti.abs(force[1])
-    new = vec2(0.0, 0.0)
-    for k in ti.static(range(2)):
-        damped = force[k] - SETTLE_DAMPING * ti.abs(force[k]) * ti.math.sign(flow[k])
-        new[k] = flow[k] + (dt / load[4]) * damped
-    return vec4(new[0], new[1], 0.0, 0.0), unbalanced, weight
+
+@ti.func
+def smooth_cell(n, columns, smoothing, cell_mean: A):
+    """The smoothed mean stress of a cell from the means of its neighbours."""
+    own = cell_mean[n]
+    if own[CLOSED_POINTS] > 0.0:
+        own[SMOOTHED] = smooth_pressure(
+            own, cell_mean[n - 1], cell_mean[n + 1], cell_mean[n - columns],
+            cell_mean[n + columns], smoothing,
+        )  # fmt: skip
+        cell_mean[n] = own
+
+
+@ti.func
+def point_energy(p, volume, points: A, materials: A):
+    """Kinetic, elastic, dissipated energy [J/m] and squared speed of a point."""
+    m = points.motion[p]
+    s = points.stress[p]
+    moduli = materials.elastic[points.row[p]]
+    squared = m[VELOCITY_X] * m[VELOCITY_X] + m[VELOCITY_Y] * m[VELOCITY_Y]
+    mean = (s[XX] + s[YY] + s[ZZ]) * (1.0 / 3.0)
+    shear = (
+        (s[XX] - mean) ** 2 + (s[YY] - mean) ** 2 + (s[ZZ] - mean) ** 2
+    ) + 2.0 * s[XY] * s[XY]  # fmt: skip
+    strained = volume * (1.0 + points.history[p][VOLUMETRIC])
+    stored = strained * 0.5 * (
+        mean * mean * moduli[BULK_COMPLIANCE] + shear * moduli[SHEAR_COMPLIANCE]
+    )  # fmt: skip
+    kinetic = 0.5 * materials.point_mass[points.row[p]] * squared
+    return vec4(kinetic, stored, points.history[p][DISSIPATED], squared)
+
+
+@ti.func
+def position(p, first_node, columns, cell, points: A):
+    """Position of a point relative to its grid's first node [m]."""
+    node = points.home[p] - first_node
+    i = node // columns
+    j = node - i * columns
+    offset = points.motion[p]
+    return vec2(
+        (ti.cast(i, ti.f32) + offset[OFFSET_X]) * cell,
+        (ti.cast(j, ti.f32) + offset[OFFSET_Y]) * cell,
+    )
+
+
+@ti.func
+def add_to_cell(node, sums, cell_mean: A, atomic: A):
+    """Add a point's sums to those of its cell."""
+    if ti.static(atomic):
+        for k in ti.static(range(4)):
+            ti.atomic_add(cell_mean[node][k], sums[k])
+    else:
+        cell_mean[node] = cell_mean[node] + sums
 
 
 def point_functions(
-    *, affine: bool, averaged: bool, corrected: bool, effects: SimpleNamespace | None = None
+    law: MaterialLaw,
+    *,
+    affine: bool,
+    averaged: bool,
+    corrected: bool,
+    effects: SimpleNamespace | None = None,
 ) -> SimpleNamespace:
-    """The functions of a point for one choice of transfer and material options.
+    """The functions of a point for one material law and one choice of options.
 
     `effects` is what `effects.hooks.effect_functions` makes: then a point has a strength of its own
-    (`present`), which its effects renew in every step.
+    (`PointState.own_strength`), which its effects renew in every step.
 
     In each, `p` is the number of a point and `atomic` says that other threads add to its nodes.
     """
     acted = effects is not None
+    stress = stress_functions(law, averaged=averaged, corrected=corrected)
+    # Settling is elastic and starts from no history: nothing opens, nothing is evened out.
+    settling = stress_functions(law, averaged=averaged, relieved=False)
+    remembers = law.variables > 0
 
     @ti.func
-    def strain_point(
-        p, dt, share, volume, home: A, gradient: A, stress: A, history: A, row: A, elastic: A,
-        strength: A, edges: A, swelling: A, slot, on, time, columns, first_node, integers: A,
-        numbers: A, motion: A, facts: A, present: A, effect_numbers: A,
-    ):  # fmt: skip
-        r = row[p]
-        own_strength = strength[r]
-        own_edges = edges[r]
+    def strength_of(p, points: A, materials: A):
+        """Constants of the law at a point, (8,)."""
+        row = materials.strength[points.row[p]]
         if ti.static(acted):
-            now = present[p]
-            own_strength = vec4(now[0], now[1], now[2], 0.0)
-            own_edges = vec4(now[3], now[4], now[5], 0.0)
-        means = swelling[home[p]]
-        velocity_gradient = gradient[p]
-        old = history[p]
-        volumetric = strain_increment(velocity_gradient, old[1], means, dt, averaged)
-        relief = pressure_relief(stress[p], old[1], means, share, averaged)
-        new_stress, new, shear = stress_step(
-            stress[p], velocity_gradient, old, volumetric, relief, dt, volume, elastic[r],
-            own_strength, own_edges, corrected,
+            row = points.own_strength[p]
+        return row
+
+    @ti.func
+    def variables_of(p, points: A):
+        """History variables of the law at a point; a number that nobody reads if it has none."""
+        if ti.static(not remembers):
+            return 0.0
+        return ti.Vector([points.variables[p, k] for k in ti.static(range(law.variables))])
+
+    @ti.func
+    def strain_point(p, step: A, state: A):
+        """Stress and history of a point after a step."""
+        points, materials = ti.static((state.points, state.materials))
+        elastic = materials.elastic[points.row[p]]
+        variables = variables_of(p, points)
+        new_stress, new, shear = stress.advance(
+            p, step, points, state.nodes.cell_mean[points.home[p]], elastic,
+            strength_of(p, points, materials), variables,
         )  # fmt: skip
-        stress[p] = new_stress
-        history[p] = new
+        points.stress[p] = new_stress
+        points.history[p] = new
+        if ti.static(remembers):
+            for k in ti.static(range(law.variables)):
+                points.variables[p, k] = variables[k]
         if ti.static(acted):
-            if shear > 0.0 and on & ti.static(effects.dilation_mask):
-                change, work = effects.dilate(
-                    p, slot, on, time, columns, first_node, shear, elastic[r], integers, numbers,
-                    motion, home, gradient, stress, history, facts, effect_numbers,
-                )  # fmt: skip
-                stress[p] = new_stress + vec4(change, change, change, 0.0)
-                new[3] += work * volume * (1.0 + new[0])
-                history[p] = new
+            if shear > 0.0 and step.on & ti.static(effects.dilation_mask):
+                change, work = effects.dilate(p, step, state, shear, elastic[BULK_MODULUS])
+                points.stress[p] = new_stress + vec4(change, change, change, 0.0)
+                new[DISSIPATED] += work * step.volume * (1.0 + new[VOLUMETRIC])
+                points.history[p] = new
 
     @ti.func
-    def scatter_point(
-        p, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, history: A, row: A,
-        strength: A, edges: A, load: A, kind: A, present: A, atomic: ti.template(),
-    ):  # fmt: skip
-        r = row[p]
-        node = home[p]
-        place = kind[node]
-        own_strength = strength[r]
-        if ti.static(acted):
-            own_strength = vec4(present[p][0], present[p][1], 0.0, 0.0)
+    def scatter_strength(p, step: A, points: A, load: A, kind, strength, atomic: A):
+        """Volume and strength of a point near water or rough ground."""
+        weight_x, weight_y = mass_weights(points.motion[p], kind)
+        friction, adhesion = law.ground_strength(strength)
+        scatter_volume(
+            load, points.home[p], step.columns, weight_x, weight_y, step.volume, friction, adhesion,
+            atomic,
+        )  # fmt: skip
+
+    @ti.func
+    def scatter_point(p, step: A, state: A, atomic: A):
+        """Momentum, internal force, mass, and where asked for strength, to the nodes."""
+        points, nodes, materials = ti.static((state.points, state.nodes, state.materials))
+        kind = nodes.kind[points.home[p]]
         scatter(
-            load, node, columns, place, motion[p], gradient[p], stress[p], history[p][0],
-            edges[r][3], volume, cell, affine, atomic,
-        )  # fmt: skip
-        if place & NEAR:
-            scatter_volume(load, node, columns, place, motion[p], volume, own_strength, atomic)
+            p, step, points, nodes.load, kind, materials.point_mass[points.row[p]], affine, atomic
+        )
+        if kind & NEAR:
+            strength = strength_of(p, points, materials)
+            scatter_strength(p, step, points, nodes.load, kind, strength, atomic)
 
     @ti.func
-    def gather_and_move(
-        p, dt, cell, blend, columns, motion: A, home: A, gradient: A, stress: A, history: A,
-        flow: A, swelling: A, kind: A, atomic: ti.template(),
-    ):  # fmt: skip
-        node = home[p]
-        mean, velocity_gradient = gather(flow, node, columns, kind[node], motion[p], cell)
-        new, shift, alarm = move(motion[p], columns, mean, blend, dt, 1.0 / cell)
+    def gather_and_move(p, step: A, state: A, atomic: A):
+        """Velocity and its gradient at a point, and its motion; 1 if it raises the alarm."""
+        points, nodes = ti.static((state.points, state.nodes))
+        node = points.home[p]
+        mean, gradient = gather(
+            nodes.velocity, node, step.columns, nodes.kind[node], points.motion[p], step.cell
+        )
+        new, shift, alarm = move(
+            points.motion[p], step.columns, mean, step.blend, step.dt, 1.0 / step.cell
+        )
         node += shift
-        gradient[p] = velocity_gradient
-        motion[p] = new
-        home[p] = node
+        points.gradient[p] = gradient
+        points.motion[p] = new
+        points.home[p] = node
         if ti.static(averaged):
-            sums = cell_sums(velocity_gradient, stress[p], history[p][1], dt)
-            if ti.static(atomic):
-                for k in ti.static(range(4)):
-                    ti.atomic_add(swelling[node][k], sums[k])
-            else:
-                swelling[node] = swelling[node] + sums
+            sums = cell_sums(gradient, points.stress[p], points.history[p][OPENING], step.dt)
+            add_to_cell(node, sums, nodes.cell_mean, atomic)
         return alarm
 
     @ti.func
-    def smooth_cell(n, columns, smoothing, swelling: A):
-        own = swelling[n]
-        if own[3] > 0.0:
-            own[1] = smooth_pressure(
-                own, swelling[n - 1], swelling[n + 1], swelling[n - columns],
-                swelling[n + columns], smoothing,
-            )  # fmt: skip
-            swelling[n] = own
-
-    @ti.func
-    def settle_gather(
-        p, cell, columns, motion: A, home: A, gradient: A, flow: A, swelling: A, kind: A,
-        atomic: ti.template(),
-    ):  # fmt: skip
-        node = home[p]
-        _, velocity_gradient = gather(flow, node, columns, kind[node], motion[p], cell)
-        gradient[p] = velocity_gradient
-        if ti.static(averaged):
-            sums = vec4(velocity_gradient[0] + velocity_gradient[3], 0.0, 0.0, 1.0)
-            if ti.static(atomic):
-                for k in ti.static(range(4)):
-                    ti.atomic_add(swelling[node][k], sums[k])
-            else:
-                swelling[node] = swelling[node] + sums
-
-    @ti.func
-    def settle_scatter(
-        p, dt, cell, volume, columns, motion: A, home: A, gradient: A, stress: A, row: A,
-        elastic: A, strength: A, edges: A, load: A, swelling: A, kind: A, atomic: ti.template(),
-    ):  # fmt: skip
-        r = row[p]
-        node = home[p]
-        volumetric = strain_increment(gradient[p], 0.0, swelling[node], dt, averaged)
-        zero = vec4(0.0, 0.0, 0.0, 0.0)
-        new_stress, _, _ = stress_step(
-            stress[p], gradient[p], zero, volumetric, 0.0, dt, volume, elastic[r], strength[r],
-            edges[r], False,
-        )  # fmt: skip
-        stress[p] = new_stress
-        still = vec4(motion[p][0], motion[p][1], 0.0, 0.0)
-        place = kind[node]
-        scatter(
-            load, node, columns, place, still, zero, new_stress, 0.0, edges[r][3], volume, cell,
-            False, atomic,
-        )  # fmt: skip
-        if place & NEAR:
-            scatter_volume(load, node, columns, place, still, volume, strength[r], atomic)
-
-    @ti.func
-    def point_energy(p, volume, motion: A, stress: A, history: A, row: A, elastic: A, edges: A):
-        """Kinetic, elastic, dissipated energy [J/m] and squared speed of a point."""
-        m = motion[p]
-        s = stress[p]
-        moduli = elastic[row[p]]
-        squared = m[2] * m[2] + m[3] * m[3]
-        pressure = (s[0] + s[1] + s[2]) * (1.0 / 3.0)
-        shear = (
-            (s[0] - pressure) ** 2 + (s[1] - pressure) ** 2 + (s[2] - pressure) ** 2
-        ) + 2.0 * s[3] * s[3]  # fmt: skip
-        strained = volume * (1.0 + history[p][0])
-        stored = strained * 0.5 * (pressure * pressure * moduli[3] + shear * moduli[2])
-        return vec4(0.5 * edges[row[p]][3] * squared, stored, history[p][3], squared)
-
-    @ti.func
-    def place(p, first_node, columns, cell, motion: A, home: A):
-        """Position of a point relative to its grid's first node [m]."""
-        node = home[p] - first_node
-        i = node // columns
-        j = node - i * columns
-        return vec2(
-            (ti.cast(i, ti.f32) + motion[p][0]) * cell, (ti.cast(j, ti.f32) + motion[p][1]) * cell
+    def settle_gather(p, step: A, state: A, atomic: A):
+        """Velocity gradient at a point that stays where it is."""
+        points, nodes = ti.static((state.points, state.nodes))
+        node = points.home[p]
+        _, gradient = gather(
+            nodes.velocity, node, step.columns, nodes.kind[node], points.motion[p], step.cell
         )
+        points.gradient[p] = gradient
+        if ti.static(averaged):
+            divergence = gradient[DVX_DX] + gradient[DVY_DY]
+            add_to_cell(node, vec4(divergence, 0.0, 0.0, 1.0), nodes.cell_mean, atomic)
+
+    @ti.func
+    def settle_scatter(p, step: A, state: A, atomic: A):
+        """Stress of a point in settling, and its internal force and mass to the nodes."""
+        points, nodes, materials = ti.static((state.points, state.nodes, state.materials))
+        r, node = points.row[p], points.home[p]
+        strength = materials.settle_strength[r]
+        variables = variables_of(p, points)
+        new_stress, _, _ = settling.advance(
+            p, step, points, nodes.cell_mean[node], materials.elastic[r], strength, variables
+        )
+        points.stress[p] = new_stress
+        kind = nodes.kind[node]
+        scatter(p, step, points, nodes.load, kind, materials.point_mass[r], False, atomic)
+        if kind & NEAR:
+            scatter_strength(p, step, points, nodes.load, kind, strength, atomic)
 
     return SimpleNamespace(
+        stress=stress,
+        variables_of=variables_of,
+        strength_of=strength_of,
+        scatter_strength=scatter_strength,
         strain_point=strain_point,
         scatter_point=scatter_point,
         gather_and_move=gather_and_move,
-        smooth_cell=smooth_cell,
         settle_gather=settle_gather,
         settle_scatter=settle_scatter,
-        point_energy=point_energy,
-        place=place,
     )

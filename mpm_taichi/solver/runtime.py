@@ -10,13 +10,13 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import redirect_stdout
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
+from taichi.lang.util import to_numpy_type
 
 from mpm_taichi.solver import kernels, layout
 from pipeline.cli import InputError, WorkFailed
@@ -24,11 +24,8 @@ from pipeline.cli import InputError, WorkFailed
 if TYPE_CHECKING:
     from mpm_taichi.solver.initial_state import PreparedScene
 
-MAX_ROWS = 32
-"""Most material rows of a scene (materials, and saturated forms of them)."""
-
 OPTIONS = {"fast_math": False, "cfg_optimization": False, "log_level": ti.ERROR}
-"""How Taichi compiles. Sums stay in the order in which they are written: then bits do not hang on
+"""How Taichi compiles. Sums stay in the order in which they are written: then bits do not depend on
 what else is in a kernel nor on the kind of processor, and points side by side keep the same form,
 which is what makes vector instructions of them. The analysis of stores and loads takes three
 quarters of the compilation, and LLVM does it again."""
@@ -73,15 +70,11 @@ def aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     return raw[offset : offset + size].view(dtype).reshape(shape)
 
 
-_TAICHI = {"int32": ti.i32, "float32": ti.f32, "float64": ti.f64}
-
-
 class Slots:
-    """Arrays for `number` scenes of up to `points` points and `nodes` nodes each."""
+    """Arrays for `number` scenes of up to `points` points and `nodes` nodes each.
 
-    PER_POINT = {"motion": 4, "gradient": 4, "stress": 4, "history": 4, "initial_stress": 4}
-    PER_NODE = {"load": 8, "flow": 4, "swelling": 4, "table": 8}
-    PER_ROW = ("elastic", "strength", "edges", "settle_strength", "settle_edges")
+    Every array of `layout.ARRAYS` is an attribute, in numpy; a last axis holds its columns.
+    """
 
     def __init__(
         self, number: int, points: int, nodes: int, frames: int, *, device: str, kernels: Any
@@ -89,26 +82,38 @@ class Slots:
         points = -(-points // layout.TILE) * layout.TILE  # whole tiles
         self.number, self.points, self.nodes, self.frames = number, points, nodes, frames
         self.device, self.kernels = device, kernels
-        self.integers = aligned((number, layout.INTEGERS), np.int32)
-        self.numbers = aligned((number, layout.NUMBERS), np.float32)
-        self.sums = aligned((number, frames, layout.SUMS), np.float64)
-        self.places = aligned((number, frames, points, 2), np.float32)
-        self.home = aligned((number * points,), np.int32)
-        self.row = aligned((number * points,), np.int32)
-        self.kind = aligned((number * nodes,), np.int32)
-        for name, width in self.PER_POINT.items():
-            setattr(self, name, aligned((number * points, width), np.float32))
-        for name, width in self.PER_NODE.items():
-            setattr(self, name, aligned((number * nodes, width), np.float32))
-        for name in self.PER_ROW:
-            setattr(self, name, aligned((number * MAX_ROWS, 4), np.float32))
-        # What effects need; where there are none, the kernels never look at these.
-        table = kernels.table
-        per_point = number * points if table else 1
-        self.facts = aligned((per_point, table.facts if table else 1), np.float32)
-        self.present = aligned((per_point, 8), np.float32)
-        self.resisted = aligned((number * nodes if table else 1,), np.float32)
-        self.effect_numbers = aligned((number, table.width if table else 1), np.float32)
+        for name, shape in self._shapes().items():
+            scalar = getattr(layout.ARRAYS[name].dtype, "dtype", layout.ARRAYS[name].dtype)
+            setattr(self, name, aligned(shape, to_numpy_type(scalar)))
+
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of each array; one row of what the kernels never look at."""
+        rows = {
+            layout.SlotState: (self.number,),
+            layout.PointState: (self.number * self.points,),
+            layout.NodeState: (self.number * self.nodes,),
+            layout.MaterialTable: (self.number * layout.MAX_ROWS,),
+            layout.FrameState: (self.number, self.frames),
+        }
+        shapes = {name: rows[kind] for kind in rows for name in kind._fields}
+        shapes["positions"] += (self.points,)
+        table, law = self.kernels.table, self.kernels.law
+        if not table:
+            shapes |= {"facts": (1,), "own_strength": (1,), "resistance": (1,)}
+        if not law.variables:
+            shapes["variables"] = (1,)
+        columns = {
+            "integers": layout.INTEGERS,
+            "numbers": layout.NUMBERS,
+            "sums": layout.SUMS,
+            "effect_numbers": table.width if table else 1,
+            "facts": table.facts if table else 1,
+            "variables": max(law.variables, 1),
+        }
+        for name, kind in layout.ARRAYS.items():
+            width = columns.get(name) or getattr(kind.dtype, "n", 0)
+            shapes[name] += (width,) if width else ()
+        return shapes
 
     def point_range(self, slot: int) -> slice:
         """Where the points of a slot lie in the arrays."""
@@ -118,15 +123,17 @@ class Slots:
     def admit(self, slot: int, scene: PreparedScene) -> None:
         """Put a prepared scene into a slot."""
         count = len(scene.order)
-        point, row = slot * self.points, slot * MAX_ROWS
+        point, row = slot * self.points, slot * layout.MAX_ROWS
         where = slice(point, point + count)
         self.motion[where] = scene.motion
         self.stress[where] = self.initial_stress[where] = scene.stress
         self.gradient[where] = self.history[where] = 0.0
         self.row[where] = scene.row + row
         rows = slice(row, row + len(scene.elastic))
-        for name in self.PER_ROW:
+        for name in layout.MaterialTable._fields:
             getattr(self, name)[rows] = getattr(scene, name)
+        if self.kernels.law.variables:
+            self.variables[where] = scene.variables[scene.row]
         settings = scene.settings
         integers, numbers = self.integers[slot], self.numbers[slot]
         integers[:] = 0
@@ -164,8 +171,7 @@ class Slots:
         position = scene.points.position[scene.order]
         soil = scene.soil[scene.row]
         self.facts[where] = table.point_facts(scene.effects, scene.scene, position, soil)
-        own = np.concatenate([scene.strength[:, :3], scene.edges[:, :3]], axis=1)
-        self.present[where, :6] = own[scene.row]
+        self.own_strength[where] = scene.strength[scene.row]
 
     def lay_grid(self, slot: int, scene: PreparedScene, left: int) -> None:
         """Give a slot the enlarged grid of its scene, with `left` more columns on the left."""
@@ -177,37 +183,36 @@ class Slots:
         """Nodes of a slot; the divergences still to be used move along where `keep` says."""
         node, nodes = slot * self.nodes, scene.grid.nodes
         integers = self.integers[slot]
-        old = self.swelling[integers[layout.FIRST_NODE] : integers[layout.LAST_NODE]].copy()
+        old = self.cell_mean[integers[layout.FIRST_NODE] : integers[layout.LAST_NODE]].copy()
         integers[layout.FIRST_NODE], integers[layout.LAST_NODE] = node, node + nodes
         integers[layout.COLUMNS] = scene.grid.shape[1]
         where = slice(node, node + nodes)
-        self.kind[where], self.table[where] = scene.kind, scene.table
-        self.load[where] = self.flow[where] = self.swelling[where] = 0.0
+        self.kind[where], self.surroundings[where] = scene.kind, scene.surroundings
+        self.load[where] = self.velocity[where] = self.cell_mean[where] = 0.0
         if self.kernels.table:
-            self.resisted[where] = 0.0
+            self.resistance[where] = 0.0
         if keep is not None:
             first = node + keep * scene.grid.shape[1]
-            self.swelling[first : first + len(old)] = old
+            self.cell_mean[first : first + len(old)] = old
 
     def take_over(self, slot: int, other: Slots, scene: PreparedScene) -> None:
         """Copy a scene in flight from smaller arrays."""
         self.integers[slot], self.numbers[slot] = other.integers[slot], other.numbers[slot]
         count = len(scene.order)
         mine, theirs = slot * self.points, slot * other.points
-        for name in (*self.PER_POINT, "row"):
+        unused = set() if self.kernels.law.variables else {"variables"}
+        if not self.kernels.table:
+            unused |= {"facts", "own_strength", "resistance"}
+        for name in set(layout.PointState._fields) - unused:
             getattr(self, name)[mine : mine + count] = getattr(other, name)[theirs : theirs + count]
-        if self.kernels.table:
-            for name in ("facts", "present"):
-                part = getattr(other, name)[theirs : theirs + count]
-                getattr(self, name)[mine : mine + count] = part
-            self.effect_numbers[slot] = other.effect_numbers[slot]
+        self.effect_numbers[slot] = other.effect_numbers[slot]
         home = other.home[theirs : theirs + count] - slot * other.nodes
         self.home[mine : mine + count] = home + slot * self.nodes
-        for name in self.PER_ROW:
-            rows = slice(slot * MAX_ROWS, (slot + 1) * MAX_ROWS)
+        for name in layout.MaterialTable._fields:
+            rows = slice(slot * layout.MAX_ROWS, (slot + 1) * layout.MAX_ROWS)
             getattr(self, name)[rows] = getattr(other, name)[rows]
         nodes = other.integers[slot, layout.LAST_NODE] - other.integers[slot, layout.FIRST_NODE]
-        for name in (*self.PER_NODE, "kind"):
+        for name in set(layout.NodeState._fields) - unused:
             first, from_ = slot * self.nodes, slot * other.nodes
             getattr(self, name)[first : first + nodes] = getattr(other, name)[from_ : from_ + nodes]
         shift = mine - theirs
@@ -230,13 +235,7 @@ class Slots:
         self._run(0)
 
     def _run(self, number: int) -> None:
-        self.kernels.run_scenes(
-            number, self.integers, self.numbers, self.motion, self.home, self.gradient,
-            self.stress, self.history, self.row, self.elastic, self.strength, self.edges,
-            self.settle_strength, self.settle_edges, self.initial_stress, self.load, self.flow,
-            self.swelling, self.kind, self.table, self.places, self.sums, self.facts, self.present,
-            self.resisted, self.effect_numbers,
-        )  # fmt: skip
+        self.kernels.run_scenes(number, *(getattr(self, name) for name in layout.ARRAYS))
 
     def fetch(self) -> None:
         """Bring everything to the host; nothing to do where the arrays are numpy's own."""
@@ -256,20 +255,10 @@ class DeviceSlots(Slots):
         super().__init__(*arguments, **options)
         self._device: dict[str, Any] = {}
         self._host_is_new = True
-        vectors = {"places": 2, **self.PER_POINT, **self.PER_NODE, **dict.fromkeys(self.PER_ROW, 4)}
-        vectors["present"] = 8
-        for name in self._names():
-            array = getattr(self, name)
-            if name in vectors:
-                kind = ti.types.vector(vectors[name], ti.f32)
-                self._device[name] = ti.ndarray(dtype=kind, shape=array.shape[:-1])
-            else:
-                self._device[name] = ti.ndarray(dtype=_TAICHI[array.dtype.name], shape=array.shape)
-
-    def _names(self) -> tuple[str, ...]:
-        small = ("integers", "numbers", "sums", "places", "home", "row", "kind")
-        of_effects = ("facts", "present", "resisted", "effect_numbers")
-        return (*small, *self.PER_POINT, *self.PER_NODE, *self.PER_ROW, *of_effects)
+        for name, kind in layout.ARRAYS.items():
+            shape = getattr(self, name).shape
+            columns = 1 if hasattr(kind.dtype, "n") else 0
+            self._device[name] = ti.ndarray(kind.dtype, shape[: len(shape) - columns])
 
     def _pull(self, *names: str) -> None:
         for name in names:
@@ -289,37 +278,29 @@ class DeviceSlots(Slots):
     def fetch(self) -> None:
         """Bring everything to the host, whose copy then counts."""
         if not self._host_is_new:
-            self._pull(*(name for name in self._names() if name not in self.PER_ROW))
+            self._pull(*(set(layout.ARRAYS) - set(layout.MaterialTable._fields)))
             self._host_is_new = True
 
     def run(self) -> None:
         """Advance every slot by one chunk of frames (settling first where a scene is new)."""
         if self._host_is_new:
-            for name in self._names():
+            for name in layout.ARRAYS:
                 self._device[name].from_numpy(getattr(self, name))
             self._host_is_new = False
         if (self.integers[:, layout.PHASE] == layout.SETTLING).any():
             self._settle()
-        d, kernels = SimpleNamespace(**self._device), self.kernels.point
-        size = (self.number, self.points, self.nodes)
+        kernels, arrays = self.kernels.point, self._device.values()
         for frame in range(self.frames):
-            kernels.begin_frame(self.number, frame, d.integers, d.numbers, d.sums)
-            for turn in range(int(d.integers.to_numpy()[:, layout.SUBSTEPS].max())):
-                kernels.step(
-                    turn, frame, *size, d.integers, d.numbers, d.motion, d.home, d.gradient,
-                    d.stress, d.history, d.row, d.elastic, d.strength, d.edges, d.load, d.flow,
-                    d.swelling, d.kind, d.table, d.sums, d.facts, d.present, d.resisted,
-                    d.effect_numbers,
-                )  # fmt: skip
-            kernels.end_frame(
-                frame, self.number, self.points, d.integers, d.numbers, d.motion, d.home, d.stress,
-                d.history, d.row, d.elastic, d.edges, d.places, d.sums,
-            )  # fmt: skip
-        self._pull("integers", "numbers", "sums", "places")
+            kernels.begin_frame(self.number, frame, *arrays)
+            turns = self._device["integers"].to_numpy()[:, layout.SUBSTEPS].max()
+            for turn in range(int(turns)):
+                kernels.step(turn, frame, self.number, self.points, self.nodes, *arrays)
+            kernels.end_frame(frame, self.number, self.points, *arrays)
+        self._pull("integers", "numbers", "sums", "positions")
 
     def _settle(self) -> None:
         """Settle all new scenes; each stops when its own forces balance."""
-        d, kernels = SimpleNamespace(**self._device), self.kernels.point
+        device, kernels, arrays = self._device, self.kernels.point, self._device.values()
         waiting = self.integers[:, layout.PHASE] == layout.SETTLING
         first, last = layout.FIRST_POINT, layout.LAST_SETTLED
         at_rest = self.integers[:, last] > self.integers[:, first]
@@ -327,24 +308,17 @@ class DeviceSlots(Slots):
         steps = 0
         while active.any() and steps < layout.SETTLE_LIMIT:
             for _ in range(self.SETTLE_CHECK):
-                kernels.settle_step(
-                    self.number, self.points, self.nodes, d.integers, d.numbers, d.motion, d.home,
-                    d.gradient, d.stress, d.row, d.elastic, d.settle_strength, d.settle_edges,
-                    d.load, d.flow, d.swelling, d.kind, d.table, d.sums,
-                )  # fmt: skip
+                kernels.settle_step(self.number, self.points, self.nodes, *arrays)
             steps += self.SETTLE_CHECK
-            sums = d.sums.to_numpy()[:, 0]
+            sums = device["sums"].to_numpy()[:, 0]
             ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-30)
             self.numbers[active, layout.UNBALANCED] = ratio[active]
             self.integers[active, layout.SETTLE_STEPS] = steps
             settled = active & (ratio <= layout.SETTLE_TOLERANCE)
             active &= ~settled
             self.integers[settled, layout.PHASE] = layout.IDLE
-            d.integers.from_numpy(self.integers)
+            device["integers"].from_numpy(self.integers)
         self.integers[waiting, layout.PHASE] = layout.SETTLING
-        d.integers.from_numpy(self.integers)
-        d.numbers.from_numpy(self.numbers)
-        kernels.start_moving(
-            self.number, self.points, d.integers, d.gradient, d.stress, d.history,
-            d.initial_stress, d.numbers, d.facts, d.sums,
-        )  # fmt: skip
+        device["integers"].from_numpy(self.integers)
+        device["numbers"].from_numpy(self.numbers)
+        kernels.start_moving(self.number, self.points, *arrays)

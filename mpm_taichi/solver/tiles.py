@@ -1,257 +1,314 @@
 """Steps of eight points at once: what the scene schedule runs where `point_functions` does one.
 
-A processor takes its time over a point not for the sums but for their order: a stress hangs on a
-root, which hangs on a quotient, and so on for a hundred cycles, and a core looks ahead for little
-more than one point. So points go in tiles. What hangs on other places in memory (home, nodes,
-material) is fetched point by point into arrays of the tile; what is only sums is written as a loop
-over the tile without branches, which the compiler turns into vector instructions; what is rare
-(edges of the yield surface, tension, edges of the grid) is done again point by point.
+The stress update is latency-bound: each stress waits for a chain of a square root and divisions
+about 100 cycles long, and a core looks ahead for little more than one point. So points go in tiles.
+What depends on other places in memory (home, nodes, material) is fetched point by point into arrays
+of the tile; pure arithmetic is a loop over the tile without branches, which the compiler turns into
+vector instructions; what is rare (edges of the yield surface, tension, edges of the grid) is done
+again point by point.
 
-Formulas are those of `transfer` and `mohr_coulomb`, which the point schedule calls as well. A slot
-has room for whole tiles; what stands behind its last point is never read by a point.
+Formulas are those of `stress`, `transfer` and the material law, which the point schedule calls as
+well. A slot has room for whole tiles; what lies behind its last point is never read by a point.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
 
 from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import taichi as ti
 
-from mpm_taichi.materials.mohr_coulomb import main_return, other_return
+from mpm_taichi.materials.law import MaterialLaw
 from mpm_taichi.solver.boundary import NEAR
-from mpm_taichi.solver.layout import TILE, A, known, vec4
+from mpm_taichi.solver.layout import (
+    BULK_MODULUS,
+    DISSIPATED,
+    OFFSET_X,
+    OFFSET_Y,
+    OPENING,
+    SHEAR,
+    TILE,
+    VOLUMETRIC,
+    A,
+    bounded,
+    vec4,
+)
 from mpm_taichi.solver.splines import EDGES, spline_weights
+from mpm_taichi.solver.stress import cell_sums
 from mpm_taichi.solver.transfer import (
-    cell_sums,
-    gather_beside,
+    contribution,
+    gather_at_edge,
     gather_inside,
-    gift,
     gradient_inside,
     move,
-    pressure_relief,
-    scatter_beside,
+    scatter_at_edge,
     scatter_inside,
     scatter_volume,
-    scatter_weighted_volume,
-    strain_increment,
-    trial_stress,
 )
 
 
+class Scratch(NamedTuple):
+    """Arrays of a tile, which its three passes use one after the other for different things."""
+
+    fours: Any  # six arrays of four numbers a point; the third also holds constants of the law
+    variables: Any  # the history variables of the law
+    weights: Any  # two of three: spline weights along x and y
+    reals: Any  # two of one real number
+    integers: Any  # three of one integer
+
+
 @ti.func
-def rows(width: ti.template()):
+def rows(width: A):
     """An array of the tile with `width` numbers for each of its points."""
     return ti.Matrix([[0.0 for _ in ti.static(range(width))] for _ in ti.static(range(TILE))])
 
 
 @ti.func
-def column(zero: ti.template()):
+def column(zero: A):
     """An array of the tile with one number of the kind of `zero` for each of its points."""
     return ti.Vector([zero for _ in ti.static(range(TILE))])
 
 
 @ti.func
-def row_of(array: ti.template(), lane):
+def new_scratch(constants: A, variables: A):
+    """A `Scratch` with room for so many constants and history variables of the law."""
+    a, b, c, d, e, f = rows(4), rows(4), rows(constants), rows(4), rows(4), rows(4)
+    law_variables = rows(variables)
+    x, y, real, other = rows(3), rows(3), column(0.0), column(0.0)
+    i, j, k = column(0), column(0), column(0)
+    return ti.static(
+        Scratch(
+            fours=(a, b, c, d, e, f), variables=law_variables,
+            weights=(x, y), reals=(real, other), integers=(i, j, k),
+        )
+    )  # fmt: skip
+
+
+@ti.func
+def row_of(array: A, lane):
     """The four numbers of a point of the tile."""
     return vec4(array[lane, 0], array[lane, 1], array[lane, 2], array[lane, 3])
 
 
 @ti.func
-def put(array: ti.template(), lane, values):
-    """Set the four numbers of a point of the tile."""
-    for k in ti.static(range(4)):
+def vector_of(array: A, lane, width: A):
+    """The numbers of a point of the tile."""
+    return ti.Vector([array[lane, k] for k in ti.static(range(width))])
+
+
+@ti.func
+def put(array: A, lane, values, width: A):
+    """Set the numbers of a point of the tile."""
+    for k in ti.static(range(width)):
         array[lane, k] = values[k]
 
 
+@ti.func
+def put_weights(motion, lane, weights_x: A, weights_y: A):
+    """Set the spline weights of a point of the tile."""
+    put(weights_x, lane, spline_weights(motion[OFFSET_X]), 3)
+    put(weights_y, lane, spline_weights(motion[OFFSET_Y]), 3)
+
+
 def tile_functions(
-    *, affine: bool, averaged: bool, corrected: bool, effects: SimpleNamespace | None = None
+    law: MaterialLaw,
+    point: SimpleNamespace,
+    *,
+    affine: bool,
+    averaged: bool,
+    corrected: bool,
+    effects: SimpleNamespace | None = None,
 ) -> SimpleNamespace:
-    """The functions of a tile for one choice of options, as `point_functions.point_functions`.
+    """The functions of a tile, from those of a `point` (`point_functions`) with the same options.
 
     In each, `first` is the first point of the tile and `last` the one behind the scene's last.
     """
     acted = effects is not None
+    stress, variables_of, strength_of = point.stress, point.variables_of, point.strength_of
+    scatter_strength, ground_strength = point.scatter_strength, law.ground_strength
+    branches, constants = law.rare_return is not None, max(law.usual_constants, 4)
+    variables, width = law.variables, max(law.variables, 1)
 
     @ti.func
-    def strain_tile(
-        first, last, dt, share, volume, home: A, gradient: A, stress: A, history: A, row: A,
-        elastic: A, strength: A, edges: A, swelling: A, slot, on, time, columns, first_node,
-        integers: A, numbers: A, motion: A, facts: A, present: A, effect_numbers: A, means: A,
-        moduli: A, limits: A, trials: A, news: A, pasts: A, sheared: A, elsewhere: A,
-    ):  # fmt: skip
+    def strain_tile(first, last, step: A, state: A, scratch: A):
         """Stress and history of the points after a step."""
-        start = known(first)
+        points, cell_mean = ti.static((state.points, state.nodes.cell_mean))
+        means, moduli, limits, trials, news, pasts = ti.static(scratch.fours)
+        sheared, elsewhere = ti.static(scratch.reals)
+        start = bounded(first)
         end = ti.min(first + TILE, last)
-        for point in range(first, end):
-            p = known(point)
-            lane = point - first
-            r = known(row[p])
-            put(means, lane, swelling[known(home[p])])
-            put(moduli, lane, elastic[r])
-            if ti.static(acted):
-                put(limits, lane, present[p])
-            else:
-                put(limits, lane, strength[r])
+        for index in range(first, end):
+            p = bounded(index)
+            lane = index - first
+            put(means, lane, cell_mean[bounded(points.home[p])], 4)
+            put(moduli, lane, state.materials.elastic[bounded(points.row[p])], 4)
+            put(limits, lane, strength_of(p, points, state.materials), constants)
+            if ti.static(variables > 0):
+                put(scratch.variables, lane, variables_of(p, points), variables)
         for lane in range(TILE):
             p = start + lane
-            rate, old, past = gradient[p], stress[p], history[p]
-            mean, modulus, limit = row_of(means, lane), row_of(moduli, lane), row_of(limits, lane)
-            volumetric = strain_increment(rate, past[1], mean, dt, averaged)
-            relief = pressure_relief(old, past[1], mean, share, averaged)
-            trial, strain, opened = trial_stress(
-                old, rate, past[1], volumetric, relief, dt, modulus, corrected
+            past = points.history[p]
+            modulus = row_of(moduli, lane)
+            trial, strain, opened = stress.trial(
+                points.stress[p], points.gradient[p], past[OPENING], row_of(means, lane), step,
+                modulus,
+            )  # fmt: skip
+            strength = vector_of(limits, lane, constants)
+            own = vector_of(scratch.variables, lane, width)
+            new, shear, work, off = stress.usual_return(trial, modulus, strength, own)
+            spent = work * step.volume * (1.0 + past[VOLUMETRIC])
+            put(trials, lane, trial, 4)
+            put(news, lane, new, 4)
+            after = vec4(
+                past[VOLUMETRIC] + strain, opened, past[SHEAR] + shear, past[DISSIPATED] + spent
             )
-            new, shear, work, off = main_return(trial, modulus, limit)
-            spent = work * volume * (1.0 + past[0])
-            put(trials, lane, trial)
-            put(news, lane, new)
-            put(pasts, lane, vec4(past[0] + strain, opened, past[2] + shear, past[3] + spent))
+            put(pasts, lane, after, 4)
+            if ti.static(variables > 0):
+                put(scratch.variables, lane, own, variables)
             elsewhere[lane] = off
             sheared[lane] = shear
-        for point in range(first, end):
-            p = known(point)
-            lane = point - first
+        for index in range(first, end):
+            p = bounded(index)
+            lane = index - first
             new, past = row_of(news, lane), row_of(pasts, lane)
             shear = sheared[lane]
-            if elsewhere[lane] > 0.0:
-                r = known(row[p])
-                own_edges = edges[r]
-                if ti.static(acted):
-                    own_edges = vec4(present[p][3], present[p][4], present[p][5], 0.0)
-                old = history[p]
-                new, shear, opening, work = other_return(
-                    row_of(trials, lane), row_of(moduli, lane), row_of(limits, lane), own_edges
-                )
-                past[2] = old[2] + shear
-                past[3] = old[3] + work * volume * (1.0 + old[0])
-                if ti.static(corrected):
-                    past[0] -= opening
-                    past[1] += opening
-            stress[p] = new
-            history[p] = past
-            if ti.static(acted):
-                if shear > 0.0 and on & ti.static(effects.dilation_mask):
-                    change, work = effects.dilate(
-                        p, slot, on, time, columns, first_node, shear, row_of(moduli, lane),
-                        integers, numbers, motion, home, gradient, stress, history, facts,
-                        effect_numbers,
+            if ti.static(branches):
+                if elsewhere[lane] > 0.0:
+                    old = points.history[p]
+                    own = variables_of(p, points)
+                    new, shear, opening, work = stress.rare_return(
+                        row_of(trials, lane), row_of(moduli, lane),
+                        strength_of(p, points, state.materials), own,
                     )  # fmt: skip
-                    stress[p] = new + vec4(change, change, change, 0.0)
-                    past[3] += work * volume * (1.0 + past[0])
-                    history[p] = past
+                    past[SHEAR] = old[SHEAR] + shear
+                    spent = work * step.volume * (1.0 + old[VOLUMETRIC])
+                    past[DISSIPATED] = old[DISSIPATED] + spent
+                    if ti.static(corrected):
+                        past[VOLUMETRIC] -= opening
+                        past[OPENING] += opening
+                    if ti.static(variables > 0):
+                        put(scratch.variables, lane, own, variables)
+            if ti.static(variables > 0):
+                for k in ti.static(range(variables)):
+                    points.variables[p, k] = scratch.variables[lane, k]
+            points.stress[p] = new
+            points.history[p] = past
+            if ti.static(acted):
+                if shear > 0.0 and step.on & ti.static(effects.dilation_mask):
+                    change, work = effects.dilate(
+                        p, step, state, shear, row_of(moduli, lane)[BULK_MODULUS]
+                    )
+                    points.stress[p] = new + vec4(change, change, change, 0.0)
+                    past[DISSIPATED] += work * step.volume * (1.0 + past[VOLUMETRIC])
+                    points.history[p] = past
 
     @ti.func
-    def scatter_tile(
-        first, last, cell, per_cell, volume, columns, motion: A, home: A, gradient: A, stress: A,
-        history: A, row: A, strength: A, edges: A, load: A, kind: A, present: A, bases: A,
-        acrosses: A, upwards: A, weights_x: A, weights_y: A, masses: A,
-    ):  # fmt: skip
+    def scatter_tile(first, last, step: A, state: A, scratch: A):
         """Add momentum, internal force and mass of the points to their nodes."""
-        start = known(first)
+        points, nodes, materials = ti.static((state.points, state.nodes, state.materials))
+        bases, acrosses, upwards = ti.static(scratch.fours[:3])
+        weights_x, weights_y = ti.static(scratch.weights)
+        masses, _ = ti.static(scratch.reals)
+        start = bounded(first)
         end = ti.min(first + TILE, last)
-        for point in range(first, end):
-            masses[point - first] = edges[known(row[known(point)])][3]
+        for index in range(first, end):
+            masses[index - first] = materials.point_mass[bounded(points.row[bounded(index)])]
         for lane in range(TILE):
             p = start + lane
-            base, across, upward = gift(
-                motion[p], gradient[p], stress[p], history[p][0], masses[lane], volume, cell,
-                per_cell, affine,
-            )  # fmt: skip
-            put(bases, lane, base)
-            put(acrosses, lane, across)
-            put(upwards, lane, upward)
-            x, y = spline_weights(motion[p][0]), spline_weights(motion[p][1])
-            for k in ti.static(range(3)):
-                weights_x[lane, k] = x[k]
-                weights_y[lane, k] = y[k]
-        for point in range(first, end):
-            p = known(point)
-            lane = point - first
-            node = known(home[p])
-            place = kind[node]
-            own_strength = strength[known(row[p])]
-            if ti.static(acted):
-                own_strength = vec4(present[p][0], present[p][1], 0.0, 0.0)
-            if place & EDGES:
-                scatter_beside(
-                    load, node, columns, place, motion[p], gradient[p], stress[p], history[p][0],
-                    masses[lane], volume, cell, affine, False,
-                )  # fmt: skip
-                if place & NEAR:
-                    scatter_volume(
-                        load, node, columns, place, motion[p], volume, own_strength, False
-                    )
+            base, across, upward = contribution(p, step, points, masses[lane], affine)
+            put(bases, lane, base, 4)
+            put(acrosses, lane, across, 4)
+            put(upwards, lane, upward, 4)
+            put_weights(points.motion[p], lane, weights_x, weights_y)
+        for index in range(first, end):
+            p = bounded(index)
+            lane = index - first
+            node = bounded(points.home[p])
+            kind = nodes.kind[node]
+            if kind & EDGES:
+                scatter_at_edge(p, step, points, nodes.load, kind, masses[lane], affine, False)
+                if kind & NEAR:
+                    strength = strength_of(p, points, materials)
+                    scatter_strength(p, step, points, nodes.load, kind, strength, False)
             else:
-                x = ti.Vector([weights_x[lane, k] for k in ti.static(range(3))])
-                y = ti.Vector([weights_y[lane, k] for k in ti.static(range(3))])
+                x, y = vector_of(weights_x, lane, 3), vector_of(weights_y, lane, 3)
                 scatter_inside(
-                    load, node, columns, row_of(bases, lane), row_of(acrosses, lane),
+                    nodes.load, node, step.columns, row_of(bases, lane), row_of(acrosses, lane),
                     row_of(upwards, lane), masses[lane], x, y, False,
                 )  # fmt: skip
-                if place & NEAR:
-                    scatter_weighted_volume(load, node, columns, x, y, volume, own_strength, False)
+                if kind & NEAR:
+                    friction, adhesion = ground_strength(strength_of(p, points, materials))
+                    scatter_volume(
+                        nodes.load, node, step.columns, x, y, step.volume, friction, adhesion, False
+                    )
 
     @ti.func
-    def gather_tile(
-        first, last, dt, cell, per_cell, blend, columns, motion: A, home: A, gradient: A,
-        stress: A, history: A, flow: A, swelling: A, kind: A, means: A, acrosses: A, upwards: A,
-        rates: A, news: A, sums: A, weights_x: A, weights_y: A, shifts: A, beside: A, alarms: A,
-    ):  # fmt: skip
+    def gather_tile(first, last, step: A, state: A, scratch: A):
         """Velocity and its gradient at the points, and their motion; 1 if one raises the alarm."""
-        start = known(first)
+        points, nodes = ti.static((state.points, state.nodes))
+        means, acrosses, upwards, rates, news, sums = ti.static(scratch.fours)
+        weights_x, weights_y = ti.static(scratch.weights)
+        shifts, at_edge, alarms = ti.static(scratch.integers)
+        start = bounded(first)
         end = ti.min(first + TILE, last)
         alarm = 0
         for lane in range(TILE):
-            p = start + lane
-            x, y = spline_weights(motion[p][0]), spline_weights(motion[p][1])
-            for k in ti.static(range(3)):
-                weights_x[lane, k] = x[k]
-                weights_y[lane, k] = y[k]
-        for point in range(first, end):
-            p = known(point)
-            lane = point - first
-            node = known(home[p])
-            place = kind[node]
-            if place & EDGES:
-                mean, rate = gather_beside(flow, node, columns, place, motion[p], cell)
-                put(means, lane, mean)
-                put(acrosses, lane, rate)
-                beside[lane] = 1
+            put_weights(points.motion[start + lane], lane, weights_x, weights_y)
+        for index in range(first, end):
+            p = bounded(index)
+            lane = index - first
+            node = bounded(points.home[p])
+            kind = nodes.kind[node]
+            if kind & EDGES:
+                mean, rate = gather_at_edge(
+                    nodes.velocity, node, step.columns, kind, points.motion[p], step.cell
+                )
+                put(means, lane, mean, 4)
+                put(acrosses, lane, rate, 4)
+                at_edge[lane] = 1
             else:
                 mean, across, upward = gather_inside(
-                    flow, node, columns,
-                    ti.Vector([weights_x[lane, k] for k in ti.static(range(3))]),
-                    ti.Vector([weights_y[lane, k] for k in ti.static(range(3))]),
+                    nodes.velocity, node, step.columns, vector_of(weights_x, lane, 3),
+                    vector_of(weights_y, lane, 3),
                 )  # fmt: skip
-                put(means, lane, mean)
-                put(acrosses, lane, across)
-                put(upwards, lane, upward)
-                beside[lane] = 0
+                put(means, lane, mean, 4)
+                put(acrosses, lane, across, 4)
+                put(upwards, lane, upward, 4)
+                at_edge[lane] = 0
         for lane in range(TILE):
             p = start + lane
             mean, across = row_of(means, lane), row_of(acrosses, lane)
-            rate = gradient_inside(motion[p], mean, across, row_of(upwards, lane), per_cell)
+            motion = points.motion[p]
+            rate = gradient_inside(motion, mean, across, row_of(upwards, lane), step.per_cell)
             for k in ti.static(range(4)):
-                rate[k] = ti.select(beside[lane] != 0, across[k], rate[k])
-            new, shift, far = move(motion[p], columns, mean, blend, dt, per_cell)
-            put(rates, lane, rate)
-            put(news, lane, new)
+                rate[k] = ti.select(at_edge[lane] != 0, across[k], rate[k])
+            new, shift, far = move(motion, step.columns, mean, step.blend, step.dt, step.per_cell)
+            put(rates, lane, rate, 4)
+            put(news, lane, new, 4)
             shifts[lane] = shift
             alarms[lane] = far
             if ti.static(averaged):
-                put(sums, lane, cell_sums(rate, stress[p], history[p][1], dt))
-        for point in range(first, end):
-            p = known(point)
-            lane = point - first
-            node = known(home[p] + shifts[lane])
+                opened = points.history[p][OPENING]
+                put(sums, lane, cell_sums(rate, points.stress[p], opened, step.dt), 4)
+        for index in range(first, end):
+            p = bounded(index)
+            lane = index - first
+            node = bounded(points.home[p] + shifts[lane])
             alarm |= alarms[lane]
-            gradient[p] = row_of(rates, lane)
-            motion[p] = row_of(news, lane)
-            home[p] = node
+            points.gradient[p] = row_of(rates, lane)
+            points.motion[p] = row_of(news, lane)
+            points.home[p] = node
             if ti.static(averaged):
-                swelling[node] = swelling[node] + row_of(sums, lane)
+                nodes.cell_mean[node] = nodes.cell_mean[node] + row_of(sums, lane)
         return alarm
 
+    @ti.func
+    def scratch():
+        return ti.static(new_scratch(constants, width))
+
     return SimpleNamespace(
-        strain_tile=strain_tile, scatter_tile=scatter_tile, gather_tile=gather_tile
+        strain_tile=strain_tile,
+        scatter_tile=scatter_tile,
+        gather_tile=gather_tile,
+        scratch=scratch,
     )

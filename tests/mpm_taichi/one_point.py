@@ -21,20 +21,14 @@ from mpm_taichi.effects.framework.table import (
     TANGENT,
     EffectTable,
 )
-from mpm_taichi.materials.mohr_coulomb import NO_CAP, material_constants
-from mpm_taichi.solver.layout import (
-    CELL,
-    F32,
-    I32,
-    INDEX,
-    INTEGERS,
-    MEAN_OVERBURDEN,
-    NUMBERS,
-    VEC4,
-    VEC8,
-)
+from mpm_taichi.materials.elasticity import elastic_constants
+from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, NO_CAP, material_constants
+from mpm_taichi.solver import layout
+from mpm_taichi.solver.kernel_arguments import state_kernel
+from mpm_taichi.solver.layout import MEAN_OVERBURDEN, VEC4, VEC8, A, Step
 from mpm_taichi.solver.point_functions import point_functions
 from mpm_taichi.solver.runtime import start
+from tests.mpm_taichi.arrays import arrays
 
 
 @dataclass(frozen=True)
@@ -73,31 +67,35 @@ class Path:
 @cache
 def _compiled(one: Effect, program: object) -> tuple[EffectTable, Callable]:
     """Columns of an effect, and the kernel that leads a point; `program`: Taichi as it runs now."""
-    functions = effect_functions((one,))
-    point = point_functions(affine=True, averaged=False, corrected=True, effects=functions)
+    functions = effect_functions((one,), MOHR_COULOMB)
+    point = point_functions(
+        MOHR_COULOMB, affine=True, averaged=False, corrected=True, effects=functions
+    )
     renew, strain = functions.renew_strength, point.strain_point
 
-    @ti.kernel
-    def run(
-        dt: ti.f32, time: ti.f32, gradients: VEC4, stresses: VEC4, histories: VEC4, kept: VEC8,
-        integers: I32, numbers: F32, motion: VEC4, home: INDEX, gradient: VEC4, stress: VEC4,
-        history: VEC4, row: INDEX, elastic: VEC4, strength: VEC4, edges: VEC4, swelling: VEC4,
-        facts: F32, present: VEC8, effect_numbers: F32,
-    ):  # fmt: skip
+    @ti.func
+    def run(dt: A, time: A, cell: A, gradients: A, stresses: A, histories: A, kept: A, state: A):
+        points = ti.static(state.points)
         for _ in range(1):
             now = time
-            for step in range(gradients.shape[0]):
-                gradient[0] = gradients[step]
-                renew(0, 0, 1, now, 3, 0, integers, numbers, motion, home, gradient, stress,
-                      history, facts, present, effect_numbers)  # fmt: skip
-                strain(0, dt, 0.0, 1.0, home, gradient, stress, history, row, elastic, strength,
-                       edges, swelling, 0, 1, now, 3, 0, integers, numbers, motion, facts, present,
-                       effect_numbers)  # fmt: skip
-                stresses[step] = stress[0]
-                histories[step] = history[0]
-                kept[step] = present[0]
+            step = ti.static(
+                Step(
+                    slot=0, first_node=0, columns=3, cell=cell, per_cell=1.0, volume=1.0, dt=dt,
+                    time=now, on=1,
+                )
+            )  # fmt: skip
+            for turn in range(gradients.shape[0]):
+                points.gradient[0] = gradients[turn]
+                renew(0, step, state)
+                strain(0, step, state)
+                stresses[turn] = points.stress[0]
+                histories[turn] = points.history[0]
+                kept[turn] = points.own_strength[0]
                 now += dt
 
+    numbers = dict.fromkeys(("dt", "time", "cell"), ti.f32)
+    paths = dict.fromkeys(("gradients", "stresses", "histories"), VEC4)
+    run = state_kernel(run, **numbers, **paths, kept=VEC8)
     return functions.table, run
 
 
@@ -133,24 +131,24 @@ def lead(
     ]  # fmt: skip
     for column in table.field.values():
         facts[0, column] = field
-    numbers = np.zeros((1, NUMBERS), np.float32)
-    numbers[0, CELL] = cell
+    numbers = np.zeros((1, layout.NUMBERS), np.float32)
     numbers[0, MEAN_OVERBURDEN] = soil.mean_overburden
-    elastic, strength, edges = material_constants(
-        friction_angle=float(np.arctan(soil.friction)), cohesion=soil.cohesion,
-        youngs_modulus=soil.youngs_modulus, poisson_ratio=soil.poisson_ratio,
-    )  # fmt: skip
+    elastic = elastic_constants(
+        youngs_modulus=soil.youngs_modulus, poisson_ratio=soil.poisson_ratio
+    )
+    strength = material_constants(
+        friction_angle=float(np.arctan(soil.friction)), cohesion=soil.cohesion
+    )
     steps = len(gradient)
     stresses, histories = np.zeros((2, steps, 4), np.float32)
     kept = np.zeros((steps, 8), np.float32)
-    state = np.array([stress], np.float32)
-    four = np.zeros((5, 1, 4), np.float32)
+    state = arrays(
+        nodes=9, home=[4], stress=[stress], numbers=numbers, facts=facts, elastic=[elastic],
+        strength=[strength], effect_numbers=[values],
+    )  # fmt: skip
     run(
-        dt, start_time, np.asarray(gradient, np.float32), stresses, histories, kept,
-        np.zeros((1, INTEGERS), np.int32), numbers, four[0], np.full(1, 4, np.int32), four[1],
-        state, four[2], np.zeros(1, np.int32), elastic[None], strength[None], edges[None],
-        np.zeros((9, 4), np.float32), facts, np.zeros((1, 8), np.float32),
-        np.array([values], np.float32),
+        dt, start_time, cell, np.asarray(gradient, np.float32), stresses, histories, kept,
+        *state.values(),
     )  # fmt: skip
     past = histories.astype(float)
     return Path(

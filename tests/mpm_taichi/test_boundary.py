@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from geometry.scenes.scene import scene_from_mapping
-from mpm_taichi.solver import boundary
+from mpm_taichi.solver import layout
 from mpm_taichi.solver.boundary import (
     LEFT,
     MARGIN,
@@ -154,7 +154,7 @@ def test_traction_reaches_the_nodes_whose_splines_touch_the_ground_and_no_others
     _, y = grid.coordinates()
     touched = (kind[middle] & TRACTION) > 0
     assert y[middle, touched] == pytest.approx([2.0])
-    assert table[middle, touched, boundary.AREA] == pytest.approx([1.0], abs=2e-3)
+    assert table[middle, touched, layout.AREA] == pytest.approx([1.0], abs=2e-3)
     # Half a cell up the grid line lies inside the cell: three nodes are within reach.
     chosen = scene([[0, 2], [2, 2.5], [40, 2.5]])
     grid, kind, table = tables(chosen)
@@ -191,7 +191,7 @@ def test_nodes_on_and_below_the_ground_are_of_its_type(name, bit):
     others = (ROUGH | STICK | SLIDE) & ~bit
     assert not (kind & others).any()
     expected = 0.4 if name == "coulomb" else 0.0
-    assert (table[..., boundary.COEFFICIENT] == np.float32(expected)).all()
+    assert (table[..., layout.COEFFICIENT] == np.float32(expected)).all()
 
 
 @pytest.mark.parametrize("name", LINES)

@@ -6,6 +6,7 @@ import pytest
 from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi.effects.framework.registry import kernel_effects
 from mpm_taichi.effects.framework.table import OVERBURDEN
+from mpm_taichi.materials.mohr_coulomb import INTERCEPT
 from mpm_taichi.solver import layout
 from mpm_taichi.solver.initial_state import prepare
 from mpm_taichi.solver.kernels import build_kernels
@@ -71,5 +72,7 @@ def test_stress_before_failure_is_effective_weight_times_depth(water, weight):
     mean = weight * 9.81 * 12.0
     assert slots.numbers[0, layout.MEAN_OVERBURDEN] == pytest.approx(mean, rel=0.01)
     strength = 40e3 * by_hand[liquefied] / mean
-    assert 0.5 * slots.present[liquefied, 1] == pytest.approx(strength, rel=0.01)
-    assert 0.5 * slots.present[~liquefied, 1] == pytest.approx(5e3 * np.cos(np.pi / 6), rel=1e-5)
+    assert 0.5 * slots.own_strength[liquefied, INTERCEPT] == pytest.approx(strength, rel=0.01)
+    assert 0.5 * slots.own_strength[~liquefied, INTERCEPT] == pytest.approx(
+        5e3 * np.cos(np.pi / 6), rel=1e-5
+    )

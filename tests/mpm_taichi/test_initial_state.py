@@ -130,7 +130,7 @@ def test_saturated_soil_is_a_material_of_its_own_with_its_mass():
     prepared = prepare(chosen, K0)
     expected = np.where(points.position[prepared.order, 1] < 4.0, 2050.0, 1800.0)
     assert prepared.mass == pytest.approx(expected)
-    assert prepared.edges[prepared.row, 3] == pytest.approx(expected)
+    assert prepared.point_mass[prepared.row] == pytest.approx(expected)
 
 
 def test_no_saturated_row_without_water():

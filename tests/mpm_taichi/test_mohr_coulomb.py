@@ -22,7 +22,15 @@ from benchmarks.verification.mohr_coulomb_reference import (
     stress_scale,
 )
 from benchmarks.verification.one_element import solver_path, solver_return
-from mpm_taichi.materials.mohr_coulomb import NO_CAP, material_constants
+from mpm_taichi.materials.elasticity import elastic_constants
+from mpm_taichi.materials.mohr_coulomb import (
+    CAP,
+    CORNER,
+    INTERCEPT,
+    NO_CAP,
+    SIN_PHI,
+    material_constants,
+)
 from tests.budget import examples
 
 TOLERANCE = 1e-4
@@ -239,32 +247,28 @@ def test_elasticity_is_hookes_law():
 
 
 def constants(**changed):
-    values = {
-        "friction_angle": np.radians(30.0),
-        "cohesion": 10e3,
-        "youngs_modulus": 30e6,
-        "poisson_ratio": 0.3,
-    }
+    values = {"friction_angle": np.radians(30.0), "cohesion": 10e3}
     return material_constants(**{**values, **changed})
 
 
 def test_cap_is_the_apex_unless_a_lower_one_is_set():
     apex = 10e3 / np.tan(np.radians(30.0))
-    assert constants()[1][2] == pytest.approx(apex)
-    assert constants(tension_cap=5e3)[1][2] == pytest.approx(5e3)
-    assert constants(tension_cap=1e6)[1][2] == pytest.approx(apex)
-    assert constants(cohesion=0.0)[1][2] == 0.0
+    assert constants()[CAP] == pytest.approx(apex)
+    assert constants(tension_cap=5e3)[CAP] == pytest.approx(5e3)
+    assert constants(tension_cap=1e6)[CAP] == pytest.approx(apex)
+    assert constants(cohesion=0.0)[CAP] == 0.0
 
 
 def test_no_cap_without_friction_unless_one_is_set():
-    assert constants(friction_angle=0.0)[1][2] == np.float32(NO_CAP)
-    assert constants(friction_angle=0.0, tension_cap=0.0)[1][2] == 0.0
+    assert constants(friction_angle=0.0)[CAP] == np.float32(NO_CAP)
+    assert constants(friction_angle=0.0, tension_cap=0.0)[CAP] == 0.0
 
 
 def test_constants_are_those_of_the_yield_functions():
-    elastic, strength, edges = constants(tension_cap=5e3)
+    elastic = elastic_constants(youngs_modulus=30e6, poisson_ratio=0.3)
     shear, bulk = 30e6 / 2.6, 30e6 / 1.2
     assert elastic == pytest.approx([shear, bulk, 0.5 / shear, 1.0 / bulk])
-    assert strength[:2] == pytest.approx([0.5, 2 * 10e3 * np.cos(np.radians(30.0))])
-    high, low = strength[2], edges[2]  # the corner lies on both surfaces
-    assert (high - low) + (high + low) * strength[0] == pytest.approx(strength[1])
+    strength = constants(tension_cap=5e3)
+    assert strength[:CAP] == pytest.approx([0.5, 2 * 10e3 * np.cos(np.radians(30.0))])
+    high, low = strength[CAP], strength[CORNER]  # the corner lies on both surfaces
+    assert (high - low) + (high + low) * strength[SIN_PHI] == pytest.approx(strength[INTERCEPT])

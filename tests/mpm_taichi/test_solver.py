@@ -7,6 +7,7 @@ from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi import simulate as simulation
 from mpm_taichi.simulate import simulate
+from mpm_taichi.solver import layout
 from mpm_taichi.solver.initial_state import prepare
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, load_config
@@ -147,7 +148,7 @@ def test_pool_pushes_on_a_dry_core_with_its_whole_thrust():
     for water in ("buoyant", "pore_pressure"):
         prepared = prepare(scene, SHORT.model_copy(update={"water": water}))
         x, y = prepared.grid.coordinates()
-        horizontal = prepared.table[:, 4].reshape(prepared.grid.shape)
+        horizontal = prepared.surroundings[:, layout.WATER_X].reshape(prepared.grid.shape)
         share = np.where(y > 0, 1.0, 0.5) * ((x >= 20) & (x <= 40) & (y > -0.5))
         force[water] = float((horizontal * share).sum()) * prepared.grid.cell**2
     assert force["buoyant"] == 0.0

@@ -2,13 +2,18 @@
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
 
+from functools import cache
+
 import numpy as np
 import pytest
 import taichi as ti
 
-from mpm_taichi.materials.mohr_coulomb import material_constants
-from mpm_taichi.solver.layout import vec2, vec4, vec8
-from mpm_taichi.solver.runtime import aligned, start
+from mpm_taichi.materials.elasticity import elastic_constants
+from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, ground_strength, material_constants
+from mpm_taichi.solver.kernel_arguments import state_kernel
+from mpm_taichi.solver.layout import VEC4, VOLUMETRIC, A, Step, vec2, vec4
+from mpm_taichi.solver.nodes import node_update
+from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver.splines import (
     BASE_EDGE,
     LEAST_SHARE,
@@ -20,19 +25,10 @@ from mpm_taichi.solver.splines import (
     spline_weights,
     weights_of_points,
 )
-from mpm_taichi.solver.transfer import (
-    gather,
-    move,
-    node_update,
-    pressure_relief,
-    scatter,
-    scatter_volume,
-    strain_increment,
-    stress_step,
-)
+from mpm_taichi.solver.stress import stress_functions
+from mpm_taichi.solver.transfer import gather, mass_weights, move, scatter, scatter_volume
+from tests.mpm_taichi.arrays import arrays
 
-VEC4 = ti.types.ndarray(dtype=vec4, ndim=1)
-VEC8 = ti.types.ndarray(dtype=vec8, ndim=1)
 VEC2 = ti.types.ndarray(dtype=vec2, ndim=1)
 INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=1)
@@ -68,19 +64,32 @@ def gather_all(
         gradient[p] = g
 
 
-@ti.kernel
-def scatter_all(
-    load: VEC8, home: INTEGERS, kind: ti.i32, motion: VEC4, gradient: VEC4, stress: VEC4,
-    strain: NUMBERS, mass: NUMBERS, volume: ti.f32, strength: VEC4, columns: ti.i32, cell: ti.f32,
-    affine: ti.template(),
-):  # fmt: skip
-    ti.loop_config(serialize=True)
-    for p in home:
-        scatter(
-            load, home[p], columns, kind, motion[p], gradient[p], stress[p], strain[p], mass[p],
-            volume, cell, affine, False,
-        )  # fmt: skip
-        scatter_volume(load, home[p], columns, kind, motion[p], volume, strength[p], False)
+@cache
+def scatter_all(affine: bool):
+    """Kernel that scatters all points, with their volumes and strengths."""
+
+    @ti.func
+    def scatter_points(volume: A, cell: A, columns: A, state: A):
+        points, materials = ti.static((state.points, state.materials))
+        load = ti.static(state.nodes.load)
+        for _ in range(1):
+            per_cell = 1.0 / cell
+            step = ti.static(
+                Step(
+                    slot=0, first_node=0, columns=columns, cell=cell, per_cell=per_cell,
+                    volume=volume, dt=0.0,
+                )
+            )  # fmt: skip
+            for p in range(points.home.shape[0]):
+                kind = state.nodes.kind[points.home[p]]
+                scatter(p, step, points, load, kind, materials.point_mass[p], affine, False)
+                x, y = mass_weights(points.motion[p], kind)
+                friction, adhesion = ground_strength(materials.strength[p])
+                scatter_volume(
+                    load, points.home[p], columns, x, y, volume, friction, adhesion, False
+                )
+
+    return state_kernel(scatter_points, volume=ti.f32, cell=ti.f32, columns=ti.i32)
 
 
 @ti.kernel
@@ -95,31 +104,45 @@ def move_all(
         alarm[p] = raised
 
 
-@ti.kernel
-def node_of(
-    load: VEC8, table: VEC8, flow: VEC4, work: VEC2, kind: ti.i32, dt: ti.f32, gravity: ti.f32,
-    damping: ti.f32,
-):  # fmt: skip
-    for n in load:
-        new, lost, water, _ = update_node(load[n], table[n], kind, dt, gravity, damping)
-        flow[n] = new
+@ti.func
+def update_nodes(dt: A, gravity: A, damping: A, work: A, state: A):
+    for n in range(state.nodes.load.shape[0]):
+        step = ti.static(
+            Step(
+                slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, volume=1.0, dt=dt,
+                gravity=gravity, damping=damping,
+            )
+        )  # fmt: skip
+        lost, water, _ = update_node(n, step, state.nodes, state.slots)
         work[n] = vec2(lost, water)
 
 
-@ti.kernel
-def stress_of(
-    stress: VEC4, history: VEC4, gradient: VEC4, means: VEC4, elastic: VEC4, strength: VEC4,
-    edges: VEC4, dt: ti.f32, share: ti.f32, averaged: ti.template(), corrected: ti.template(),
-):  # fmt: skip
-    for p in stress:
-        volumetric = strain_increment(gradient[p], history[p][1], means[p], dt, averaged)
-        relief = pressure_relief(stress[p], history[p][1], means[p], share, averaged)
-        new, past, _ = stress_step(
-            stress[p], gradient[p], history[p], volumetric, relief, dt, 1.0, elastic[p],
-            strength[p], edges[p], corrected,
-        )  # fmt: skip
-        stress[p] = new
-        history[p] = past
+node_of = state_kernel(update_nodes, dt=ti.f32, gravity=ti.f32, damping=ti.f32, work=VEC2)
+
+
+@cache
+def stress_of(averaged: bool, corrected: bool):
+    """Kernel that takes a point's stress through a step."""
+    functions = stress_functions(MOHR_COULOMB, averaged=averaged, corrected=corrected)
+
+    @ti.func
+    def step_stress(dt: A, share: A, state: A):
+        points, materials = ti.static((state.points, state.materials))
+        for p in range(points.stress.shape[0]):
+            step = ti.static(
+                Step(
+                    slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, volume=1.0, dt=dt,
+                    share=share,
+                )
+            )  # fmt: skip
+            stress, history, _ = functions.advance(
+                p, step, points, state.nodes.cell_mean[p], materials.elastic[points.row[p]],
+                materials.strength[points.row[p]], 0,
+            )  # fmt: skip
+            points.stress[p] = stress
+            points.history[p] = history
+
+    return state_kernel(step_stress, dt=ti.f32, share=ti.f32)
 
 
 @ti.kernel
@@ -162,12 +185,18 @@ class Cloud:
         return self
 
     def scattered(self, affine=True) -> np.ndarray:
-        load = aligned((ROWS * COLUMNS, 8), np.float32)
-        scatter_all(
-            load, self.home, self.kind, self.motion, self.gradient, self.stress, self.strain,
-            self.mass, self.volume, self.strength, COLUMNS, CELL, affine,
+        count, number = len(self.home), ROWS * COLUMNS
+        history = np.zeros((count, 4))
+        history[:, VOLUMETRIC] = self.strain
+        strength = np.zeros((count, 8))
+        strength[:, :4] = self.strength
+        state = arrays(
+            count, number, count, home=self.home, kind=np.full(number, self.kind),
+            motion=self.motion, gradient=self.gradient, stress=self.stress, history=history,
+            point_mass=self.mass, strength=strength,
         )  # fmt: skip
-        return load.astype(float)
+        scatter_all(affine)(self.volume, CELL, COLUMNS, *state.values())
+        return state["load"].astype(float)
 
 
 def linear_velocity(position):
@@ -341,11 +370,11 @@ def test_move_raises_the_alarm_and_stays(velocity):
     assert motion[:2] == pytest.approx([0.4, -0.4])
 
 
-def updated(load, *, table=None, kind=0, dt=0.01, gravity=0.0, damping=0.0):
-    flow, work = np.zeros((1, 4), np.float32), np.zeros((1, 2), np.float32)
-    rows = np.zeros((1, 8), np.float32) if table is None else np.array([table], np.float32)
-    node_of(np.array([load], np.float32), rows, flow, work, kind, dt, gravity, damping)
-    return flow[0].astype(float), work[0].astype(float)
+def updated(load, *, surroundings=(0.0,) * 8, kind=0, dt=0.01, gravity=0.0, damping=0.0):
+    work = np.zeros((1, 2), np.float32)
+    state = arrays(load=[load], surroundings=[surroundings], kind=[kind])
+    node_of(dt, gravity, damping, work, *state.values())
+    return state["velocity"][0].astype(float), work[0].astype(float)
 
 
 def test_node_follows_newton():
@@ -361,8 +390,8 @@ def test_local_damping_takes_a_share_of_the_force_against_the_motion():
 
 
 def test_water_pushes_with_its_force_per_volume_and_its_work_is_counted():
-    table = [0, 1, 0, 0, 300.0, 800.0, 0, 0]
-    flow, work = updated([0, 0, 0, 0, 10.0, 2.0, 0, 0], table=table)
+    water = [0, 1, 0, 0, 300.0, 800.0, 0, 0]
+    flow, work = updated([0, 0, 0, 0, 10.0, 2.0, 0, 0], surroundings=water)
     assert flow[:2] == pytest.approx([0.6, 1.6])
     assert work[1] == pytest.approx(0.5 * 0.01 * (600 * 0.6 + 1600 * 1.6))
 
@@ -370,7 +399,7 @@ def test_water_pushes_with_its_force_per_volume_and_its_work_is_counted():
 def test_work_of_contact_is_the_kinetic_energy_it_takes():
     mass, dt = 10.0, 0.01
     load = [20.0, -10.0, 0.0, 0.0, mass, 0, 0, 0]
-    flow, work = updated(load, table=[0, 1, 0.3, 0, 0, 0, 0, 0], kind=2, dt=dt)
+    flow, work = updated(load, surroundings=[0, 1, 0.3, 0, 0, 0, 0, 0], kind=2, dt=dt)
     before, after = np.array([2.0, -1.0]), flow[:2]
     assert work[0] == pytest.approx(0.5 * mass * (before @ before - after @ after), rel=1e-5)
 
@@ -378,14 +407,14 @@ def test_work_of_contact_is_the_kinetic_energy_it_takes():
 def law(soil, stress, history, gradient, *, means=(0, 0, 0, 0), dt=1.0, share=0.0, averaged=False,
         corrected=False):  # fmt: skip
     """One call of the material law with everything around it; returns stress and history."""
-    state = np.array([stress], np.float32)
-    past = np.array([history], np.float32)
-    table = [np.array([row]) for row in material_constants(**soil)]
-    stress_of(
-        state, past, np.array([gradient], np.float32), np.array([means], np.float32), *table, dt,
-        share, averaged, corrected,
+    elastic = {name: soil[name] for name in ("youngs_modulus", "poisson_ratio")}
+    strength = {name: soil[name] for name in ("friction_angle", "cohesion")}
+    state = arrays(
+        stress=[stress], history=[history], gradient=[gradient], cell_mean=[means],
+        elastic=[elastic_constants(**elastic)], strength=[material_constants(**strength)],
     )  # fmt: skip
-    return state[0].astype(float), past[0].astype(float)
+    stress_of(averaged, corrected)(dt, share, *state.values())
+    return state["stress"][0].astype(float), state["history"][0].astype(float)
 
 
 STRONG = {"friction_angle": 0.0, "cohesion": 1e9, "youngs_modulus": 30e6, "poisson_ratio": 0.25}

@@ -31,105 +31,113 @@ from mpm_taichi.effects.framework.table import (
     TANGENT,
     EffectTable,
 )
-from mpm_taichi.materials.mohr_coulomb import NO_CAP
-from mpm_taichi.solver.layout import CELL, GROWN, MEAN_OVERBURDEN, ORIGIN_X, ORIGIN_Y, A, vec2, vec8
-from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE, edge_weights, mass_offset
+from mpm_taichi.materials.law import MaterialLaw
+from mpm_taichi.solver.layout import (
+    DVX_DX,
+    DVX_DY,
+    DVY_DX,
+    DVY_DY,
+    GROWN,
+    MEAN_OVERBURDEN,
+    OFFSET_X,
+    OFFSET_Y,
+    OPENING,
+    ORIGIN_X,
+    ORIGIN_Y,
+    SHEAR,
+    VELOCITY_X,
+    VELOCITY_Y,
+    VOLUMETRIC,
+    XX,
+    YY,
+    ZZ,
+    A,
+    vec2,
+)
+from mpm_taichi.solver.transfer import mass_weights
 
 _F32 = ti.f32
-Here = ti.types.struct(
+PointView = ti.types.struct(
     x=_F32, y=_F32, x0=_F32, y0=_F32, vx=_F32, vy=_F32, speed=_F32, time=_F32, strain=_F32,
     strain_rate=_F32, opening=_F32, pressure=_F32, overburden=_F32, mean_overburden=_F32,
     liquefied=_F32, friction=_F32, cohesion=_F32, vertical=_F32, cell=_F32, memory=_F32, field=_F32,
 )  # fmt: skip
-Node = ti.types.struct(x=_F32, y=_F32, time=_F32, cell=_F32)
+NodeView = ti.types.struct(x=_F32, y=_F32, time=_F32, cell=_F32)
 Soil = ti.types.struct(friction=_F32, cohesion=_F32, cap=_F32)
 Base = ti.types.struct(friction=_F32, adhesion=_F32)
 
 
 @ti.func
-def grid_place(n, slot, columns, first_node, integers: A, numbers: A):
+def column_and_row(n, step: A, slots: A):
     """Column and row of a node, in cells from the origin of the grid that the run began with."""
-    number = n - first_node
-    i = number // columns
-    j = number - i * columns
-    return vec2(ti.cast(i - integers[slot, GROWN], ti.f32), ti.cast(j, ti.f32))
+    number = n - step.first_node
+    i = number // step.columns
+    j = number - i * step.columns
+    return vec2(ti.cast(i - slots.integers[step.slot, GROWN], ti.f32), ti.cast(j, ti.f32))
 
 
 @ti.func
-def here_of(
-    p, slot, time, columns, first_node, integers: A, numbers: A, motion: A, home: A, gradient: A,
-    stress: A, history: A, facts: A,
-):  # fmt: skip
+def point_view(p, step: A, state: A):
     """What hooks see of a point; see the head of this file."""
-    cell = numbers[slot, CELL]
-    m, g, s, h = motion[p], gradient[p], stress[p], history[p]
-    place = grid_place(home[p], slot, columns, first_node, integers, numbers)
-    stretch = g[0] - g[3]
-    shear = g[1] + g[2]
-    return Here(
-        x=numbers[slot, ORIGIN_X] + (place[0] + m[0]) * cell,
-        y=numbers[slot, ORIGIN_Y] + (place[1] + m[1]) * cell,
-        x0=facts[p, START_X],
-        y0=facts[p, START_Y],
-        vx=m[2],
-        vy=m[3],
-        speed=ti.sqrt(m[2] * m[2] + m[3] * m[3]),
-        time=time,
-        strain=h[2],
+    points, numbers = ti.static((state.points, state.slots.numbers))
+    m, g, s, h = points.motion[p], points.gradient[p], points.stress[p], points.history[p]
+    home = column_and_row(points.home[p], step, state.slots)
+    stretch = g[DVX_DX] - g[DVY_DY]
+    shear = g[DVY_DX] + g[DVX_DY]
+    return PointView(
+        x=numbers[step.slot, ORIGIN_X] + (home[0] + m[OFFSET_X]) * step.cell,
+        y=numbers[step.slot, ORIGIN_Y] + (home[1] + m[OFFSET_Y]) * step.cell,
+        x0=points.facts[p, START_X],
+        y0=points.facts[p, START_Y],
+        vx=m[VELOCITY_X],
+        vy=m[VELOCITY_Y],
+        speed=ti.sqrt(m[VELOCITY_X] * m[VELOCITY_X] + m[VELOCITY_Y] * m[VELOCITY_Y]),
+        time=step.time,
+        strain=h[SHEAR],
         strain_rate=ti.sqrt(stretch * stretch + shear * shear),
-        opening=h[1],
-        pressure=-(s[0] + s[1] + s[2]) * (1.0 / 3.0),
-        overburden=facts[p, OVERBURDEN],
-        mean_overburden=numbers[slot, MEAN_OVERBURDEN],
-        liquefied=facts[p, LIQUEFIED],
-        friction=facts[p, TANGENT],
-        cohesion=facts[p, COHESION],
-        vertical=-s[1],
-        cell=cell,
+        opening=h[OPENING],
+        pressure=-(s[XX] + s[YY] + s[ZZ]) * (1.0 / 3.0),
+        overburden=points.facts[p, OVERBURDEN],
+        mean_overburden=numbers[step.slot, MEAN_OVERBURDEN],
+        liquefied=points.facts[p, LIQUEFIED],
+        friction=points.facts[p, TANGENT],
+        cohesion=points.facts[p, COHESION],
+        vertical=-s[YY],
+        cell=step.cell,
         memory=0.0,
         field=0.0,
     )
 
 
 @ti.func
-def strength_constants(soil):
-    """As `mohr_coulomb.material_constants`: (sin phi, k, T, 1/(3 - sin), 1/(3 + sin), corner)."""
-    tangent = ti.max(soil.friction, 0.0)
-    cohesion = ti.max(soil.cohesion, 0.0)
-    cosine = 1.0 / ti.sqrt(1.0 + tangent * tangent)
-    sine = tangent * cosine
-    k = 2.0 * cohesion * cosine
-    apex = NO_CAP
-    if tangent > 0.0:
-        apex = cohesion / tangent
-    cap = ti.min(apex, soil.cap)
-    corner = cap
-    if cap < apex:
-        corner = (cap * (1.0 + sine) - k) / (1.0 - sine)
-    return vec8(sine, k, cap, 1.0 / (3.0 - sine), 1.0 / (3.0 + sine), corner, 0.0, 0.0)
+def node_view(n, step: A, slots: A):
+    """What hooks see of a node."""
+    place = column_and_row(n, step, slots)
+    return NodeView(
+        x=slots.numbers[step.slot, ORIGIN_X] + place[0] * step.cell,
+        y=slots.numbers[step.slot, ORIGIN_Y] + place[1] * step.cell,
+        time=step.time,
+        cell=step.cell,
+    )
 
 
 @ti.func
-def scatter_resistance(resisted: A, home, columns, kind, motion, amount, atomic: ti.template()):
+def scatter_resistance(p, step: A, points: A, nodes: A, amount, atomic: A):
     """Add a point's resistance [N/m] to its nine nodes, by the weights of its mass."""
-    weight_x = edge_weights(
-        mass_offset(motion[0], kind & LEFT_EDGE, kind & RIGHT_EDGE),
-        kind & LEFT_EDGE,
-        kind & RIGHT_EDGE,
-    )
-    weight_y = edge_weights(mass_offset(motion[1], kind & BASE_EDGE, 0), kind & BASE_EDGE, 0)
+    home = points.home[p]
+    weight_x, weight_y = mass_weights(points.motion[p], nodes.kind[home])
     for i in ti.static(range(3)):
         for j in ti.static(range(3)):
-            n = home + (i - 1) * columns + (j - 1)
+            n = home + (i - 1) * step.columns + (j - 1)
             value = weight_x[i] * weight_y[j] * amount
             if ti.static(atomic):
-                ti.atomic_add(resisted[n], value)
+                ti.atomic_add(nodes.resistance[n], value)
             else:
-                resisted[n] = resisted[n] + value
+                nodes.resistance[n] = nodes.resistance[n] + value
 
 
-def effect_functions(effects: tuple[Effect, ...]) -> SimpleNamespace:
-    """What the schedules ask of effects, compiled for these.
+def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNamespace:
+    """What the schedules ask of effects, compiled for these and a material law.
 
     Returns:
         `table` (`EffectTable`); masks of the slots whose points need a pass, `strength_mask` and
@@ -144,11 +152,13 @@ def effect_functions(effects: tuple[Effect, ...]) -> SimpleNamespace:
     dilations, dilation = table.places("dilation"), calls["dilation"]
     accelerations, acceleration = table.places("acceleration"), calls["acceleration"]
     grounds, ground = table.places("ground"), calls["ground"]
+    strength_constants = law.strength_constants
+    changes_strength = strength_constants is not None
 
     @ti.func
-    def seen_by(here, p, facts: A, place: ti.template()):
-        """`here` with the effect's own memory and field."""
-        own = here
+    def seen_by(view, p, facts: A, place: A):
+        """`view` of a point with the effect's own memory and field."""
+        own = view
         if ti.static(place in fields):
             own.field = facts[p, fields[place]]
         if ti.static(place in remembered):
@@ -156,94 +166,67 @@ def effect_functions(effects: tuple[Effect, ...]) -> SimpleNamespace:
         return own
 
     @ti.func
-    def renew_strength(
-        p, slot, on, time, columns, first_node, integers: A, numbers: A, motion: A, home: A,
-        gradient: A, stress: A, history: A, facts: A, present: A, effect_numbers: A,
-    ):  # fmt: skip
+    def renew_strength(p, step: A, state: A):
         """Memory, then present strength of a point."""
-        here = here_of(
-            p, slot, time, columns, first_node, integers, numbers, motion, home, gradient, stress,
-            history, facts,
-        )  # fmt: skip
+        facts, numbers = ti.static((state.points.facts, state.slots.effect_numbers))
+        view = point_view(p, step, state)
         for k in ti.static(memories):
-            if on & ti.static(1 << k):
-                own = seen_by(here, p, facts, k)
-                facts[p, remembered[k]] = memory[k](effect_numbers, slot, own)
-        soil = Soil(friction=facts[p, TANGENT], cohesion=facts[p, COHESION], cap=facts[p, CAP])
-        for k in ti.static(strengths):
-            if on & ti.static(1 << k):
-                own = seen_by(here, p, facts, k)
-                soil = strength[k](effect_numbers, slot, soil, own)
-        present[p] = strength_constants(soil)
+            if step.on & ti.static(1 << k):
+                own = seen_by(view, p, facts, k)
+                facts[p, remembered[k]] = memory[k](numbers, step.slot, own)
+        if ti.static(changes_strength):
+            soil = Soil(friction=facts[p, TANGENT], cohesion=facts[p, COHESION], cap=facts[p, CAP])
+            for k in ti.static(strengths):
+                if step.on & ti.static(1 << k):
+                    own = seen_by(view, p, facts, k)
+                    soil = strength[k](numbers, step.slot, soil, own)
+            state.points.own_strength[p] = strength_constants(soil)
 
     @ti.func
-    def resist(
-        p, slot, on, time, columns, first_node, integers: A, numbers: A, motion: A, home: A,
-        gradient: A, stress: A, history: A, facts: A, effect_numbers: A, volume, kind: A,
-        resisted: A, atomic: ti.template(),
-    ):  # fmt: skip
+    def resist(p, step: A, state: A, atomic: A):
         """Resistance of a point to its nodes."""
-        here = here_of(
-            p, slot, time, columns, first_node, integers, numbers, motion, home, gradient, stress,
-            history, facts,
-        )  # fmt: skip
+        points, numbers = ti.static((state.points, state.slots.effect_numbers))
+        view = point_view(p, step, state)
         total = 0.0
         for k in ti.static(resistances):
-            if on & ti.static(1 << k):
-                own = seen_by(here, p, facts, k)
-                total += ti.max(resistance[k](effect_numbers, slot, own), 0.0)
+            if step.on & ti.static(1 << k):
+                own = seen_by(view, p, points.facts, k)
+                total += ti.max(resistance[k](numbers, step.slot, own), 0.0)
         if total > 0.0:
-            amount = total * volume * (1.0 + history[p][0])
-            node = home[p]
-            scatter_resistance(resisted, node, columns, kind[node], motion[p], amount, atomic)
+            amount = total * step.volume * (1.0 + points.history[p][VOLUMETRIC])
+            scatter_resistance(p, step, points, state.nodes, amount, atomic)
 
     @ti.func
-    def dilate(
-        p, slot, on, time, columns, first_node, shear, moduli, integers: A, numbers: A, motion: A,
-        home: A, gradient: A, stress: A, history: A, facts: A, effect_numbers: A,
-    ):  # fmt: skip
+    def dilate(p, step: A, state: A, shear, bulk_modulus):
         """Change of mean stress [Pa] of plastic shear `shear`, and of the dissipation [J/m3]."""
-        here = here_of(
-            p, slot, time, columns, first_node, integers, numbers, motion, home, gradient, stress,
-            history, facts,
-        )  # fmt: skip
+        view = point_view(p, step, state)
         sine = 0.0
         for k in ti.static(dilations):
-            if on & ti.static(1 << k):
-                own = seen_by(here, p, facts, k)
-                sine += dilation[k](effect_numbers, slot, own)
-        change = -moduli[1] * sine * shear
+            if step.on & ti.static(1 << k):
+                own = seen_by(view, p, state.points.facts, k)
+                sine += dilation[k](state.slots.effect_numbers, step.slot, own)
+        change = -bulk_modulus * sine * shear
         # Plastic volume sine x shear against the mean stress, halfway through its change.
-        return change, (0.5 * change - here.pressure) * sine * shear
+        return change, (0.5 * change - view.pressure) * sine * shear
 
     @ti.func
-    def node_of(n, slot, time, columns, first_node, integers: A, numbers: A):
-        """What hooks see of a node."""
-        cell = numbers[slot, CELL]
-        place = grid_place(n, slot, columns, first_node, integers, numbers)
-        return Node(
-            x=numbers[slot, ORIGIN_X] + place[0] * cell,
-            y=numbers[slot, ORIGIN_Y] + place[1] * cell,
-            time=time,
-            cell=cell,
-        )
-
-    @ti.func
-    def push(slot, on, node, effect_numbers: A):
+    def acceleration_at(n, step: A, slots: A):
         """Acceleration of all mass at a node [m/s2]."""
+        view = node_view(n, step, slots)
         total = vec2(0.0, 0.0)
         for k in ti.static(accelerations):
-            if on & ti.static(1 << k):
-                total += acceleration[k](effect_numbers, slot, node)
+            if step.on & ti.static(1 << k):
+                total += acceleration[k](slots.effect_numbers, step.slot, view)
         return total
 
     @ti.func
-    def hold(slot, on, node, friction, adhesion, effect_numbers: A):
+    def ground_at(n, step: A, slots: A, friction, adhesion):
         """Friction coefficient and adhesion [Pa] of the ground at a node, as effects leave them."""
+        view = node_view(n, step, slots)
         base = Base(friction=friction, adhesion=adhesion)
         for k in ti.static(grounds):
-            if on & ti.static(1 << k):
-                base = ground[k](effect_numbers, slot, base, node)
+            if step.on & ti.static(1 << k):
+                base = ground[k](slots.effect_numbers, step.slot, base, view)
         return ti.max(base.friction, 0.0), ti.max(base.adhesion, 0.0)
 
     return SimpleNamespace(
@@ -254,9 +237,8 @@ def effect_functions(effects: tuple[Effect, ...]) -> SimpleNamespace:
         renew_strength=renew_strength,
         resist=resist,
         dilate=dilate,
-        node_of=node_of,
-        push=push,
-        hold=hold,
+        acceleration_at=acceleration_at,
+        ground_at=ground_at,
     )
 
 
