@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.hypotheses.hypothesis_file import (
     BASE,
-    ModelEffect,
-    ModelFile,
-    load_model_file,
-    model_files,
+    Hypothesis,
+    HypothesisEffect,
+    hypothesis_files,
+    load_hypothesis,
     new_name,
 )
 from diagnosis.loop import find
@@ -24,15 +24,15 @@ from diagnosis.signatures.explain import explain
 from diagnosis.verdict.documents import compare_document, explain_document
 from diagnosis.verdict.kept_steps import judge, judge_anew, keep, kept_step, step_of
 from diagnosis.verdict.stages import effect_answers
-from diagnosis.verdict.transfer_check import transfer_check
+from diagnosis.verdict.validation_case import validated
 from diagnosis.verdict.verdict import (
     COMPARE_FILE,
     EXPLAIN_FILE,
     FILE_NAME,
     CompareDocument,
     ExplainDocument,
-    Step,
     Verdict,
+    WaterfallStep,
     save_document,
 )
 from diagnosis.verdict.verdict_document import Diagnosed, verdict_document
@@ -55,26 +55,26 @@ def compared(session: Session) -> CompareDocument:
 
 def _keep_comparison(session: Session, found: Comparison) -> None:
     """Keep the error of the model, under the covariance of the base model."""
-    model: ModelFile | None = ModelFile(by="compare")
+    model: Hypothesis | None = Hypothesis(by="compare")
     note = "base model"
     effects: dict[str, float] = {}
     judged = judge(found.base.data, found.base.fit)
     if not session.is_base:
         root = compare(session.root.model, session.root.options)
         judged = judge_anew(root.base.data, found.base.fit)
-        model, note = None, session.model_file.notes.strip() or "by hand"
-        effects = {name: effect.amplitude for name, effect in session.model_file.effects.items()}
+        model, note = None, session.hypothesis.notes.strip() or "by hand"
+        effects = {name: effect.amplitude for name, effect in session.hypothesis.effects.items()}
     step = step_of(
-        session.model_name,
-        list(dict.fromkeys([*model_files(session.folder), session.model_name])).index(
-            session.model_name
+        session.hypothesis_name,
+        list(dict.fromkeys([*hypothesis_files(session.folder), session.hypothesis_name])).index(
+            session.hypothesis_name
         ),
         judged,
         note=note,
         effects=effects,
     )
-    made_from = session.made_from(session.model_file or model)
-    keep(session.folder, session.model_name, model, step, made_from)
+    made_from = session.made_from(session.hypothesis or model)
+    keep(session.folder, session.hypothesis_name, model, step, made_from)
 
 
 def explained(session: Session) -> ExplainDocument:
@@ -107,8 +107,8 @@ def diagnosed(session: Session) -> Verdict:
         title=session.case.title,
         left_out=session.case.left_out(session.model),
     )
-    check = transfer_check(session, found)
-    verdict = session.timeless(verdict.model_copy(update={"transfer_check": check}))
+    check = validated(session, found)
+    verdict = session.timeless(verdict.model_copy(update={"validation_case": check}))
     base, final = found.comparison.base.fit, found.decision.final.model.fit
     session.write_sections(base.space.state(base.x), final.space.state(final.x))
     _keep_models(session, found)
@@ -118,24 +118,24 @@ def diagnosed(session: Session) -> Verdict:
 
 def _keep_models(session: Session, found: Diagnosed) -> None:
     """Write the models of the loop beside those of a person; those of an earlier loop give way."""
-    data, way = found.comparison.base.data, found.register.way
-    parent = session.model_name
+    data, way = found.comparison.base.data, found.tried_models.way
+    parent = session.hypothesis_name
     words = {c.name: (c.unit, c.words) for c in found.model.candidates}
-    there = list(model_files(session.folder))
+    there = list(hypothesis_files(session.folder))
     for number, adopted in enumerate(way):
-        name, model = parent, ModelFile(by="run")
+        name, model = parent, Hypothesis(by="run")
         if number:
             effects = {
-                answer.name: ModelEffect(
+                answer.name: HypothesisEffect(
                     amplitude=round(answer.amplitude, 6),
                     std=round(answer.std, 6),
                     parameters=session.case.question.parameters.get(answer.name, {}),
                 )
                 for answer in effect_answers(data, adopted.model.fit, words)
             }
-            model = ModelFile(parent=parent, by="run", notes=adopted.note, effects=effects)
-            if session.model_file is not None:
-                model = model.model_copy(update={"scene_changes": session.model_file.scene_changes})
+            model = Hypothesis(parent=parent, by="run", notes=adopted.note, effects=effects)
+            if session.hypothesis is not None:
+                model = model.model_copy(update={"scene_changes": session.hypothesis.scene_changes})
             name = _same_model(session, model) or new_name(
                 session.folder, " ".join(adopted.model.names)
             )
@@ -148,15 +148,15 @@ def _keep_models(session: Session, found: Diagnosed) -> None:
             note=adopted.note if number or not session.is_base else "base model",
             ln_evidence=adopted.model.ln_evidence - way[0].model.ln_evidence,
         )
-        keep(session.folder, name, model, step, session.made_from(model or session.model_file))
-        there = list(model_files(session.folder))
+        keep(session.folder, name, model, step, session.made_from(model or session.hypothesis))
+        there = list(hypothesis_files(session.folder))
         parent = name
 
 
-def _same_model(session: Session, wanted: ModelFile) -> str | None:
+def _same_model(session: Session, wanted: Hypothesis) -> str | None:
     """The model of an earlier loop with the same parent and effects, which is written anew."""
-    for name, path in model_files(session.folder).items():
-        other = load_model_file(path)
+    for name, path in hypothesis_files(session.folder).items():
+        other = load_hypothesis(path)
         if (
             name != BASE
             and (other.by, other.parent) == ("run", wanted.parent)
@@ -181,30 +181,31 @@ class Extended:
     asked: Session
     comparison: Comparison
     found: Extension
-    before: Step
-    after: Step
+    before: WaterfallStep
+    after: WaterfallStep
 
 
 def extended(session: Session, add: str, notes: str) -> Extended:
     """Add an effect; write the new model and its step."""
-    fitted = _fitted_effects(session.model_file)
+    fitted = _fitted_effects(session.hypothesis)
     asked = session.without(fitted) if fitted else session
     check_addition(asked.model, fitted, add)  # before the first simulation
     comparison = compare(asked.model, asked.options)
     found = extend(asked.model, comparison, asked.options, before=fitted, add=add)
     data = comparison.base.data
     before = step_of(
-        session.model_name, _place(session, session.model_name), judge(data, found.before.fit),
+        session.hypothesis_name, _place(session, session.hypothesis_name),
+        judge(data, found.before.fit),
         note="base model" if session.is_base else "",
     )  # fmt: skip
     if session.is_base:
-        base = ModelFile(by="compare")
+        base = Hypothesis(by="compare")
         keep(session.folder, BASE, base, before, session.made_from(base))
-    model = _new_model(asked, session.model_name, comparison, found, notes)
+    model = _new_model(asked, session.hypothesis_name, comparison, found, notes)
     name = new_name(session.folder, add)
     after = step_of(
         name,
-        len(model_files(session.folder)),
+        len(hypothesis_files(session.folder)),
         judge(data, found.after.fit),
         note=notes or f"{add} added by hand",
         effects={n: e.amplitude for n, e in model.effects.items() if e.std is None},
@@ -220,18 +221,18 @@ def extended(session: Session, add: str, notes: str) -> Extended:
 
 def _new_model(
     asked: Session, parent: str, comparison: Comparison, found: Extension, notes: str
-) -> ModelFile:
+) -> Hypothesis:
     """The model as a file: effects that are sought with their sizes, others as they were."""
-    old = asked.model_file
+    old = asked.hypothesis
     effects = {} if old is None else dict(old.effects)
     words = {c.name: (c.unit, c.words) for c in asked.model.candidates}
     for answer in effect_answers(comparison.base.data, found.after.fit, words):
-        effects[answer.name] = ModelEffect(
+        effects[answer.name] = HypothesisEffect(
             amplitude=round(answer.amplitude, 6),
             std=round(answer.std, 6),
             parameters=asked.case.question.parameters.get(answer.name, {}),
         )
-    return ModelFile(
+    return Hypothesis(
         parent=parent,
         by="extend",
         notes=notes,
@@ -240,7 +241,7 @@ def _new_model(
     )
 
 
-def _fitted_effects(model: ModelFile | None) -> tuple[str, ...]:
+def _fitted_effects(model: Hypothesis | None) -> tuple[str, ...]:
     """Effects whose size was found by a fit, and is sought again; others stay as they are."""
     if model is None:
         return ()
@@ -249,7 +250,7 @@ def _fitted_effects(model: ModelFile | None) -> tuple[str, ...]:
 
 def _place(session: Session, name: str) -> int:
     """How many models were before one."""
-    names = list(model_files(session.folder))
+    names = list(hypothesis_files(session.folder))
     return names.index(name) if name in names else 0
 
 
@@ -263,7 +264,7 @@ class Track:
         by_hand: names of those that a person made, or asked for by name.
     """
 
-    steps: list[Step]
+    steps: list[WaterfallStep]
     notes: list[str]
     by_hand: list[str]
 
@@ -275,8 +276,8 @@ def tracked(session: Session) -> Track:
         InputError: none has been judged.
     """
     steps, notes, hands = [], [], []
-    for name, path in model_files(session.folder).items():
-        model, kept = load_model_file(path), kept_step(session.folder, name)
+    for name, path in hypothesis_files(session.folder).items():
+        model, kept = load_hypothesis(path), kept_step(session.folder, name)
         by_hand = model.by in ("engineer", "extend")
         if by_hand:
             hands.append(name)

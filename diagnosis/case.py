@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from diagnosis.hypotheses.hypothesis_file import ModelFile
+from diagnosis.hypotheses.hypothesis_file import Hypothesis
 from diagnosis.hypotheses.mpm_model import MPMModel, Numerics
 from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
@@ -101,7 +101,7 @@ class DiagnosisCase(Case):
             priors={name: prior for name, prior in self.priors.items() if name in acting},
             allowance=settings.max_runs - FOR_PICTURES,
             replicates=question.replicates or settings.replicates,
-            transfer=question.transfer,
+            second_scheme=question.second_scheme,
             resolution_factor=(
                 settings.resolution_factor
                 if question.resolution_factor is None
@@ -138,7 +138,7 @@ def diagnosis_case(
     case: Case,
     *,
     spacing_m: float | None = None,
-    hypothesis: ModelFile | None = None,
+    hypothesis: Hypothesis | None = None,
     hypothesis_source: str = "",
     with_validation: bool = True,
 ) -> DiagnosisCase:
@@ -185,12 +185,12 @@ def diagnosis_case(
 
 def _validation_case(question: DiagnosisQuestion, case: Case) -> DiagnosisCase | None:
     """The case that `validation_case` names: it is simulated last, and refused first."""
-    if question.transfer_check is None:
+    if question.validation_case is None:
         return None
-    place = case.folder / question.transfer_check  # an absolute path stays as it is
-    where = f"{case.folder / FILE_NAME}: transfer_check"
+    place = case.folder / question.validation_case  # an absolute path stays as it is
+    where = f"{case.folder / FILE_NAME}: validation_case"
     if place.resolve() == case.folder.resolve():
-        raise InputError(f"{where}: {question.transfer_check}: is this case; name another one")
+        raise InputError(f"{where}: {question.validation_case}: is this case; name another one")
     try:
         other = diagnosis_case(load_case(place, case.config), with_validation=False)
         other.model(RunStore(None))

@@ -55,14 +55,14 @@ def find(
             f"of {len(explanation.names)} effects {best} promises most: chi2 falls by {fall:.1f}, "
             f"p {explanation.scores.p_family[best]:.2g}"
         )
-    register = run_rounds(comparison, explanation, options)
-    for adopted in register.way[1:]:
+    tried_models = run_rounds(comparison, explanation, options)
+    for adopted in tried_models.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
-    decision = decide(register, explanation.by_chance, options)
-    found = Diagnosed(model, options, comparison, explanation, register, decision)
+    decision = decide(tried_models, explanation.by_chance, options)
+    found = Diagnosed(model, options, comparison, explanation, tried_models, decision)
     if decision.verdict == "unknown_effect" and model.curves:
         say("nothing in the list explains it: seeking a strength curve that would")
-        found = replace(found, curve=find_curve(explanation.bench, decision.final.model,
+        found = replace(found, curve=find_curve(explanation.context, decision.final.model,
                                                 model.curves))  # fmt: skip
     return replace(found, next_measurement=next_measurements(found, count))
 
@@ -72,7 +72,7 @@ def next_measurements(found: Diagnosed, count: int) -> list[Suggestion]:
     if not isinstance(found.model, Proposing):
         return []
     return suggest(
-        found.model, found.comparison, found.explanation, found.register, found.decision,
+        found.model, found.comparison, found.explanation, found.tried_models, found.decision,
         found.options, count=count,
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ class Options:
         priors: effect -> (mean, std) of its amplitude, in place of the model's own.
         allowance: forward runs that may be asked for.
         replicates: runs with other jitters of the points, at the fit.
-        transfer: a paired run with the second transfer scheme enters the covariance.
+        second_scheme: a paired run with the second transfer scheme enters the covariance.
         resolution_factor: share of the difference to the finer run that counts as bias; 0: the
             finer run is not asked for.
         numerical_covariance: False leaves the model's own error out. Ablation.
@@ -60,7 +60,7 @@ class Options:
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     allowance: int = 250
     replicates: int = 8
-    transfer: bool = True
+    second_scheme: bool = True
     resolution_factor: float = 2.5
     numerical_covariance: bool = True
     projection: bool = True

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from geometry.scenes.scene import Document, document_error
 from inversion.estimation.hold_out import HoldOut
-from pipeline.cli import InputError
+from pipeline.cli import InputError, say_once
 from pipeline.files import read_yaml
 
 FILE_NAME = "diagnosis.yaml"
@@ -73,7 +73,7 @@ class DiagnosisQuestion(Document):
     replicates: int | None = Field(
         None, ge=2, description="jitters that measure the model's noise; null: as configured"
     )
-    transfer: bool = Field(True, description="a run by the second transfer scheme enters C")
+    second_scheme: bool = Field(True, description="a run by the second transfer scheme enters C")
     resolution_factor: float | None = Field(
         None,
         ge=0,
@@ -83,7 +83,7 @@ class DiagnosisQuestion(Document):
     synthetic: bool = Field(
         False, description="the measurements were simulated, and hold numerical noise of their own"
     )
-    transfer_check: str | None = Field(
+    validation_case: str | None = Field(
         None, description="case folder of a second section or event that judges the answer"
     )
 
@@ -125,6 +125,20 @@ class DiagnosisQuestion(Document):
         }
 
 
+#: Keys of older files -> what they are called now.
+RENAMED = {"transfer": "second_scheme", "transfer_check": "validation_case"}
+
+
+def _with_new_keys(document: Any, source: str) -> Any:
+    """The document with its keys as they are called now; a line says what to write."""
+    if not isinstance(document, Mapping):
+        return document
+    for old, new in RENAMED.items():
+        if old in document and new not in document:
+            say_once(f"{source}: {old}: is called {new} now")
+    return {RENAMED.get(key, key): value for key, value in document.items()}
+
+
 def load_diagnosis_question(folder: str | Path) -> DiagnosisQuestion:
     """Read `diagnosis.yaml` of a case folder; the defaults where there is none.
 
@@ -134,7 +148,7 @@ def load_diagnosis_question(folder: str | Path) -> DiagnosisQuestion:
     path = Path(folder) / FILE_NAME
     if not path.is_file():
         return DiagnosisQuestion()
-    document = read_yaml(path)
+    document = _with_new_keys(read_yaml(path), str(path))
     if document is None:
         return DiagnosisQuestion()
     if not isinstance(document, Mapping):

@@ -23,10 +23,11 @@ import mpm_taichi
 from diagnosis.case import DiagnosisCase, diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import (
     BASE,
-    ModelFile,
+    FOLDER,
+    Hypothesis,
     check_parent,
-    find_model,
-    load_model_file,
+    find_hypothesis,
+    load_hypothesis,
 )
 from diagnosis.hypotheses.mpm_model import MPMModel
 from diagnosis.options import Options
@@ -58,8 +59,8 @@ class Session:
         config: settings in force.
         folder: of the results.
         store: of the runs.
-        model_name: of the model that stands in place of the base model.
-        model_file: the same; None: the base model itself.
+        hypothesis_name: of what replaces the base model.
+        hypothesis: the same; None: the base model itself.
         say: tells a line of progress.
         spacing_m: as asked for; None: the case's own.
     """
@@ -68,8 +69,8 @@ class Session:
     config: Config
     folder: Path
     store: RunStore
-    model_name: str
-    model_file: ModelFile | None
+    hypothesis_name: str
+    hypothesis: Hypothesis | None
     say: Callable[[str], None]
     spacing_m: float | None = None
     began: float = field(default_factory=time.perf_counter)
@@ -87,7 +88,7 @@ class Session:
     @property
     def is_base(self) -> bool:
         """No other model stands in place of the base model."""
-        return self.model_file is None
+        return self.hypothesis is None
 
     @cached_property
     def root(self) -> Session:
@@ -95,7 +96,7 @@ class Session:
         if self.is_base:
             return self
         case = diagnosis_case(self.case, spacing_m=self.spacing_m)
-        return replace(self, case=case, model_name=BASE, model_file=None)
+        return replace(self, case=case, hypothesis_name=BASE, hypothesis=None)
 
     @property
     def seconds(self) -> float:
@@ -108,8 +109,8 @@ class Session:
         found = {path.name: file_hash(path)[:HASH_DIGITS] for path in self.case.files}
         found["scene at this spacing"] = scene_hash(self.case.scene)[:16]
         found["settings of the simulation"] = content_hash(self.case.setup.settings)
-        if self.model_file is not None:
-            found["model"] = content_hash(self.model_file)
+        if self.hypothesis is not None:
+            found["hypothesis"] = content_hash(self.hypothesis)
         return found
 
     @property
@@ -132,14 +133,14 @@ class Session:
                 "spacing_m": self.case.scene.spacing,
             },
             "seeds": {"noise": self.options.seed},
-            "model": self.model_name,
+            "hypothesis": self.hypothesis_name,
             "physics_versions": {
                 package.__name__: package.PHYSICS_VERSION
                 for package in (geometry, mpm_taichi, inversion, diagnosis)
             },
         }
 
-    def made_from(self, model: ModelFile | None) -> str:
+    def made_from(self, model: Hypothesis | None) -> str:
         """Hash of all that decides the error of a model: the case, settings, a person's changes."""
         own = None if model is None or model.by != "engineer" else model
         files = {path.name: file_hash(path)[:HASH_DIGITS] for path in self.case.files}
@@ -150,10 +151,10 @@ class Session:
 
     def without(self, effects: Sequence[str]) -> Session:
         """The same question asked of the model without some of its effects."""
-        kept = {n: e for n, e in self.model_file.effects.items() if n not in effects}
-        model = self.model_file.model_copy(update={"effects": kept})
+        kept = {n: e for n, e in self.hypothesis.effects.items() if n not in effects}
+        model = self.hypothesis.model_copy(update={"effects": kept})
         case = diagnosis_case(self.case, spacing_m=self.spacing_m, hypothesis=model)
-        return replace(self, case=case, model_file=model)
+        return replace(self, case=case, hypothesis=model)
 
     def timeless(self, document: Document) -> Document:
         """A document without what hangs on the clock or on runs that were kept before."""
@@ -243,7 +244,7 @@ def open_session(
     Args:
         case: with measurements.
         out: folder of the results; None: `<results_folder>/<case>/diagnosis`.
-        hypothesis: a model to go on from, a file or its name in `models/` of the folder; None: the
+        hypothesis: a file to go on from, or its name in `hypotheses/` of the folder; None: the
             base model.
         spacing_m: of material points; None: the case's own.
         threads: CPU threads; None: all.
@@ -254,10 +255,12 @@ def open_session(
         InputError: one line with file, field, value and what is allowed.
     """
     folder = Path(out or Path(case.config.results_folder) / case.name / "diagnosis")
+    if (folder / "models").is_dir() and not (folder / FOLDER).is_dir():
+        say(f"{folder / 'models'}: is not read any more; rename it to {FOLDER}")
     name, model, origin = BASE, None, ""
     if hypothesis is not None:
-        name, path = find_model(folder, hypothesis)
-        model, origin = load_model_file(path), str(path)
+        name, path = find_hypothesis(folder, hypothesis)
+        model, origin = load_hypothesis(path), str(path)
         check_parent(model, path, folder)
     asked = diagnosis_case(case, spacing_m=spacing_m, hypothesis=model, hypothesis_source=origin)
     store = RunStore(folder / "runs", threads=threads, on_run=on_run)

@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NoReturn
 
 EXIT_FAILED = 1
@@ -75,6 +76,12 @@ def at_least_one(option: str, number: int) -> int:
     if number < 1:
         raise InputError(f"{option} {number}: at least 1")
     return number
+
+
+@cache
+def say_once(line: str) -> None:
+    """Print a line on the standard error; a file that is read again does not repeat it."""
+    print(line, file=sys.stderr, flush=True)
 
 
 def main_exit(

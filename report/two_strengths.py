@@ -15,7 +15,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from diagnosis.verdict.verdict import COMPARE_FILE, FILE_NAME, CompareDocument, Stage, Verdict
+from diagnosis.verdict.verdict import (
+    COMPARE_FILE,
+    FILE_NAME,
+    CompareDocument,
+    FittedModelSummary,
+    Verdict,
+)
 from inversion.back_analysis.result import FILE_NAME as RESULT_FILE
 from inversion.back_analysis.result import FittedTo, Result, load_result
 from inversion.engines.registry import FOLDERS
@@ -96,7 +102,7 @@ def two_strengths_parts(folder: str | Path) -> list[Paragraph | Table]:
 
 
 def _of_stage(
-    who: str, stage: Stage, name: str, unit: str, document: Verdict | CompareDocument
+    who: str, stage: FittedModelSummary, name: str, unit: str, document: Verdict | CompareDocument
 ) -> tuple[str, str, str]:
     value = f"{stage.values[name]:.1f} ± {stage.std[name]:.1f} {unit}"
     return who, value, _question(document.fitted_to)
@@ -106,7 +112,7 @@ def _question(fitted_to: FittedTo | None) -> str:
     return "not recorded by this version" if fitted_to is None else fitted_to.words
 
 
-def _reason(differences: list[tuple[float, float, str]], base: Stage) -> str:
+def _reason(differences: list[tuple[float, float, str]], base: FittedModelSummary) -> str:
     questions = (
         "The back-analysis asks which strength brings what it fits to where it was measured, "
         "whatever else the model gets wrong; the diagnosis asks which strength agrees best with "

@@ -85,7 +85,7 @@ class Adequacy:
 
 
 @dataclass(frozen=True)
-class Judged:
+class ProjectedFit:
     """A fit with its linear system, its projected residual, and projected noise.
 
     Attributes:
@@ -101,15 +101,15 @@ class Judged:
     noise: np.ndarray
 
 
-def judged(data: Data, fit: Fit, *, draws: int, seed: int) -> Judged:
+def judged(data: Data, fit: Fit, *, draws: int, seed: int) -> ProjectedFit:
     """Project the residual of a fit, and simulated noise with it."""
     linear = system(data, fit.space, fit.derivative, fit.x)
     residual = augmented_residual(data, fit.space, fit.prediction, fit.x)
     noise = np.random.default_rng([seed, 1]).standard_normal((len(residual), draws))
-    return Judged(fit, linear, linear.project(residual), linear.project(noise))
+    return ProjectedFit(fit, linear, linear.project(residual), linear.project(noise))
 
 
-def assess(found: Judged, places: list[Places], *, score: Test | None = None) -> Adequacy:
+def assess(found: ProjectedFit, places: list[Places], *, score: Test | None = None) -> Adequacy:
     """Run the tests.
 
     Args:
@@ -171,7 +171,7 @@ def autocorrelation(residuals: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     return np.mean(before * after, axis=0)
 
 
-def group_misfits(found: Judged, places: list[Places]) -> list[GroupMisfit]:
+def group_misfits(found: ProjectedFit, places: list[Places]) -> list[GroupMisfit]:
     """Misfit of every measurement that has fitted numbers."""
     z = _group_z(found, places, found.residual[:, None])[:, 0]
     groups, place_of_z = [], 0
@@ -191,7 +191,7 @@ def _remaining(linear: System, rows: np.ndarray) -> np.ndarray:
     return np.eye(len(rows)) - basis @ basis.T
 
 
-def _group_z(found: Judged, places: list[Places], residuals: np.ndarray) -> np.ndarray:
+def _group_z(found: ProjectedFit, places: list[Places], residuals: np.ndarray) -> np.ndarray:
     """Standardised sums of squares by measurement, (groups, draws) of residuals (k + r, draws)."""
     blocks = [fitted_rows(found.system.data, place) for place in places]
     return np.array(

@@ -170,7 +170,7 @@ def _replicates(runs: Runs, space: Unknowns, x: np.ndarray, options: Options) ->
 def paired(own: State, options: Options) -> dict[Numerics, State]:
     """The same run with other numerics, as many of them as are asked for."""
     wanted: dict[Numerics, bool] = {
-        "transfer": options.transfer,
+        "transfer": options.second_scheme,
         "fine": options.resolution_factor > 0.0,
     }
     return {kind: replace(own, numerics=kind) for kind, asked in wanted.items() if asked}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from diagnosis.adequacy.adequacy import Adequacy, Judged, assess, judged
+from diagnosis.adequacy.adequacy import Adequacy, ProjectedFit, assess, judged
 from diagnosis.adequacy.calibration import Base, calibrate
 from diagnosis.adequacy.windows import WorstWindow, worst_window
 from diagnosis.hypotheses.model import Model
@@ -33,7 +33,7 @@ class Comparison:
 
     base: Base
     places: list[Places]
-    judged: Judged
+    judged: ProjectedFit
     adequacy: Adequacy
     window: WorstWindow | None
 

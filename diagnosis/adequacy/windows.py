@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.adequacy.adequacy import Judged, exceedance, fitted_rows, standardised_sum
+from diagnosis.adequacy.adequacy import ProjectedFit, exceedance, fitted_rows, standardised_sum
 from inversion.estimation.data import Axis, Places
 
 #: Fewest numbers of a window, and its largest share of the series: all of it is a group.
@@ -41,7 +41,7 @@ class WorstWindow:
     p: float
 
 
-def worst_window(found: Judged, places: list[Places]) -> WorstWindow | None:
+def worst_window(found: ProjectedFit, places: list[Places]) -> WorstWindow | None:
     """The window of any series that is farthest off; None where no series is long enough."""
     data, basis = found.system.data, found.system.basis
     best, best_z, null = None, -np.inf, None

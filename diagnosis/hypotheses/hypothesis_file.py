@@ -1,6 +1,6 @@
-"""A model as a file: what was added to which model, by whom, and why.
+"""A hypothesis as a file: what was added to which model, by whom, and why.
 
-`models/00_base.yaml` is the base model; `extend` writes `NN_name.yaml` beside it, and an engineer
+`hypotheses/00_base.yaml` is the base model; `extend` writes `NN_name.yaml` next to it, and you
 may write one by hand (a changed section, an effect of a known size). Files are numbered in the
 order in which they were made, which is the order of `track`.
 """
@@ -18,13 +18,13 @@ from geometry.scenes.scene import Document, Scene, document_error, scene_from_ma
 from pipeline.cli import InputError
 from pipeline.files import read_yaml, write_text, yaml_text
 
-FOLDER = "models"
+FOLDER = "hypotheses"
 BASE = "00_base"
 _NAME = re.compile(r"\d\d_[a-z0-9_]+")
 
 
-class ModelEffect(Document):
-    """An effect of a model."""
+class HypothesisEffect(Document):
+    """An effect of a hypothesis."""
 
     amplitude: float = Field(description="its size, in the effect's unit; where a model begins")
     std: float | None = Field(None, ge=0, description="standard deviation found by a fit")
@@ -40,15 +40,15 @@ class ModelEffect(Document):
         return {"amplitude": self.amplitude, **self.parameters}
 
 
-class ModelFile(Document):
-    """The whole of a model file."""
+class Hypothesis(Document):
+    """The whole of a hypothesis's file."""
 
-    parent: str | None = Field(None, description="name of the model it changes; null: none")
+    parent: str | None = Field(None, description="name of the hypothesis it changes; null: none")
     by: Literal["engineer", "extend", "run", "compare"] = Field(
         "engineer", description="who made it: a person, or a command"
     )
     notes: str = Field("", description="why; free text")
-    effects: dict[str, ModelEffect] = Field(
+    effects: dict[str, HypothesisEffect] = Field(
         default_factory=dict, description="all effects of the model, those of its parents too"
     )
     scene_changes: dict[str, Any] = Field(
@@ -68,8 +68,8 @@ class ModelFile(Document):
             for name, entry in given.items()
         }
 
-    def scene(self, scene: Scene, source: str = "model") -> Scene:
-        """The section of the model.
+    def scene(self, scene: Scene, source: str = "hypothesis") -> Scene:
+        """The section of the hypothesis.
 
         Raises:
             InputError: the changes do not fit the scene.
@@ -118,8 +118,8 @@ def _zones(zones: list[dict], changes: Mapping[str, Any], source: str) -> list[d
     return [{**zone, **changes.get(zone["name"], {})} for zone in zones]
 
 
-def load_model_file(path: str | Path) -> ModelFile:
-    """Read a model file.
+def load_hypothesis(path: str | Path) -> Hypothesis:
+    """Read a hypothesis.
 
     Raises:
         InputError: no such file, or a document that does not hold together; one line.
@@ -128,7 +128,7 @@ def load_model_file(path: str | Path) -> ModelFile:
     if not isinstance(document, Mapping):
         raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
     try:
-        return ModelFile.model_validate(document)
+        return Hypothesis.model_validate(document)
     except ValidationError as error:
         text = document_error(error, str(path))
         raise InputError(
@@ -136,22 +136,22 @@ def load_model_file(path: str | Path) -> ModelFile:
         ) from None
 
 
-def save_model_file(model: ModelFile, path: str | Path) -> None:
-    """Write a model file; it appears when whole."""
-    document = model.model_dump(mode="json", exclude_none=True)
+def save_hypothesis(hypothesis: Hypothesis, path: str | Path) -> None:
+    """Write a hypothesis; the file appears when whole."""
+    document = hypothesis.model_dump(mode="json", exclude_none=True)
     document = {key: value for key, value in document.items() if value not in ({}, "")}
-    head = "# A model of this diagnosis; docs/method/diagnosis.md says what may stand here.\n"
+    head = "# A hypothesis of this diagnosis; keys: docs/method/diagnosis.md.\n"
     write_text(path, head + yaml_text(document, width=100))
 
 
-def model_files(folder: str | Path) -> dict[str, Path]:
-    """Models of a diagnosis in their order, by name."""
+def hypothesis_files(folder: str | Path) -> dict[str, Path]:
+    """Hypotheses of a diagnosis in their order, by name."""
     found = sorted((Path(folder) / FOLDER).glob("*.yaml"))
     return {path.stem: path for path in found if _NAME.fullmatch(path.stem)}
 
 
-def find_model(folder: str | Path, text: str) -> tuple[str, Path]:
-    """A model given by its file or by its name in the folder of a diagnosis: name and file.
+def find_hypothesis(folder: str | Path, text: str) -> tuple[str, Path]:
+    """A hypothesis given by its file or its name in the folder of a diagnosis: name and file.
 
     Raises:
         InputError: there is none.
@@ -159,36 +159,37 @@ def find_model(folder: str | Path, text: str) -> tuple[str, Path]:
     path = Path(text)
     if path.is_file():
         return path.stem, path
-    known = model_files(folder)
+    known = hypothesis_files(folder)
     if text in known:
         return text, known[text]
     there = f"there are {', '.join(known)}" if known else "there are none yet: begin with compare"
-    raise InputError(f"--model {text}: no such file, and no model of {folder}; {there}")
+    raise InputError(f"--hypothesis {text}: no such file, and no hypothesis of {folder}; {there}")
 
 
-def check_parent(model: ModelFile, path: Path, folder: str | Path) -> None:
+def check_parent(hypothesis: Hypothesis, path: Path, folder: str | Path) -> None:
     """Refuse a parent that a person has given and that is not there; those we wrote may be gone.
 
     Args:
-        model: what stands in the file.
+        hypothesis: what stands in the file.
         path: the file.
         folder: of the diagnosis.
 
     Raises:
         InputError: there is none.
     """
-    if model.by != "engineer" or model.parent in (None, BASE):
+    if hypothesis.by != "engineer" or hypothesis.parent in (None, BASE):
         return
     beside = {other.stem for other in path.parent.glob("*.yaml")}
-    known = {BASE, *beside, *model_files(folder)} - {path.stem}
-    if model.parent not in known:
+    known = {BASE, *beside, *hypothesis_files(folder)} - {path.stem}
+    if hypothesis.parent not in known:
         raise InputError(
-            f"{path}: parent: no model {model.parent!r}; there are {', '.join(sorted(known))}"
+            f"{path}: parent: no hypothesis {hypothesis.parent!r}; there are "
+            f"{', '.join(sorted(known))}"
         )
 
 
 def new_name(folder: str | Path, what: str) -> str:
-    """Name of the next model: the number after the last, and what it is."""
-    last = max((int(name[:2]) for name in model_files(folder)), default=0)
+    """Name of the next hypothesis: the number after the last, and what it is."""
+    last = max((int(name[:2]) for name in hypothesis_files(folder)), default=0)
     slug = re.sub(r"[^a-z0-9]+", "_", what.lower()).strip("_")
     return f"{last + 1:02d}_{slug}"

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from diagnosis.adequacy.adequacy import Adequacy
 from diagnosis.options import Options
 from diagnosis.selection.evidence import credible_set, probabilities
-from diagnosis.selection.forward_selection import Adopted, Register, why_not
+from diagnosis.selection.forward_selection import AdoptedModel, TriedModels, why_not
 from diagnosis.verdict.verdict import Verdicts
 
 
@@ -38,24 +38,24 @@ class Decision:
     """
 
     verdict: Verdicts
-    final: Adopted
+    final: AdoptedModel
     sets: dict[tuple[str, ...], float]
     probability: dict[tuple[str, ...], float]
     untried: tuple[tuple[str, ...], ...] = ()
     by_chance: tuple[str, ...] = ()
 
 
-def decide(register: Register, by_chance: frozenset[str], options: Options) -> Decision:
-    """The verdict on a finished register.
+def decide(tried_models: TriedModels, by_chance: frozenset[str], options: Options) -> Decision:
+    """The verdict on a finished selection.
 
     Args:
-        register: all models that were tried.
+        tried_models: all models that were tried.
         by_chance: candidates that are one random pattern of many.
         options: what is asked for.
     """
-    final = register.current
-    p_base = register.way[0].adequacy.p_combined
-    probability = probabilities(explanations(register, options))
+    final = tried_models.current
+    p_base = tried_models.way[0].adequacy.p_combined
+    probability = probabilities(explanations(tried_models, options))
     if not final.model.names:
         if p_base >= options.suspect:
             verdict: Verdicts = "adequate"
@@ -65,16 +65,16 @@ def decide(register: Register, by_chance: frozenset[str], options: Options) -> D
         return Decision(verdict, final, alone if verdict == "adequate" else {}, probability)
     sets = credible_set(probability, options.credible)
     if drawn := by_chance.intersection(final.model.names):
-        named = [one for one in register.way if by_chance.isdisjoint(one.model.names)]
+        named = [one for one in tried_models.way if by_chance.isdisjoint(one.model.names)]
         return Decision(
             "unknown_effect", named[-1], sets, probability, by_chance=tuple(sorted(drawn))
         )
-    failing = still_failing(register.way[0].adequacy, final.adequacy, options)
-    if failing and not register.within_error:
+    failing = still_failing(tried_models.way[0].adequacy, final.adequacy, options)
+    if failing and not tried_models.within_error:
         return Decision("unknown_effect", final, sets, probability)
     # What adds to the answer is no rival of it.
     own = set(final.model.names)
-    untried = tuple(dict.fromkeys(key for key in register.untried if not own <= set(key)))
+    untried = tuple(dict.fromkeys(key for key in tried_models.untried if not own <= set(key)))
     one = len(sets) == 1 and next(iter(sets)) == final.model.names and not untried
     return Decision("identified" if one else "ambiguous", final, sets, probability, untried)
 
@@ -96,18 +96,18 @@ def excess(found: Adequacy) -> float:
     return max(found.chi2 - found.dof, 0.0) + max(held_out.chi2 - held_out.n, 0.0)
 
 
-def explanations(register: Register, options: Options) -> dict[tuple[str, ...], float]:
+def explanations(tried_models: TriedModels, options: Options) -> dict[tuple[str, ...], float]:
     """Ln Z of the models that count as explanations of their own."""
     kept = {}
-    weighed = {names: register.weighed(model) for names, model in register.models.items()}
-    for names, model in register.models.items():
+    weighed = {names: tried_models.weighed(model) for names, model in tried_models.models.items()}
+    for names, model in tried_models.models.items():
         smaller = [
             key
             for key in weighed
-            if key and set(key) < set(names) and names != register.current.model.names
+            if key and set(key) < set(names) and names != tried_models.current.model.names
         ]
         if all(
-            model.ln_evidence > register.models[less].ln_evidence
+            model.ln_evidence > tried_models.models[less].ln_evidence
             and not why_not(weighed[less], weighed[names], options)
             for less in smaller
         ):

@@ -19,7 +19,7 @@ import numpy as np
 
 from diagnosis.adequacy.calibration import Base, paired
 from diagnosis.options import Options
-from diagnosis.selection.refit import Bench, Refitted, weighed
+from diagnosis.selection.refit import FittedModel, RefitContext, weighed
 from inversion.estimation.covariance import covariance
 from inversion.estimation.misfit import total_of
 
@@ -27,40 +27,43 @@ from inversion.estimation.misfit import total_of
 FACTOR = 1.0
 
 
-def doubting(bench: Bench, base: Base, model: Refitted, options: Options) -> Bench:
-    """The bench at which what is added to a model is judged: with C' in place of C.
+def doubting(
+    context: RefitContext, base: Base, model: FittedModel, options: Options
+) -> RefitContext:
+    """The context at which what is added to a model is judged: with C' in place of C.
 
     Args:
-        bench: with C.
+        context: with C.
         base: the base model; its paired runs are known.
         model: the adopted model, with effects.
         options: which parts of the model's own error there are.
 
     Returns:
-        the bench with C'; with C where the allowance does not cover the runs, or nothing is asked.
+        the context with C'; with C where the allowance does not cover the runs, or nothing is
+        asked.
     """
     ends = (model.fit.space.state(model.fit.x), base.fit.space.state(base.surface.x))
     kinds = list(paired(ends[0], options))
     if not options.numerical_covariance or not kinds:
-        return bench
+        return context
     states = [state for own in ends for state in (own, *paired(own, options).values())]
-    if not bench.runs.affords(states, f"the error of {' + '.join(model.names)}"):
-        return bench
-    with_effects, without = np.split(bench.runs.predict(states), 2)
+    if not context.runs.affords(states, f"the error of {' + '.join(model.names)}"):
+        return context
+    with_effects, without = np.split(context.runs.predict(states), 2)
     grown = (with_effects - with_effects[0]) - (without - without[0])
     change = dict(zip(kinds, grown[1:], strict=True))
     covered = covariance(
-        bench.data.covariance,
+        context.data.covariance,
         transfer=change.get("transfer"),
         finer=change.get("fine"),
         factor=FACTOR,
     )
-    return replace(bench, data=replace(bench.data, covariance=covered.total))
+    return replace(context, data=replace(context.data, covariance=covered.total))
 
 
-def weighed_again(bench: Bench, model: Refitted) -> Refitted:
-    """A model with its misfit and evidence at another bench; its unknowns stay."""
+def weighed_again(context: RefitContext, model: FittedModel) -> FittedModel:
+    """A model with its misfit and evidence at another context; its unknowns stay."""
     fit = model.fit
-    total = total_of(bench.data, fit.space, fit.prediction, fit.x)
-    found = weighed(bench, replace(fit, total=total), model.surface, model.surrogate)
+    total = total_of(context.data, fit.space, fit.prediction, fit.x)
+    found = weighed(context, replace(fit, total=total), model.surface, model.surrogate)
     return replace(found, judged=model.judged, sloped=model.sloped)

@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from diagnosis.adequacy.adequacy import Adequacy, Judged, assess, judged
+from diagnosis.adequacy.adequacy import Adequacy, ProjectedFit, assess, judged
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from diagnosis.selection.forward_selection import why_not
-from diagnosis.selection.refit import Refitted, adopted, judge, refit, weighed
+from diagnosis.selection.refit import FittedModel, judge, refit, weighed, with_own_derivative
 from diagnosis.signatures.explain import Explanation, explain, tested_candidates
 from inversion.estimation.response_surface import Surface
 from pipeline.cli import InputError, WorkFailed
@@ -35,9 +35,9 @@ class Extension:
         explanation: of the effects involved, against the base model.
     """
 
-    before: Refitted
-    after: Refitted
-    judged: Judged
+    before: FittedModel
+    after: FittedModel
+    judged: ProjectedFit
     adequacy: Adequacy
     why_not: str
     explanation: Explanation
@@ -78,13 +78,13 @@ def extend(
     explanation = explain(model, comparison, asked)
     # The odds are those of one effect among all that could have been asked for.
     count = max(len(tested_candidates(model, replace(options, effects=None))[0]), 1)
-    explanation = replace(explanation, bench=replace(explanation.bench, count=count))
+    explanation = replace(explanation, context=replace(explanation.context, count=count))
     missing = [name for name in names if name not in explanation.signatures]
     if missing:
         raise WorkFailed(f"{missing[0]}: none of its runs could be read")
     ladders = {name: signature.ladder for name, signature in explanation.signatures.items()}
     ground = comparison.base.surface.with_ladders(ladders)
-    old = weighed(explanation.bench, comparison.base.fit, ground)
+    old = weighed(explanation.context, comparison.base.fit, ground)
     if before:
         old = _fitted(explanation, comparison, ground, tuple(sorted(before)))
     new = _fitted(explanation, comparison, ground, names)
@@ -96,13 +96,13 @@ def extend(
 
 def _fitted(
     explanation: Explanation, comparison: Comparison, ground: Surface, names: tuple[str, ...]
-) -> Refitted:
+) -> FittedModel:
     """A model with effects at its fit, judged by fresh jitters and with a derivative of its own."""
-    bench = explanation.bench
-    found = refit(bench, ground, names, seeds=comparison.base.seeds)
+    context = explanation.context
+    found = refit(context, ground, names, seeds=comparison.base.seeds)
     if found is None:
         raise WorkFailed(
             f"{' + '.join(names)}: no run of the refit could be read, or the allowance of "
-            f"{bench.runs.allowance} runs does not cover it (diagnosis.max_runs)"
+            f"{context.runs.allowance} runs does not cover it (diagnosis.max_runs)"
         )
-    return adopted(bench, judge(bench, found))
+    return with_own_derivative(context, judge(context, found))

@@ -1,6 +1,6 @@
 """Steps 7 to 9: effects are added one after another, rivals are kept, needless ones are dropped.
 
-Every model that was refitted stays in the register with its evidence. A round refits the candidates
+Every model that was refitted is kept with its evidence. A round refits the candidates
 with the best scores and whatever cannot be told from the best of them; from the second round on
 also the best pairs, since one effect may have stood for two. The best is adopted if it is accepted.
 """
@@ -13,11 +13,19 @@ from itertools import combinations
 
 import numpy as np
 
-from diagnosis.adequacy.adequacy import Adequacy, Judged, Test, assess, judged
+from diagnosis.adequacy.adequacy import Adequacy, ProjectedFit, Test, assess, judged
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
-from diagnosis.selection.refit import ANCHORED, Bench, Refitted, adopted, judge, refit, weighed
+from diagnosis.selection.refit import (
+    ANCHORED,
+    FittedModel,
+    RefitContext,
+    judge,
+    refit,
+    weighed,
+    with_own_derivative,
+)
 from diagnosis.selection.unknown_curve import runs_wanted
 from diagnosis.signatures.explain import Explanation
 from diagnosis.signatures.scores import Scores, score_all
@@ -38,7 +46,7 @@ CONTENDERS = 4
 
 
 @dataclass
-class Adopted:
+class AdoptedModel:
     """A model on the way, with what was found of it.
 
     Attributes:
@@ -49,15 +57,15 @@ class Adopted:
         note: how it came about.
     """
 
-    model: Refitted
+    model: FittedModel
     adequacy: Adequacy
-    judged: Judged
+    judged: ProjectedFit
     scores: Scores
     note: str
 
 
 @dataclass
-class Register:
+class TriedModels:
     """All models that were tried.
 
     Attributes:
@@ -65,29 +73,29 @@ class Register:
         way: adopted models in order, the base model first.
         first: refits of the first round, by candidate, with the condition each failed.
         untried: models that were wanted and could not be had: for want of runs, or none succeeded.
-        bench: at which models are compared; once effects were adopted, with the error they bring.
+        context: at which models are compared; once effects were adopted, with the error they bring.
         within_error: what the current model leaves is no more than its effects err.
     """
 
-    models: dict[tuple[str, ...], Refitted] = field(default_factory=dict)
-    way: list[Adopted] = field(default_factory=list)
-    first: dict[str, tuple[Refitted, str]] = field(default_factory=dict)
+    models: dict[tuple[str, ...], FittedModel] = field(default_factory=dict)
+    way: list[AdoptedModel] = field(default_factory=list)
+    first: dict[str, tuple[FittedModel, str]] = field(default_factory=dict)
     untried: list[tuple[str, ...]] = field(default_factory=list)
-    bench: Bench | None = None
+    context: RefitContext | None = None
     within_error: bool = False
 
     @property
-    def current(self) -> Adopted:
+    def current(self) -> AdoptedModel:
         """The model adopted last."""
         return self.way[-1]
 
-    def weighed(self, model: Refitted) -> Refitted:
-        """A model with its evidence at the bench at which models are compared now."""
-        return model if self.bench is None else weighed_again(self.bench, model)
+    def weighed(self, model: FittedModel) -> FittedModel:
+        """A model with its evidence at the context at which models are compared now."""
+        return model if self.context is None else weighed_again(self.context, model)
 
 
 def why_not(
-    before: Refitted, after: Refitted, options: Options, *, together: float | None = None
+    before: FittedModel, after: FittedModel, options: Options, *, together: float | None = None
 ) -> str:
     """The condition for acceptance that fails; empty if none does.
 
@@ -111,7 +119,9 @@ def why_not(
     return ""
 
 
-def accepted(now: Refitted, tried: Sequence[Refitted], options: Options) -> Refitted | None:
+def accepted(
+    now: FittedModel, tried: Sequence[FittedModel], options: Options
+) -> FittedModel | None:
     """The model that is adopted: the best by itself, or the best for all that were tried.
 
     Explanations that look alike share the evidence among them: each by itself may have too little
@@ -129,43 +139,47 @@ def accepted(now: Refitted, tried: Sequence[Refitted], options: Options) -> Refi
 
 
 def _accepted(
-    register: Register, now: Refitted, tried: Sequence[Refitted], options: Options
-) -> Refitted | None:
-    """The model that is adopted, by the bench at which models are compared now.
+    tried_models: TriedModels, now: FittedModel, tried: Sequence[FittedModel], options: Options
+) -> FittedModel | None:
+    """The model that is adopted, by the context at which models are compared now.
 
     It must be worth having without the error of the effects so far, too: where they err much, that
     error forgives everything.
     """
     left = list(tried)
     while True:
-        best = accepted(register.weighed(now), [register.weighed(model) for model in left], options)
+        best = accepted(
+            tried_models.weighed(now), [tried_models.weighed(model) for model in left], options
+        )
         if best is None:
             return None
-        model = register.models[best.names]
+        model = tried_models.models[best.names]
         if model.ln_evidence > now.ln_evidence:
             return model
         left = [other for other in left if other.names != best.names]
 
 
 def _within_its_error(
-    register: Register, comparison: Comparison, now: Adopted, options: Options
+    tried_models: TriedModels, comparison: Comparison, now: AdoptedModel, options: Options
 ) -> bool:
     """What a model with effects leaves is no more than these effects err."""
-    assert register.bench is not None
-    fit = register.weighed(now.model).fit
-    found = judged(register.bench.data, fit, draws=options.draws, seed=options.seed)
+    assert tried_models.context is not None
+    fit = tried_models.weighed(now.model).fit
+    found = judged(tried_models.context.data, fit, draws=options.draws, seed=options.seed)
     return assess(found, comparison.places).p_combined >= options.suspect
 
 
-def run_rounds(comparison: Comparison, explanation: Explanation, options: Options) -> Register:
+def run_rounds(comparison: Comparison, explanation: Explanation, options: Options) -> TriedModels:
     """Add effects until the model is adequate, nothing passes, or the rounds are over."""
-    bench = explanation.bench
+    context = explanation.context
     ladders = {name: signature.ladder for name, signature in explanation.signatures.items()}
     ground = comparison.base.surface.with_ladders(ladders)
-    base = weighed(bench, comparison.base.fit, ground)
-    register = Register({(): base})
-    register.way.append(
-        Adopted(base, explanation.adequacy, comparison.judged, explanation.scores, "base model")
+    base = weighed(context, comparison.base.fit, ground)
+    tried_models = TriedModels({(): base})
+    tried_models.way.append(
+        AdoptedModel(
+            base, explanation.adequacy, comparison.judged, explanation.scores, "base model"
+        )
     )
     signatures = dict(explanation.signatures)
     runs = comparison.base.runs
@@ -173,47 +187,49 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
     # a first effect is sought; what settles it, and a second one, may have them.
     kept = min(runs_wanted(runs.model.curves), LARGEST_RESERVE)
     for number in range(options.rounds):
-        now = register.current
+        now = tried_models.current
         if now.adequacy.p_combined >= options.suspect:
             break
         runs.reserve = kept if number == 0 else 0
         if now.model.names:
-            register.bench = doubting(explanation.bench, comparison.base, now.model, options)
-            register.within_error = _within_its_error(register, comparison, now, options)
+            tried_models.context = doubting(
+                explanation.context, comparison.base, now.model, options
+            )
+            tried_models.within_error = _within_its_error(tried_models, comparison, now, options)
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
-        tried = _try(register, comparison, explanation, ground, now, names)
+        tried = _try(tried_models, comparison, explanation, ground, now, names)
         runs.reserve = 0
-        tried = _judge_best(register, explanation, now.model, tried, options)
-        best = _accepted(register, now.model, tried, options)
+        tried = _judge_best(tried_models, explanation, now.model, tried, options)
+        best = _accepted(tried_models, now.model, tried, options)
         if best is not None and number == 0:
             tried += _try(
-                register, comparison, explanation, ground, now,
-                untried_doubles(register, explanation, best, options),
+                tried_models, comparison, explanation, ground, now,
+                untried_doubles(tried_models, explanation, best, options),
             )  # fmt: skip
-            tried = _judge_best(register, explanation, now.model, tried, options)
+            tried = _judge_best(tried_models, explanation, now.model, tried, options)
         # A first effect has to pass by the slope that its search has learnt: its own comes on top,
         # so that what is faint stays unnamed. A further one is compared with a model that has one.
         if best is not None or now.model.names:
-            tried = _on_equal_terms(register, explanation, now.model, tried, options)
-            best = _accepted(register, now.model, tried, options)
+            tried = _on_equal_terms(tried_models, explanation, now.model, tried, options)
+            best = _accepted(tried_models, now.model, tried, options)
         if number == 0:
-            for after in (register.models[model.names] for model in tried):
+            for after in (tried_models.models[model.names] for model in tried):
                 reason = "" if after is best else why_not(now.model, after, options)
-                register.first[after.names[0]] = (after, reason)
+                tried_models.first[after.names[0]] = (after, reason)
         if best is None:
             break
-        _adopt(register, comparison, explanation, best, signatures, options)
-        _drop(register, comparison, explanation, ground, signatures, options)
-        register.within_error = False  # what was found of the model before
+        _adopt(tried_models, comparison, explanation, best, signatures, options)
+        _drop(tried_models, comparison, explanation, ground, signatures, options)
+        tried_models.within_error = False  # what was found of the model before
     runs.reserve = 0
-    return register
+    return tried_models
 
 
 def wanted_models(
     comparison: Comparison,
     explanation: Explanation,
-    now: Adopted,
+    now: AdoptedModel,
     options: Options,
     *,
     first: bool,
@@ -233,7 +249,7 @@ def wanted_models(
 
 
 def untried_doubles(
-    register: Register, explanation: Explanation, best: Refitted, options: Options
+    tried_models: TriedModels, explanation: Explanation, best: FittedModel, options: Options
 ) -> list[tuple[str, ...]]:
     """Effects that are hard to tell from the one that is about to be named, and were not refitted.
 
@@ -241,7 +257,7 @@ def untried_doubles(
     """
     (name,) = best.names
     alike = explanation.alike(name, options.hardly_separable)
-    return [(other,) for other in alike if (other,) not in register.models]
+    return [(other,) for other in alike if (other,) not in tried_models.models]
 
 
 def best_pairs(
@@ -275,17 +291,17 @@ def best_pairs(
 
 
 def _try(
-    register: Register,
+    tried_models: TriedModels,
     comparison: Comparison,
     explanation: Explanation,
     ground: Surface,
-    now: Adopted,
+    now: AdoptedModel,
     names: list[tuple[str, ...]],
-) -> list[Refitted]:
-    """Refit models that are not in the register yet; all of them that could be had."""
+) -> list[FittedModel]:
+    """Refit models that have not been tried yet; all of them that could be had."""
     tried = []
     for key in names:
-        if key not in register.models:
+        if key not in tried_models.models:
             within = set(now.model.names) < set(key)
             surface = now.model.surface if within and now.model.names else ground
             surface = surface.with_ladders(
@@ -293,76 +309,78 @@ def _try(
             )
             seeds = ANCHORED if surface.space.effects else comparison.base.seeds
             rival = min((model.fit.total for model in tried), default=np.inf)
-            found = refit(explanation.bench, surface, key, seeds=seeds, rival=rival)
+            found = refit(explanation.context, surface, key, seeds=seeds, rival=rival)
             if found is None:
-                register.untried.append(key)
+                tried_models.untried.append(key)
                 continue
-            register.models[key] = found
-        tried.append(register.models[key])
+            tried_models.models[key] = found
+        tried.append(tried_models.models[key])
     return tried
 
 
 def _near_the_best(
-    register: Register, now: Refitted, tried: Sequence[Refitted], options: Options
+    tried_models: TriedModels, now: FittedModel, tried: Sequence[FittedModel], options: Options
 ) -> list[tuple[str, ...]]:
     """Models near the best of those tried and not far below what is asked for, best first."""
-    evidence = {model.names: register.weighed(model).ln_evidence for model in tried}
-    bar = register.weighed(now).ln_evidence + options.least_gain
+    evidence = {model.names: tried_models.weighed(model).ln_evidence for model in tried}
+    bar = tried_models.weighed(now).ln_evidence + options.least_gain
     least = max([*evidence.values(), bar]) - NEAR_BEST
     near = [names for names in evidence if evidence[names] >= least]
     return sorted(near, key=lambda names: -evidence[names])
 
 
 def _judge_best(
-    register: Register,
+    tried_models: TriedModels,
     explanation: Explanation,
-    now: Refitted,
-    tried: list[Refitted],
+    now: FittedModel,
+    tried: list[FittedModel],
     options: Options,
-) -> list[Refitted]:
+) -> list[FittedModel]:
     """Judge the best models, and those near them, by fresh jitters, until the best is judged."""
     found = {model.names: model for model in tried}
     for _ in range(len(found)):
-        near = _near_the_best(register, now, list(found.values()), options)
+        near = _near_the_best(tried_models, now, list(found.values()), options)
         waiting = [names for names in near if not found[names].judged]
         if not waiting:
             break
         names = waiting[0]
         # Where the allowance is over it counts as it is.
-        found[names] = replace(judge(explanation.bench, found[names]), judged=True)
-        register.models[names] = found[names]
+        found[names] = replace(judge(explanation.context, found[names]), judged=True)
+        tried_models.models[names] = found[names]
     return list(found.values())
 
 
 def _on_equal_terms(
-    register: Register,
+    tried_models: TriedModels,
     explanation: Explanation,
-    now: Refitted,
-    tried: list[Refitted],
+    now: FittedModel,
+    tried: list[FittedModel],
     options: Options,
-) -> list[Refitted]:
+) -> list[FittedModel]:
     """Give the best and what is near it derivatives of their own, the best first.
 
     A derivative of its own is worth some ln evidence: were one model alone given one, its rivals
     would be out of the answer for want of it.
     """
-    for names in _near_the_best(register, now, tried, options)[:CONTENDERS]:
-        register.models[names] = adopted(explanation.bench, register.models[names])
-    return [register.models[model.names] for model in tried]
+    for names in _near_the_best(tried_models, now, tried, options)[:CONTENDERS]:
+        tried_models.models[names] = with_own_derivative(
+            explanation.context, tried_models.models[names]
+        )
+    return [tried_models.models[model.names] for model in tried]
 
 
 def _adopt(
-    register: Register,
+    tried_models: TriedModels,
     comparison: Comparison,
     explanation: Explanation,
-    chosen: Refitted,
+    chosen: FittedModel,
     signatures: dict[str, Signature],
     options: Options,
 ) -> None:
     """Make a model the current one: its own derivative, tests, and scores against it."""
-    bench = explanation.bench
-    model = adopted(bench, chosen)
-    register.models[model.names] = model
+    context = explanation.context
+    model = with_own_derivative(context, chosen)
+    tried_models.models[model.names] = model
     data = comparison.base.data
     found = judged(data, model.fit, draws=options.draws, seed=options.seed)
     others = [c for c in explanation.candidates if c.name not in model.names]
@@ -377,23 +395,23 @@ def _adopt(
     spare = explanation.adequacy.dof - len(model.names) - 1 >= options.spare
     if adequacy.p_combined < options.suspect and again and spare:
         fresh = take_signatures(
-            bench.runs, model.surface, found.system, again,
+            context.runs, model.surface, found.system, again,
             finite=options.finite_amplitudes, turns=1,
         )  # fmt: skip
         signatures.update(fresh)
         ladders = {name: signature.ladder for name, signature in fresh.items()}
         model = replace(model, surface=model.surface.with_ladders(ladders))
-        register.models[model.names] = model
+        tried_models.models[model.names] = model
         known |= fresh
         scores = score_all(found, known, others, projection=options.projection)
         test = Test("score", scores.largest, scores.p_largest)
         adequacy = assess(found, comparison.places, score=test)
     note = f"with {', '.join(model.names)}"
-    register.way.append(Adopted(model, adequacy, found, scores, note))
+    tried_models.way.append(AdoptedModel(model, adequacy, found, scores, note))
 
 
 def _drop(
-    register: Register,
+    tried_models: TriedModels,
     comparison: Comparison,
     explanation: Explanation,
     ground: Surface,
@@ -401,38 +419,42 @@ def _drop(
     options: Options,
 ) -> None:
     """Take out an effect that costs little to remove."""
-    now = register.current
+    now = tried_models.current
     if len(now.model.names) < 2:
         return
     smaller = [tuple(n for n in now.model.names if n != name) for name in now.model.names]
     for key in smaller:
-        _seek_near(register, explanation, ground, key, now.model)
-    found = [register.weighed(register.models[key]) for key in smaller if key in register.models]
+        _seek_near(tried_models, explanation, ground, key, now.model)
+    found = [
+        tried_models.weighed(tried_models.models[key])
+        for key in smaller
+        if key in tried_models.models
+    ]
     less = max(found, key=lambda model: model.ln_evidence, default=None)
     if less is None:
         return
-    if register.weighed(now.model).ln_evidence - less.ln_evidence < options.drop_below:
-        less = register.models[less.names]
-        _adopt(register, comparison, explanation, less, signatures, options)
-        register.current.note = f"without what it does not need: {', '.join(less.names)}"
+    if tried_models.weighed(now.model).ln_evidence - less.ln_evidence < options.drop_below:
+        less = tried_models.models[less.names]
+        _adopt(tried_models, comparison, explanation, less, signatures, options)
+        tried_models.current.note = f"without what it does not need: {', '.join(less.names)}"
 
 
 def _seek_near(
-    register: Register,
+    tried_models: TriedModels,
     explanation: Explanation,
     ground: Surface,
     key: tuple[str, ...],
-    whole: Refitted,
+    whole: FittedModel,
 ) -> None:
     """Refit a smaller model from where a larger one fits; the better of the old fit and the new.
 
     Found from the base model, a large effect may have been stopped in a worse valley: what a second
     effect then mends is not missing.
     """
-    bench, space = explanation.bench, explanation.bench.space(key)
+    context, space = explanation.context, explanation.context.space(key)
     own = dict(zip(whole.fit.names, whole.fit.x[whole.fit.space.p :], strict=True))
     near = np.concatenate([whole.fit.x[: space.p], [own[name] for name in space.names]])
-    found = refit(bench, ground, key, seeds=ANCHORED, near=space.clipped(near))
-    known = register.models.get(key)
+    found = refit(context, ground, key, seeds=ANCHORED, near=space.clipped(near))
+    known = tried_models.models.get(key)
     if found is not None and (known is None or found.ln_evidence > known.ln_evidence):
-        register.models[key] = judge(bench, found)
+        tried_models.models[key] = judge(context, found)

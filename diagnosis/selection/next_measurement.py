@@ -28,7 +28,7 @@ from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Proposal, Proposing
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
-from diagnosis.selection.forward_selection import Register
+from diagnosis.selection.forward_selection import TriedModels
 from diagnosis.signatures.explain import Explanation
 from inversion.estimation.covariance import SYNTHETIC, jitter_covariance
 from inversion.estimation.data import Data
@@ -78,7 +78,7 @@ def suggest(
     model: Proposing,
     comparison: Comparison,
     explanation: Explanation,
-    register: Register,
+    tried_models: TriedModels,
     decision: Decision,
     options: Options,
     *,
@@ -90,14 +90,14 @@ def suggest(
         model: what was diagnosed; says what proposals would have read.
         comparison: of the base model.
         explanation: of its misfit.
-        register: models that were tried.
+        tried_models: models that were tried.
         decision: with the probability of each.
         options: whether data are synthetic.
         count: how many measurements at most.
     """
     if not model.proposals:
         return []
-    rivals = _survivors(model, comparison, register, decision)
+    rivals = _survivors(model, comparison, tried_models, decision)
     if len(rivals) < 2:
         rivals = _hidden(model, comparison, explanation, options)
     error = proposal_error(model, comparison, options)
@@ -146,14 +146,14 @@ def separation(rivals: Sequence[Rival], error: np.ndarray, index: Sequence[int])
 
 
 def _survivors(
-    model: Proposing, comparison: Comparison, register: Register, decision: Decision
+    model: Proposing, comparison: Comparison, tried_models: TriedModels, decision: Decision
 ) -> list[Rival]:
     """Explanations that still have some probability."""
     found = []
     for names, weight in decision.probability.items():
         if weight < LEAST_SHARE or len(found) == MOST_RIVALS:
             break
-        fit = register.models[names].fit
+        fit = tried_models.models[names].fit
         reading = read_at(model, comparison, fit.space, fit.x)
         mean, slope = reading
         found.append(Rival(names, weight, mean, _open(comparison.base.data, fit, slope)))

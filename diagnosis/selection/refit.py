@@ -49,7 +49,7 @@ ANCHORED = 4
 
 
 @dataclass(frozen=True)
-class Bench:
+class RefitContext:
     """What every refit needs.
 
     Attributes:
@@ -74,7 +74,7 @@ class Bench:
 
 
 @dataclass(frozen=True)
-class Refitted:
+class FittedModel:
     """A model with effects at its fit.
 
     Attributes:
@@ -121,7 +121,7 @@ def first_guesses(surface: Surface, space: Unknowns) -> list[np.ndarray]:
 
 
 def walk_the_valley(
-    bench: Bench, surrogate: Surrogate, guesses: Sequence[np.ndarray], what: str
+    context: RefitContext, surrogate: Surrogate, guesses: Sequence[np.ndarray], what: str
 ) -> list[np.ndarray]:
     """Run several amplitudes, each with the parameters that go with it; the surrogate learns.
 
@@ -132,7 +132,7 @@ def walk_the_valley(
     middle of the other sign. For several new effects, the deepest valleys, two at most.
 
     Args:
-        bench: the model and its measurements.
+        context: the model and its measurements.
         surrogate: of the model; learns.
         guesses: combinations of ladder amplitudes, (q,) each.
         what: words for what is left out where the allowance ends.
@@ -140,7 +140,7 @@ def walk_the_valley(
     Returns:
         where it was run, (q,) each.
     """
-    data, space = bench.data, surrogate.space
+    data, space = context.data, surrogate.space
     new = [
         space.p + place
         for place, effect in enumerate(space.effects)
@@ -150,13 +150,13 @@ def walk_the_valley(
     # Of many effects there is one first guess, without the new one: nothing to walk along.
     if len(new) != 1 or all(x[new[0]] == 0.0 for x in guesses):
         points = [x for x, _ in best_of(data, surrogate, guesses, 2)]
-        return run_points(bench.runs, surrogate, list(zip(points, seeds, strict=False)), what)
+        return run_points(context.runs, surrogate, list(zip(points, seeds, strict=False)), what)
     place = new[0]
     found = [least(data, surrogate, x, held=new)[0] for x in guesses]
     best = min(found, key=lambda x: surrogate.total(data, x))[place]
     other = sorted((x for x in found if x[place] * best < 0.0), key=lambda x: abs(x[place]))
     ladder = sorted((x[place] for x in found if x[place] * best > 0.0), key=abs)
-    seen = run_points(bench.runs, surrogate, [(x, 5) for x in other[len(other) // 2 :][:1]], what)
+    seen = run_points(context.runs, surrogate, [(x, 5) for x in other[len(other) // 2 :][:1]], what)
     x, totals = surrogate.anchor, [surrogate.total(data, surrogate.anchor)]
     for number, amplitude in enumerate([*ladder, *(ladder[-1] * k for k in BEYOND)]):
         rise = HILL if number < len(ladder) else LEVEL
@@ -170,7 +170,7 @@ def walk_the_valley(
         x, _ = least(data, surrogate, start, held=new)
         for turn in range(2):
             seed = seeds[(number + turn) % len(seeds)]
-            ran = run_points(bench.runs, surrogate, [(x, seed)], what)
+            ran = run_points(context.runs, surrogate, [(x, seed)], what)
             if not ran:
                 return seen
             seen += ran
@@ -183,18 +183,18 @@ def walk_the_valley(
 
 
 def refit(
-    bench: Bench,
+    context: RefitContext,
     surface: Surface,
     names: Sequence[str],
     *,
     seeds: int,
     near: np.ndarray | None = None,
     rival: float = np.inf,
-) -> Refitted | None:
+) -> FittedModel | None:
     """Calibrate a model with some effects.
 
     Args:
-        bench: the model and its measurements.
+        context: the model and its measurements.
         surface: knows every effect of the model, by a ladder or as its own.
         names: effects.
         seeds: runs whose mean the surface's anchor is.
@@ -205,26 +205,26 @@ def refit(
     Returns:
         the model at its fit; None where no run succeeded or none was allowed.
     """
-    space = bench.space(names)
-    known = spreads(bench.data, surface, space, bench.jitter, anchored_by=seeds)
+    space = context.space(names)
+    known = spreads(context.data, surface, space, context.jitter, anchored_by=seeds)
     surrogate = Surrogate(surface, space, known)
-    surrogate.recall(bench.runs)
+    surrogate.recall(context.runs)
     guesses = first_guesses(surface, space)
     what = f"refit of {' + '.join(space.names)}"
     if near is None:
-        first = walk_the_valley(bench, surrogate, guesses, what)
+        first = walk_the_valley(context, surrogate, guesses, what)
     else:
-        first = run_points(bench.runs, surrogate, [(near, seed) for seed in JITTERS[0]], what)
+        first = run_points(context.runs, surrogate, [(near, seed) for seed in JITTERS[0]], what)
     starts = [*first, *guesses]
-    hopeless = near is None and settled(bench.data, surrogate, starts).total > rival + FAR
+    hopeless = near is None and settled(context.data, surrogate, starts).total > rival + FAR
     fit = search(
-        bench.runs, bench.data, surrogate, starts, first=[], turns=0 if hopeless else TURNS,
+        context.runs, context.data, surrogate, starts, first=[], turns=0 if hopeless else TURNS,
         what=what,
     )  # fmt: skip
-    return None if fit is None else weighed(bench, fit, around(fit), surrogate)
+    return None if fit is None else weighed(context, fit, around(fit), surrogate)
 
 
-def judge(bench: Bench, model: Refitted) -> Refitted:
+def judge(context: RefitContext, model: FittedModel) -> FittedModel:
     """A refit judged by jitters of the points that it was not sought with.
 
     A search ends where surrogate and noise agree with the data; fresh noise does not. Where it
@@ -235,14 +235,14 @@ def judge(bench: Bench, model: Refitted) -> Refitted:
         return model
     for jitters in JUDGES:
         states = [fit.space.state(fit.x, seed=seed) for seed in jitters]
-        if not bench.runs.affords(states, f"fresh jitters for {' + '.join(fit.names)}"):
+        if not context.runs.affords(states, f"fresh jitters for {' + '.join(fit.names)}"):
             break
-        for row in bench.runs.predict(states):
+        for row in context.runs.predict(states):
             surrogate.learn(fit.x, row)
-        before, fit = fit.x, settled(bench.data, surrogate, [fit.x, *surrogate.points])
+        before, fit = fit.x, settled(context.data, surrogate, [fit.x, *surrogate.points])
         if np.max(np.abs(fit.x - before)) < SEEN:
             break
-    return replace(weighed(bench, fit, around(fit), surrogate), judged=True)
+    return replace(weighed(context, fit, around(fit), surrogate), judged=True)
 
 
 def around(fit: Fit) -> Surface:
@@ -251,16 +251,16 @@ def around(fit: Fit) -> Surface:
 
 
 def weighed(
-    bench: Bench, fit: Fit, surface: Surface, surrogate: Surrogate | None = None
-) -> Refitted:
+    context: RefitContext, fit: Fit, surface: Surface, surrogate: Surrogate | None = None
+) -> FittedModel:
     """A fit with its evidence and its misfit on held-out data."""
-    linear = system(bench.data, fit.space, fit.derivative, fit.x)
+    linear = system(context.data, fit.space, fit.derivative, fit.x)
     held_out = held_out_misfit(fit, linear)
-    evidence = ln_evidence(bench.data, fit, bench.count) + held_out.ln_density
-    return Refitted(fit, evidence, held_out, surface, surrogate)
+    evidence = ln_evidence(context.data, fit, context.count) + held_out.ln_density
+    return FittedModel(fit, evidence, held_out, surface, surrogate)
 
 
-def adopted(bench: Bench, chosen: Refitted) -> Refitted:
+def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedModel:
     """A refit with a derivative of its own, by central differences at its fit.
 
     What a search has learnt of the slope by the way is enough to rank models, not to judge one, nor
@@ -270,12 +270,12 @@ def adopted(bench: Bench, chosen: Refitted) -> Refitted:
         return chosen
     fit = chosen.fit
     what = f"derivative of {' + '.join(fit.names)}"
-    steps = steps_above_noise(fit.space, bench.data, fit.derivative, bench.jitter)
-    slope = central_differences(bench.runs, fit.space, fit.x, fit.prediction, steps, what)
+    steps = steps_above_noise(fit.space, context.data, fit.derivative, context.jitter)
+    slope = central_differences(context.runs, fit.space, fit.x, fit.prediction, steps, what)
     if slope is None:
         return chosen
     surface = Surface(fit.space, fit.x, fit.prediction, slope)
-    known = spreads(bench.data, surface, fit.space, bench.jitter, anchored_by=ANCHORED)
+    known = spreads(context.data, surface, fit.space, context.jitter, anchored_by=ANCHORED)
     surrogate = Surrogate(surface, fit.space, known)
-    found = weighed(bench, settled(bench.data, surrogate, [fit.x]), surface)
+    found = weighed(context, settled(context.data, surrogate, [fit.x]), surface)
     return replace(found, judged=True, sloped=True)

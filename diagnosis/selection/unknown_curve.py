@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypotheses.model import Curve
-from diagnosis.selection.refit import ANCHORED, Bench, Refitted, judge, refit, weighed
+from diagnosis.selection.refit import ANCHORED, FittedModel, RefitContext, judge, refit, weighed
 from diagnosis.signatures.signatures import run_moved
 from inversion.estimation.misfit import system
 from inversion.estimation.response_surface import Ladder, Surface, Surrogate, anchor_of, spreads
@@ -50,7 +50,7 @@ class FoundCurve:
     chi2: dict[str, float]
     ln_evidence: dict[str, float]
     calibrated: tuple[str, ...]
-    model: Refitted
+    model: FittedModel
 
     @property
     def multiplier(self) -> np.ndarray:
@@ -68,54 +68,56 @@ def runs_wanted(curves: Sequence[Curve]) -> int:
     return sum(len(curve.knots) for curve in curves) + 1 + 12 * CALIBRATED
 
 
-def find_curve(bench: Bench, before: Refitted, curves: Sequence[Curve]) -> FoundCurve | None:
+def find_curve(
+    context: RefitContext, before: FittedModel, curves: Sequence[Curve]
+) -> FoundCurve | None:
     """Seek the variable whose strength curve explains the misfit best.
 
     Args:
-        bench: the model and its measurements.
+        context: the model and its measurements.
         before: the model that still fails; its effects stay in.
         curves: variables that may be tried.
 
     Returns:
         the best curve; None where no strength is calibrated, no run succeeded or none was allowed.
     """
-    strengths = tuple(int(place) for place in np.flatnonzero(bench.base.parameters.strengths))
+    strengths = tuple(int(place) for place in np.flatnonzero(context.base.parameters.strengths))
     if not strengths:
         return None
-    base = Unknowns(bench.base.parameters, (), strengths)
+    base = Unknowns(context.base.parameters, (), strengths)
     amplitudes = {
         name: Amplitude(name, -curve.limit, curve.limit, curve.step, 0.0, PRIOR_STD)
         for curve in curves
         for name in curve.names
     }
     # One curve is one hypothesis, however many coefficients it has: no odds for each.
-    bench = replace(bench, base=base, amplitudes={**bench.amplitudes, **amplitudes}, count=1)
-    own = weighed(bench, before.fit, before.surface)
-    surface = _with_coefficients(bench, before, curves)
+    context = replace(context, base=base, amplitudes={**context.amplitudes, **amplitudes}, count=1)
+    own = weighed(context, before.fit, before.surface)
+    surface = _with_coefficients(context, before, curves)
     estimates = {}
     for curve in curves:
         if all(name in surface.ladders for name in curve.names):
             names = (*before.names, *curve.names)
-            found = _estimated(bench, surface, names)
+            found = _estimated(context, surface, names)
             estimates[curve.variable] = (curve, names, found)
     order = sorted(estimates, key=lambda variable: -estimates[variable][2].ln_evidence)
     fits = {variable: estimates[variable][2] for variable in order}
     calibrated = []
     for variable in order[:CALIBRATED]:
-        found = refit(bench, surface, estimates[variable][1], seeds=ANCHORED)
+        found = refit(context, surface, estimates[variable][1], seeds=ANCHORED)
         if found is not None:
-            fits[variable] = judge(bench, found)
+            fits[variable] = judge(context, found)
             calibrated.append(variable)
     if not calibrated:
         return None
     best = max(calibrated, key=lambda variable: fits[variable].ln_evidence)
     fit, curve = fits[best].fit, estimates[best][0]
     places = [fit.space.p + fit.space.names.index(name) for name in curve.names]
-    linear = system(bench.data, fit.space, fit.derivative, fit.x)
+    linear = system(context.data, fit.space, fit.derivative, fit.x)
     # Of the strength as calibrated before; the fit holds the strengths where its first guess, a
     # run, had them.
     moved = fit.x[list(strengths)] - before.fit.x[list(strengths)]
-    level = float(np.mean(moved * bench.base.parameters.prior_std[list(strengths)]))
+    level = float(np.mean(moved * context.base.parameters.prior_std[list(strengths)]))
     return FoundCurve(
         curve=curve,
         coefficients=level + fit.x[places] * curve.step,
@@ -127,12 +129,14 @@ def find_curve(bench: Bench, before: Refitted, curves: Sequence[Curve]) -> Found
     )
 
 
-def _with_coefficients(bench: Bench, before: Refitted, curves: Sequence[Curve]) -> Surface:
+def _with_coefficients(
+    context: RefitContext, before: FittedModel, curves: Sequence[Curve]
+) -> Surface:
     """The surface of the model before, with a run of every coefficient, all in one batch."""
     surface = before.surface
     stay = np.zeros(surface.space.size)
     wanted = [(name, curve.step, stay) for curve in curves for name in curve.names]
-    changes = run_moved(bench.runs, surface, wanted)
+    changes = run_moved(context.runs, surface, wanted)
     ladders = {
         name: Ladder(np.array([0.0, step]), np.stack([np.zeros_like(change), change]))
         for (name, step, _), change in zip(wanted, changes, strict=True)
@@ -141,9 +145,9 @@ def _with_coefficients(bench: Bench, before: Refitted, curves: Sequence[Curve]) 
     return surface.with_ladders(ladders)
 
 
-def _estimated(bench: Bench, surface: Surface, names: Sequence[str]) -> Refitted:
+def _estimated(context: RefitContext, surface: Surface, names: Sequence[str]) -> FittedModel:
     """A model as the surface expects it, without a run."""
-    space = bench.space(names)
-    known = spreads(bench.data, surface, space, bench.jitter, anchored_by=ANCHORED)
-    fit = settled(bench.data, Surrogate(surface, space, known), [anchor_of(surface, space)])
-    return weighed(bench, fit, surface)
+    space = context.space(names)
+    known = spreads(context.data, surface, space, context.jitter, anchored_by=ANCHORED)
+    fit = settled(context.data, Surrogate(surface, space, known), [anchor_of(surface, space)])
+    return weighed(context, fit, surface)

@@ -16,7 +16,7 @@ from diagnosis.adequacy.adequacy import Adequacy, Test, assess
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Candidate, Model, amplitude_of
 from diagnosis.options import Options
-from diagnosis.selection.refit import Bench
+from diagnosis.selection.refit import RefitContext
 from diagnosis.signatures.confounding import (
     Visibility,
     cosines,
@@ -42,7 +42,7 @@ class Explanation:
         cosine: of projected signatures, (n, n).
         visible: how well each could be seen.
         adequacy: of the base model, the largest score among its tests.
-        bench: for refits.
+        context: for refits.
     """
 
     candidates: list[Candidate]
@@ -53,7 +53,7 @@ class Explanation:
     cosine: np.ndarray
     visible: dict[str, Visibility]
     adequacy: Adequacy
-    bench: Bench
+    context: RefitContext
 
     @property
     def by_chance(self) -> frozenset[str]:
@@ -103,7 +103,7 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     base = comparison.base
     candidates, left_out = tested_candidates(model, options)
     amplitudes = {c.name: amplitude_of(c, options.priors.get(c.name)) for c in candidates}
-    bench = Bench(
+    context = RefitContext(
         base.runs, base.data, base.fit.space, amplitudes, base.jitter, max(len(candidates), 1)
     )
     linear = comparison.judged.system
@@ -134,7 +134,9 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     }
     test = Test("score", scores.largest, scores.p_largest) if names else None
     adequacy = assess(comparison.judged, comparison.places, score=test)
-    return Explanation(candidates, left_out, taken, scores, names, matrix, visible, adequacy, bench)
+    return Explanation(
+        candidates, left_out, taken, scores, names, matrix, visible, adequacy, context
+    )
 
 
 def worth_checking(scores: Scores, options: Options) -> dict[str, float]:

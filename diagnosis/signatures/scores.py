@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.adequacy.adequacy import Judged, exceedance
+from diagnosis.adequacy.adequacy import ProjectedFit, exceedance
 from diagnosis.hypotheses.model import Candidate
 from diagnosis.signatures.signatures import Signature
 
@@ -72,7 +72,7 @@ class Scores:
 
 
 def score_all(
-    found: Judged,
+    found: ProjectedFit,
     signatures: Mapping[str, Signature],
     candidates: Sequence[Candidate],
     *,
@@ -104,7 +104,7 @@ def score_all(
 
 
 def _score(
-    found: Judged, candidate: Candidate, rung: float, change: np.ndarray, projection: bool
+    found: ProjectedFit, candidate: Candidate, rung: float, change: np.ndarray, projection: bool
 ) -> tuple[Score, np.ndarray]:
     """The score of one signature, and its drop on each simulated noise (draws,)."""
     whole = found.system.augmented(change)

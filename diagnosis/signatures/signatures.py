@@ -87,23 +87,25 @@ def take_signatures(
         finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
         turns: amplitudes of each sign beside the middle one; of one, the largest.
     """
-    bench = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
+    ladders = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
     stay = np.zeros(surface.space.size)
-    bench.run([(c.name, _first(c, finite), stay) for c in candidates])
-    raw = {name: next(iter(changes.items())) for name, changes in bench.changes.items()}
+    ladders.run([(c.name, _first(c, finite), stay) for c in candidates])
+    raw = {name: next(iter(changes.items())) for name, changes in ladders.changes.items()}
     if finite:
         middles = [(c.name, a) for c in candidates for a in _middles(c)]
-        bench.run([(name, a, bench.meeting(name, a)) for name, a in middles])
-        others = [(c.name, bench.others(c.name, sign)) for c in candidates for sign in (1.0, -1.0)]
+        ladders.run([(name, a, ladders.meeting(name, a)) for name, a in middles])
+        others = [
+            (c.name, ladders.others(c.name, sign)) for c in candidates for sign in (1.0, -1.0)
+        ]
         if turns == 1:
             others = [(name, [max(rungs, key=abs)] if rungs else []) for name, rungs in others]
         for turn in range(turns):
             wanted = [(name, rungs[turn]) for name, rungs in others if len(rungs) > turn]
-            bench.run([(name, a, bench.meeting(name, a)) for name, a in wanted])
+            ladders.run([(name, a, ladders.meeting(name, a)) for name, a in wanted])
     return {
-        c.name: Signature(c.name, bench.changes[c.name], bench.moves[c.name], raw[c.name])
+        c.name: Signature(c.name, ladders.changes[c.name], ladders.moves[c.name], raw[c.name])
         for c in candidates
-        if c.name in bench.changes
+        if c.name in ladders.changes
     }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Candidate, Model
 from diagnosis.options import Options
-from diagnosis.selection.refit import Refitted
+from diagnosis.selection.refit import FittedModel
 from diagnosis.signatures.explain import Explanation
 from diagnosis.verdict import verdict
 from diagnosis.verdict.stages import (
@@ -125,7 +125,7 @@ def explanation_sentence(explanation: Explanation, options: Options) -> str:
 
 def base_stage(
     model: Model, comparison: Comparison, explanation: Explanation | None = None
-) -> verdict.Stage:
+) -> verdict.FittedModelSummary:
     """The base model; with an explanation the largest score is among its tests."""
     adequacy = comparison.adequacy if explanation is None else explanation.adequacy
     return stage(
@@ -196,7 +196,7 @@ def _untested(name: str, candidate: Candidate | None, why: str) -> verdict.Candi
 
 
 def refit_part(
-    name: str, data: Data, before: Refitted, after: Refitted, why_not: str
+    name: str, data: Data, before: FittedModel, after: FittedModel, why_not: str
 ) -> verdict.Refit:
     """The model with an effect, against the model before."""
     fit = after.fit

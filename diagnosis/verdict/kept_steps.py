@@ -1,8 +1,8 @@
 """The error of each model of a diagnosis, kept beside its file, so that `track` can tell the way.
 
-`models/NN_name.json` belongs to `models/NN_name.yaml`. Misfits can be compared only with one
-covariance, so every model is judged with that of the base model. What a step was made from is kept
-as a hash: a step of another survey, section or setting is told as outdated.
+`hypotheses/NN_name.json` belongs to `hypotheses/NN_name.yaml`. Misfits can be compared only
+with one covariance, so every model is judged with that of the base model. What a step was made
+from is kept as a hash: a step of another survey, section or setting is reported as outdated.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from diagnosis.adequacy.adequacy import held_out_misfit
-from diagnosis.hypotheses.hypothesis_file import FOLDER, ModelFile, save_model_file
+from diagnosis.hypotheses.hypothesis_file import FOLDER, Hypothesis, save_hypothesis
 from diagnosis.verdict.stages import spread
-from diagnosis.verdict.verdict import Step
+from diagnosis.verdict.verdict import WaterfallStep
 from inversion.back_analysis.result import Part
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import augmented_residual, system
@@ -29,7 +29,7 @@ class KeptStep(Part):
     """A step and what it was made from."""
 
     made_from: str = Field(description="hash of case, settings and model")
-    step: Step = Field(description="the error of the model")
+    step: WaterfallStep = Field(description="the error of the model")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def step_of(
     note: str,
     effects: dict[str, float] | None = None,
     ln_evidence: float | None = None,
-) -> Step:
+) -> WaterfallStep:
     """The error of a model.
 
     Args:
@@ -91,9 +91,9 @@ def step_of(
     space, x = judged.fit.space, judged.fit.x
     names = space.parameters.names
     chi2, n = judged.held_out
-    return Step(
+    return WaterfallStep(
         round=number,
-        model=name,
+        hypothesis=name,
         effects={**(effects or {}), **space.amplitudes(x)},
         values={key: float(value) for key, value in zip(names, space.values(x), strict=True)},
         std={key: float(value) for key, value in zip(names, judged.std, strict=True)},
@@ -106,11 +106,13 @@ def step_of(
     )
 
 
-def keep(folder: Path, name: str, model: ModelFile | None, step: Step, made_from: str) -> None:
+def keep(
+    folder: Path, name: str, model: Hypothesis | None, step: WaterfallStep, made_from: str
+) -> None:
     """Write a step, and its model's file unless a person has written it."""
     path = folder / FOLDER / f"{name}.yaml"
     if model is not None:
-        save_model_file(model, path)
+        save_hypothesis(model, path)
     kept = KeptStep(made_from=made_from, step=step)
     write_json(path.with_suffix(".json"), kept.model_dump(mode="json"))
 

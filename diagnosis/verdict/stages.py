@@ -57,7 +57,7 @@ def spread(fit: Fit, linear: System) -> np.ndarray:
 
 def stage(
     data: Data, fit: Fit, adequacy: Adequacy, window: WorstWindow | None, targets: Targets
-) -> verdict.Stage:
+) -> verdict.FittedModelSummary:
     """One model, calibrated and judged."""
     space, x = fit.space, fit.x
     std = spread(fit, system(data, fit.space, fit.derivative, fit.x))
@@ -66,7 +66,7 @@ def stage(
     names = space.parameters.names
     values, lows, highs = (space.values(at) for at in (x, low, high))
     outside = (std * space.per_unit(x))[: space.p]
-    return verdict.Stage(
+    return verdict.FittedModelSummary(
         effects=space.amplitudes(x),
         values=_mapping(names, values),
         std=_mapping(names, outside),

@@ -104,7 +104,7 @@ class HeldOut(Part):
     p: float | None = Field(description="of noise; null: nothing was held out")
 
 
-class Stage(Part):
+class FittedModelSummary(Part):
     """One model, calibrated and judged."""
 
     effects: dict[str, float] = Field(description="amplitudes by name; empty: the base model")
@@ -120,11 +120,11 @@ class Stage(Part):
     held_out: HeldOut = Field(description="on held-out data")
 
 
-class Step(Part):
+class WaterfallStep(Part):
     """One model on the way, for the waterfall of the error."""
 
     round: int = Field(description="0: the base model")
-    model: str = Field(description="name of the model, as of its file")
+    hypothesis: str = Field(description="name of its file")
     effects: dict[str, float] = Field(description="amplitudes by name")
     values: dict[str, float] = Field(description="parameters by name")
     std: dict[str, float] = Field(description="standard deviations of the same")
@@ -245,7 +245,7 @@ class NextMeasurement(Part):
     gain: float = Field(description="expected separation, in squared standard deviations")
 
 
-class TransferCheck(Part):
+class ValidationCase(Part):
     """The answer on a second section or event, which no fit has seen."""
 
     case: str = Field(description="name of the other case")
@@ -279,7 +279,7 @@ class CompareDocument(Part):
     fitted_to: FittedTo | None = Field(
         None, description="which data, with which covariance; null in files of earlier versions"
     )
-    base: Stage = Field(description="the base model, calibrated")
+    base: FittedModelSummary = Field(description="the base model, calibrated")
     measurements: list[MeasurementVerdict] = Field(description="number by number")
     runs: Runs = Field(description="forward runs")
 
@@ -293,7 +293,7 @@ class ExplainDocument(Part):
     parameters: list[ParameterWords] = Field(
         default_factory=list, description="what is calibrated, in words"
     )
-    base: Stage = Field(description="the base model, calibrated")
+    base: FittedModelSummary = Field(description="the base model, calibrated")
     candidates: list[CandidateVerdict] = Field(description="best score first")
     confounding: Confounding = Field(description="which look alike")
     signatures: Signatures = Field(description="fingerprints")
@@ -319,9 +319,11 @@ class Verdict(Part):
     fitted_to: FittedTo | None = Field(
         None, description="which data, with which covariance; null in files of earlier versions"
     )
-    base: Stage = Field(description="the base model")
-    final: Stage = Field(description="the model of the answer; the base model where there is none")
-    steps: list[Step] = Field(description="every model that was adopted, in order")
+    base: FittedModelSummary = Field(description="the base model")
+    final: FittedModelSummary = Field(
+        description="the model of the answer; the base model where there is none"
+    )
+    steps: list[WaterfallStep] = Field(description="every model that was adopted, in order")
     candidates: list[CandidateVerdict] = Field(description="best score first")
     confounding: Confounding = Field(description="which candidates look alike")
     signatures: Signatures = Field(description="fingerprints at the base model's fit")
@@ -331,7 +333,7 @@ class Verdict(Part):
     )
     unknown_curve: UnknownCurve | None = Field(description="only where nothing in the list passes")
     next_measurement: list[NextMeasurement] = Field(description="best first")
-    transfer_check: TransferCheck | None = Field(
+    validation_case: ValidationCase | None = Field(
         None, description="on a second section or event; null: none was given"
     )
     runs: Runs = Field(description="forward runs")

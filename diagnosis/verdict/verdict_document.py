@@ -13,7 +13,7 @@ from diagnosis.adequacy.windows import worst_window
 from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
-from diagnosis.selection.forward_selection import Adopted, Register
+from diagnosis.selection.forward_selection import AdoptedModel, TriedModels
 from diagnosis.selection.next_measurement import Suggestion
 from diagnosis.selection.unknown_curve import FoundCurve
 from diagnosis.signatures.explain import Explanation
@@ -46,7 +46,7 @@ class Diagnosed:
         options: what was asked for.
         comparison: of the base model.
         explanation: of its misfit.
-        register: all models that were tried.
+        tried_models: all models that were tried.
         decision: the verdict.
         curve: the unknown strength curve, where one was sought.
         next_measurement: what would tell the surviving explanations apart.
@@ -56,7 +56,7 @@ class Diagnosed:
     options: Options
     comparison: Comparison
     explanation: Explanation
-    register: Register
+    tried_models: TriedModels
     decision: Decision
     curve: FoundCurve | None = None
     next_measurement: Sequence[Suggestion] = ()
@@ -140,7 +140,7 @@ def next_part(suggested: Sequence[Suggestion]) -> list[verdict.NextMeasurement]:
 def sentence(found: Diagnosed) -> str:
     """The verdict in one sentence."""
     decision, final = found.decision, found.decision.final
-    p = found.register.way[0].adequacy.p_combined
+    p = found.tried_models.way[0].adequacy.p_combined
     among = f"among the {len(found.explanation.names)} effects tested"
     match decision.verdict:
         case "adequate":
@@ -182,7 +182,7 @@ def sentence(found: Diagnosed) -> str:
 
 def _fall(found: Diagnosed) -> str:
     """How far the error falls."""
-    before, after = found.register.way[0], found.decision.final
+    before, after = found.tried_models.way[0], found.decision.final
     text = (
         f"chi2 falls from {before.adequacy.chi2:.0f} to {after.adequacy.chi2:.0f} "
         f"(noise {after.adequacy.dof})"
@@ -211,7 +211,7 @@ def _answer(found: Diagnosed) -> verdict.Answer:
     )
 
 
-def _stage_of(found: Diagnosed, adopted: Adopted) -> verdict.Stage:
+def _stage_of(found: Diagnosed, adopted: AdoptedModel) -> verdict.FittedModelSummary:
     return stage(
         found.comparison.base.data,
         adopted.model.fit,
@@ -221,9 +221,9 @@ def _stage_of(found: Diagnosed, adopted: Adopted) -> verdict.Stage:
     )
 
 
-def _steps(found: Diagnosed) -> list[verdict.Step]:
+def _steps(found: Diagnosed) -> list[verdict.WaterfallStep]:
     """Every model that was adopted, in order."""
-    data, way = found.comparison.base.data, found.register.way
+    data, way = found.comparison.base.data, found.tried_models.way
     return [
         step_of(
             "_".join(adopted.model.names) or "base",
@@ -238,9 +238,9 @@ def _steps(found: Diagnosed) -> list[verdict.Step]:
 
 def _refits(found: Diagnosed) -> dict[str, verdict.Refit]:
     """Refits of the first round."""
-    data, before = found.comparison.base.data, found.register.way[0].model
+    data, before = found.comparison.base.data, found.tried_models.way[0].model
     refits = {}
-    for name, (after, why) in found.register.first.items():
+    for name, (after, why) in found.tried_models.first.items():
         if not why and name in found.explanation.by_chance:
             why = "one random pattern of many"
         refits[name] = refit_part(name, data, before, after, why)

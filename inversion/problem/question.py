@@ -7,9 +7,7 @@ Every form of the document is described in docs/method/inversion.md.
 from __future__ import annotations
 
 import builtins
-import sys
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,7 +15,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, document_error
-from pipeline.cli import InputError
+from pipeline.cli import InputError, say_once
 from pipeline.files import read_yaml
 
 FILE_NAME = "inversion.yaml"
@@ -305,17 +303,11 @@ def _residual_strengths_named(question: Question, scene: Scene, source: str) -> 
     }
     if not renamed:
         return question
-    _say_once(
+    say_once(
         f"{source}: {', '.join(renamed)}: write property: {RESIDUAL_STRENGTH}, not cohesion_kpa: "
         "the zones are liquefied"
     )
     return question.model_copy(update=update)
-
-
-@cache
-def _say_once(line: str) -> None:
-    """Print a line on the standard error; a file that is read again does not repeat it."""
-    print(line, file=sys.stderr, flush=True)
 
 
 def _check_bounds(parameter: ParameterSpec, scene: Scene, where: str) -> None:

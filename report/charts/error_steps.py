@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.stats import chi2 as chi2_law
 
-from diagnosis.verdict.verdict import Step
+from diagnosis.verdict.verdict import WaterfallStep
 from report.charts.diagnosis_style import (
     AFTER,
     PALE_AFTER,
@@ -36,12 +36,12 @@ BY_HAND = "by hand"
 HUMAN = "#8a5a00"
 
 
-def is_by_hand(step: Step, by_hand: Collection[str] = ()) -> bool:
+def is_by_hand(step: WaterfallStep, by_hand: Collection[str] = ()) -> bool:
     """A person has added this model, not the loop."""
-    return step.model in by_hand or step.note.startswith(BY_HAND)
+    return step.hypothesis in by_hand or step.note.startswith(BY_HAND)
 
 
-def follows(number_: int, steps: Sequence[Step]) -> bool:
+def follows(number_: int, steps: Sequence[WaterfallStep]) -> bool:
     """A step adds to, or takes from, the one before; else it stands beside it."""
     if not number_:
         return False
@@ -49,7 +49,7 @@ def follows(number_: int, steps: Sequence[Step]) -> bool:
     return own >= before or own < before
 
 
-def step_words(number_: int, steps: Sequence[Step], by_hand: Collection[str] = ()) -> str:
+def step_words(number_: int, steps: Sequence[WaterfallStep], by_hand: Collection[str] = ()) -> str:
     """The name of a row: what this step has changed in the one before, or all its effects."""
     step = steps[number_]
     before = steps[number_ - 1].effects if follows(number_, steps) else {}
@@ -57,13 +57,15 @@ def step_words(number_: int, steps: Sequence[Step], by_hand: Collection[str] = (
     dropped = [f"{MINUS} {spoken(name)}" for name in before if name not in step.effects]
     told = ", ".join([*added, *dropped])
     if not told:
-        told = spoken(step.model.lstrip("0123456789_")) if number_ else "base model"
+        told = spoken(step.hypothesis.lstrip("0123456789_")) if number_ else "base model"
     elif number_ and not follows(number_, steps):
         told = f"base {told}"
     return f"{told} (by hand)" if is_by_hand(step, by_hand) else told
 
 
-def draw_steps(steps: Sequence[Step], path: Path, *, by_hand: Collection[str] = ()) -> Path | None:
+def draw_steps(
+    steps: Sequence[WaterfallStep], path: Path, *, by_hand: Collection[str] = ()
+) -> Path | None:
     """Save the chart; None where there is no step."""
     if not steps:
         return None
@@ -109,7 +111,7 @@ def _tell(ax, x: float, y: float, text: str, colour: str, *, away: float = 5) ->
 
 
 def _handles(
-    held: list[float | None], steps: Sequence[Step], by_hand: Collection[str]
+    held: list[float | None], steps: Sequence[WaterfallStep], by_hand: Collection[str]
 ) -> list[Line2D | Patch]:
     made: list[Line2D | Patch] = [Patch(facecolor=AFTER, label="fitted")]
     if any(is_by_hand(step, by_hand) for step in steps):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from diagnosis.verdict.verdict import ParameterWords, Stage
+from diagnosis.verdict.verdict import FittedModelSummary, ParameterWords
 from report.charts.diagnosis_style import (
     AFTER,
     BEFORE,
@@ -37,7 +37,7 @@ MOST, LEAST_PERCENT = 12, 0.5
 
 def draw_strength(data: ReportData, path: Path) -> Path:
     """Save each parameter before and after with two standard deviations."""
-    stages: list[tuple[str, Stage, str]] = [("base model", data.base, BEFORE)]
+    stages: list[tuple[str, FittedModelSummary, str]] = [("base model", data.base, BEFORE)]
     if data.final is not None:
         stages = [("before", data.base, BEFORE), ("after", data.final, AFTER)]
     shown = data.parameters
@@ -50,7 +50,7 @@ def draw_strength(data: ReportData, path: Path) -> Path:
 
 
 def _draw_parameter(
-    ax: Axes, parameter: ParameterWords, stages: list[tuple[str, Stage, str]]
+    ax: Axes, parameter: ParameterWords, stages: list[tuple[str, FittedModelSummary, str]]
 ) -> None:
     ends = []
     for place, (_, stage, colour) in enumerate(stages):

@@ -19,10 +19,10 @@ from diagnosis.verdict.verdict import (
     CompareDocument,
     Confounding,
     ExplainDocument,
+    FittedModelSummary,
     MeasurementVerdict,
     ParameterWords,
     Signatures,
-    Stage,
     Verdict,
 )
 from pipeline.config import validate_settings
@@ -78,12 +78,12 @@ class ReportData:
         return self.document if isinstance(self.document, Verdict) else None
 
     @property
-    def base(self) -> Stage:
+    def base(self) -> FittedModelSummary:
         """The base model."""
         return self.document.base
 
     @property
-    def final(self) -> Stage | None:
+    def final(self) -> FittedModelSummary | None:
         """The model of the answer; None where the answer is the base model, or none yet."""
         if self.verdict is None or not self.verdict.final.effects:
             return None
@@ -168,7 +168,7 @@ def load_report(folder: str | Path, name: str = FILE_NAME) -> ReportData:
     return ReportData(folder, document, load_sections(folder))
 
 
-def _unnamed(name: str, stage: Stage) -> ParameterWords:
+def _unnamed(name: str, stage: FittedModelSummary) -> ParameterWords:
     low, high = stage.interval_95.get(name, (stage.values[name],) * 2)
     return ParameterWords(
         name=name, words=name.replace("_", " "), unit="", strength="strength" in name, low=low,

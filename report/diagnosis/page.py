@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from diagnosis.verdict.verdict import COMPARE_FILE, EXPLAIN_FILE, FILE_NAME, Step
+from diagnosis.verdict.verdict import COMPARE_FILE, EXPLAIN_FILE, FILE_NAME, WaterfallStep
 from report.diagnosis import sentences as words
 from report.diagnosis import tables as tables
 from report.diagnosis.data import ReportData, load_report
@@ -52,7 +52,7 @@ def write_explain(folder: str | Path) -> Path:
 
 
 def write_track(
-    folder: str | Path, title: str, steps: Sequence[Step], *, by_hand: Collection[str] = ()
+    folder: str | Path, title: str, steps: Sequence[WaterfallStep], *, by_hand: Collection[str] = ()
 ) -> Path:
     """The page of `track`: the error over the steps so far, those of a person marked.
 
@@ -196,7 +196,7 @@ def _fall(data: ReportData) -> Section:
     return Section("How far the error falls", _steps(data.folder, data.verdict.steps, ()))
 
 
-def _steps(folder: Path, steps: Sequence[Step], by_hand: Collection[str]) -> list[Part]:
+def _steps(folder: Path, steps: Sequence[WaterfallStep], by_hand: Collection[str]) -> list[Part]:
     from report.charts.error_steps import draw_steps
 
     path = draw_steps(steps, folder / "steps.svg", by_hand=by_hand)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from diagnosis.hypotheses.survey_errors import BOUNDARY
 from diagnosis.verdict.verdict import (
     CandidateVerdict,
+    FittedModelSummary,
     MeasurementVerdict,
     ParameterWords,
-    Stage,
     Window,
 )
 from report.diagnosis.data import ReportData
@@ -46,7 +46,7 @@ def explanation(names: list[str]) -> str:
     return " with ".join(map(spoken, names)) if names else "no effect, the base model"
 
 
-def off(stage: Stage) -> float:
+def off(stage: FittedModelSummary) -> float:
     """How far off a model is on the fitted data, in standard deviations.
 
     NaN where there are no more data than parameters: then nothing can be off.
@@ -54,7 +54,7 @@ def off(stage: Stage) -> float:
     return root_mean_square(stage.chi2, stage.dof)
 
 
-def off_held_out(stage: Stage) -> float:
+def off_held_out(stage: FittedModelSummary) -> float:
     """The same on held-out data; NaN where nothing was held out."""
     return root_mean_square(stage.held_out.chi2, stage.held_out.n)
 
@@ -185,7 +185,7 @@ def fall_sentence(data: ReportData) -> str:
 
 def transfer_sentence(data: ReportData) -> str:
     """What the answer does on a second section or event."""
-    check = None if data.verdict is None else data.verdict.transfer_check
+    check = None if data.verdict is None else data.verdict.validation_case
     if check is None:
         return ""
     ends = [root_mean_square(chi2, check.n) for chi2 in (check.chi2_base, check.chi2_final)]

@@ -9,7 +9,7 @@ import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from diagnosis.verdict.verdict import Stage, Step
+from diagnosis.verdict.verdict import FittedModelSummary, WaterfallStep
 from report.charts.error_steps import step_words
 from report.diagnosis.data import ReportData
 from report.diagnosis.sentences import (
@@ -69,7 +69,7 @@ def key_numbers(data: ReportData) -> KeyNumbers:
                                             p.unit), remark))  # fmt: skip
     runs = document.runs
     entries.append(("forward runs", f"{runs.asked}", f"of {runs.allowed} allowed"))
-    check = None if verdict is None else verdict.transfer_check
+    check = None if verdict is None else verdict.validation_case
     if check is not None:
         ends = [root_mean_square(chi2, check.n) for chi2 in (check.chi2_base, check.chi2_final)]
         entries.insert(-1, _fall(f"misfit, {spoken(check.case)}", *ends))
@@ -77,7 +77,9 @@ def key_numbers(data: ReportData) -> KeyNumbers:
     return KeyNumbers([tuple(text.replace(SPACE, " ") for text in entry) for entry in entries])
 
 
-def _fall_of_fit(base: Stage, final: Stage | None) -> tuple[str, str, str]:
+def _fall_of_fit(
+    base: FittedModelSummary, final: FittedModelSummary | None
+) -> tuple[str, str, str]:
     """Root mean square misfit before and after; chi² where no degree of freedom is left."""
     name, stages = "misfit, fitted data", [base] if final is None else [base, final]
     if all(stage.dof > 0 for stage in stages):
@@ -158,7 +160,7 @@ def refits_table(data: ReportData) -> list[Table]:
     header = ["effect", "amplitude", "expected fall", "achieved fall",
               f"held-out chi² ({before} before)", "ln evidence gained",
               " / ".join(p.words for p in data.parameters), ""]  # fmt: skip
-    return [_without_empty(Table(header, rows, "Refitted"))]
+    return [_without_empty(Table(header, rows, "FittedModel"))]
 
 
 def left_out_table(data: ReportData) -> list[Table]:
@@ -240,7 +242,7 @@ def singles_table(data: ReportData) -> list[Table]:
     return [_without_empty(Table(header, rows))] if rows else []
 
 
-def steps_table(steps: Sequence[Step], by_hand: Collection[str] = ()) -> list[Table]:
+def steps_table(steps: Sequence[WaterfallStep], by_hand: Collection[str] = ()) -> list[Table]:
     """Every step in numbers."""
     rows = []
     for place, step in enumerate(steps):

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from diagnosis.verdict.verdict import (
     CandidateVerdict,
+    FittedModelSummary,
     MeasurementVerdict,
     NextMeasurement,
     ParameterWords,
-    Stage,
-    Step,
     Verdict,
+    WaterfallStep,
 )
 from pipeline.table import aligned
 
@@ -19,7 +19,9 @@ from pipeline.table import aligned
 MOST_LINES = 40
 
 
-def parameters(words: Sequence[ParameterWords], stages: Sequence[tuple[str, Stage]]) -> str:
+def parameters(
+    words: Sequence[ParameterWords], stages: Sequence[tuple[str, FittedModelSummary]]
+) -> str:
     """Calibrated values, one column for each stage."""
     rows = [["parameter", *(title for title, _ in stages), "unit"]]
     for parameter in words:
@@ -31,7 +33,7 @@ def parameters(words: Sequence[ParameterWords], stages: Sequence[tuple[str, Stag
     return aligned(rows, left=(0, len(rows[0]) - 1))
 
 
-def groups(stage: Stage) -> str:
+def groups(stage: FittedModelSummary) -> str:
     """Tests of adequacy, misfit by measurement, the worst stretch, held-out data."""
     rows = [["test", "statistic", "p"]]
     rows += [[test.name, f"{test.statistic:.2f}", f"{test.p:.2g}"] for test in stage.tests]
@@ -140,7 +142,7 @@ def answer(verdict: Verdict) -> str:
     return "\n\n".join(parts)
 
 
-def steps(lines: Sequence[Step], notes: Sequence[str] = ()) -> str:
+def steps(lines: Sequence[WaterfallStep], notes: Sequence[str] = ()) -> str:
     """The error of each model, fitted and held out, against the noise."""
     parameters_ = list(lines[0].values) if lines else []
     rows = [["model", "chi2", "noise", "held out", "noise", *parameters_, "effects", ""]]
@@ -148,7 +150,7 @@ def steps(lines: Sequence[Step], notes: Sequence[str] = ()) -> str:
         effects = ", ".join(f"{name} {amplitude:.3g}" for name, amplitude in step.effects.items())
         rows.append(
             [
-                step.model,
+                step.hypothesis,
                 f"{step.chi2:.1f}",
                 str(step.dof),
                 _number(step.held_out_chi2, ".1f"),

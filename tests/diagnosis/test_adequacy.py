@@ -45,7 +45,7 @@ def best(case, effects=()) -> Fit:
 
 @pytest.fixture(scope="module")
 def nulls():
-    """Judged fits of data without a hidden effect."""
+    """ProjectedFit fits of data without a hidden effect."""
     found = []
     for seed in range(CASES):
         case = straight(seed, {}, hold_out=HELD)

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from diagnosis.case import diagnosis_case
-from diagnosis.hypotheses.hypothesis_file import ModelFile
+from diagnosis.hypotheses.hypothesis_file import Hypothesis
 from geometry.case import load_case
 from inversion.engines.run_store import RunStore
 from inversion.estimation.hold_out import HoldOut
@@ -49,7 +49,8 @@ def test_what_an_engineer_knows_reaches_the_statistics(embankment):
         "priors": {"weak_base": {"mean": 0.3, "std": 0.1}, "pool_level": {"mean": 0, "std": 1}},
         "parameters": {"strain_softening": {"reference_strain": 0.5}},
         "hold_out": {"groups": ["toe"], "blocks": {"surface": [10.0, 25.0]}},
-        "spacing_m": 2.0, "duration_s": 12.0, "replicates": 4, "transfer": False,
+        "spacing_m": 2.0, "duration_s": 12.0, "replicates": 4,
+        "second_scheme": False,
         "resolution_factor": 0.0, "synthetic": True,
     })  # fmt: skip
     case, model, options = model_and_options(embankment)
@@ -60,7 +61,7 @@ def test_what_an_engineer_knows_reaches_the_statistics(embankment):
     (candidate,) = [one for one in model.candidates if one.name == "weak_base"]
     assert (candidate.prior_mean, candidate.prior_std) == (0.3, 0.1)
     assert options.hold_out == HoldOut(("toe",), {"surface": (10.0, 25.0)})
-    assert (options.replicates, options.transfer, options.resolution_factor) == (4, False, 0.0)
+    assert (options.replicates, options.second_scheme, options.resolution_factor) == (4, False, 0.0)
     assert options.synthetic
     assert case.scene.spacing == 2.0 and case.setup.settings.duration_s == 12.0
     assert model.numbers == {"strain_softening": {"reference_strain": 0.5}}
@@ -123,8 +124,8 @@ def test_constructed_data_enter_nothing(root):
         ({"hold_out": {"blocks": {"surface": [90.0, 99.0]}}}, "no number between 90 and 99"),
         ({"hold_out": "everything"}, "hold_out"),
         ({"spacing_m": -1.0}, "spacing_m: Input should be greater than 0"),
-        ({"transfer_check": "../nowhere"}, "transfer_check: .*nowhere: no such folder; a case has"),
-        ({"transfer_check": "."}, "transfer_check: .: is this case; name another one"),
+        ({"validation_case": "../nowhere"}, "validation_case: .*nowhere: no such folder; a"),
+        ({"validation_case": "."}, "validation_case: .: is this case; name another one"),
     ],
 )  # fmt: skip
 def test_what_is_refused(embankment, document, complaint):
@@ -139,13 +140,15 @@ def test_the_case_that_judges_the_answer_is_read_at_once(embankment, tmp_path):
     """It is simulated after the whole loop; whatever is wrong with it is told before."""
     other = tmp_path / "other"
     shutil.copytree(embankment, other)
-    write(other, {"transfer_check": "../embankment"})  # each may judge the other
+    write(other, {"validation_case": "../embankment"})  # each may judge the other
     for name in ("../other", str(other)):
-        write(embankment, {"transfer_check": name})
+        write(embankment, {"validation_case": name})
         case = diagnosis_case(load_case(embankment))
         assert case.validation_case.name == "other" and case.validation_case.validation_case is None
     write(other, {"effects": ["gravity"]})
-    with pytest.raises(InputError, match="transfer_check: .*other.*: effects: no effect 'gravity'"):
+    with pytest.raises(
+        InputError, match="validation_case: .*other.*: effects: no effect 'gravity'"
+    ):
         diagnosis_case(load_case(embankment))
 
 
@@ -158,7 +161,7 @@ def test_the_case_that_judges_the_answer_is_read_at_once(embankment, tmp_path):
     ],
 )
 def test_a_model_that_does_not_fit_the_case(embankment, changes, complaint):
-    model = ModelFile(scene_changes=changes)
+    model = Hypothesis(scene_changes=changes)
     with pytest.raises(InputError, match=complaint):
         diagnosis_case(load_case(embankment), hypothesis=model, hypothesis_source="01_x.yaml")
 
@@ -166,3 +169,16 @@ def test_a_model_that_does_not_fit_the_case(embankment, changes, complaint):
 def test_a_folder_that_is_none(tmp_path):
     with pytest.raises(InputError, match="no such folder; a case has scene.yaml, and measurements"):
         diagnosis_case(load_case(tmp_path / "nowhere"))
+
+
+def test_older_keys_are_read_and_a_line_says_what_to_write(embankment, capsys):
+    other = embankment.parent / "other"
+    shutil.copytree(embankment, other)
+    write(embankment, {"transfer": False, "transfer_check": "../other"})
+    case = diagnosis_case(load_case(embankment))
+    assert case.question.second_scheme is False and case.validation_case.name == "other"
+    path = embankment / "diagnosis.yaml"
+    assert capsys.readouterr().err.splitlines() == [
+        f"{path}: transfer: is called second_scheme now",
+        f"{path}: transfer_check: is called validation_case now",
+    ]

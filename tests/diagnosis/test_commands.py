@@ -19,7 +19,7 @@ from benchmarks.hidden_effects.example import write_survey
 from benchmarks.hidden_effects.making.sections import load_section
 from diagnosis.__main__ import main
 from diagnosis.case import diagnosis_case
-from diagnosis.hypotheses.hypothesis_file import load_model_file
+from diagnosis.hypotheses.hypothesis_file import load_hypothesis
 from diagnosis.verdict.kept_steps import kept_step
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, load_verdict
 from geometry.case import load_case
@@ -123,7 +123,7 @@ def test_run(folder, out, verdict_text, capsys):
     timing = json.loads((out / "timing.json").read_text())["run"]
     assert timing["runs_asked"] >= verdict.runs.asked and timing["seconds"] > 0
     for number, step in enumerate(verdict.steps):
-        name = "00_base" if not number else f"{number:02d}_{step.model}"
+        name = "00_base" if not number else f"{number:02d}_{step.hypothesis}"
         assert kept_step(out, name).step.chi2 == pytest.approx(step.chi2)
     # Asked again it costs nothing and says the same.
     ask("run", folder, out)
@@ -133,22 +133,22 @@ def test_run(folder, out, verdict_text, capsys):
 
 @pytest.mark.slow
 def test_extend_and_track(folder, out, verdict_text, capsys):
-    before = sorted(path.stem for path in (out / "models").glob("*.yaml"))
+    before = sorted(path.stem for path in (out / "hypotheses").glob("*.yaml"))
     ask("extend", folder, out, "--add", "weak_base", "--notes", "clay was seen")
     text = capsys.readouterr().out
-    (name,) = {path.stem for path in (out / "models").glob("*.yaml")} - set(before)
+    (name,) = {path.stem for path in (out / "hypotheses").glob("*.yaml")} - set(before)
     assert name.endswith("_weak_base") and f"{name}.yaml" in text
-    model = load_model_file(out / "models" / f"{name}.yaml")
+    model = load_hypothesis(out / "hypotheses" / f"{name}.yaml")
     assert (model.by, model.parent, model.notes) == ("extend", "00_base", "clay was seen")
     assert 0.0 <= model.effects["weak_base"].amplitude <= 1.0
     # A person goes on from there; the first effect is sought again with the second.
-    ask("extend", folder, out, "--model", name, "--add", "overburden_strength")
-    both = max((out / "models").glob("*.yaml"))
-    assert set(load_model_file(both).effects) == {"weak_base", "overburden_strength"}
-    assert load_model_file(both).parent == name
+    ask("extend", folder, out, "--hypothesis", name, "--add", "overburden_strength")
+    both = max((out / "hypotheses").glob("*.yaml"))
+    assert set(load_hypothesis(both).effects) == {"weak_base", "overburden_strength"}
+    assert load_hypothesis(both).parent == name
     assert kept_step(out, both.stem).step.chi2 < kept_step(out, "00_base").step.chi2
     # And writes a model of their own, which is judged with the covariance of the base model.
-    own = out / "models" / "20_looser_fill.yaml"
+    own = out / "hypotheses" / "20_looser_fill.yaml"
     own.write_text(
         "parent: 00_base\nnotes: looser\n"
         "scene_changes: {materials: {compacted_fill: {density: 1700}}}\n"
@@ -156,7 +156,7 @@ def test_extend_and_track(folder, out, verdict_text, capsys):
     capsys.readouterr()
     ask("track", folder, out)
     assert "20_looser_fill: not judged yet" in capsys.readouterr().out
-    ask("compare", folder, out, "--model", "20_looser_fill")
+    ask("compare", folder, out, "--hypothesis", "20_looser_fill")
     capsys.readouterr()
     ask("track", folder, out)
     lines = capsys.readouterr().out.splitlines()
@@ -209,7 +209,10 @@ def test_a_killed_run_goes_on_and_gives_the_same_bytes(folder, tmp_path, verdict
         (["compare", "nowhere"], "nowhere: no such folder; a case has scene.yaml"),
         (["run", "{folder}", "--spacing", "0"], "--spacing 0: must be greater than 0"),
         (["run", "{folder}", "--threads", "0"], "--threads 0: at least 1"),
-        (["run", "{folder}", "--model", "x"], "--model x: no such file, and no model of"),
+        (
+            ["run", "{folder}", "--hypothesis", "x"],
+            "--hypothesis x: no such file, and no hypothesis of",
+        ),
         (["explain", "{folder}", "--effects", "none.py"], "none.py: No such file"),
         (["extend", "{folder}", "--add", "magic"], "--add magic: no such effect here"),
         (["suggest", "{folder}", "--n", "0"], "--n 0: at least 1"),

@@ -11,7 +11,7 @@ from diagnosis.signatures.confounding import look_alike
 from diagnosis.signatures.explain import explain
 from tests.diagnosis.straight import signatures, straight
 
-OPTIONS = Options(draws=200, replicates=0, starts=1, transfer=False, resolution_factor=0.0)
+OPTIONS = Options(draws=200, replicates=0, starts=1, second_scheme=False, resolution_factor=0.0)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from diagnosis.hypotheses.hypothesis_file import ModelEffect, ModelFile
+from diagnosis.hypotheses.hypothesis_file import Hypothesis, HypothesisEffect
 from diagnosis.question import DiagnosisQuestion
 from diagnosis.verdict.verdict import Verdict
 from flowslide.command_line import DIAGNOSE
@@ -19,7 +19,7 @@ def text(root) -> str:
 
 
 @pytest.mark.parametrize(
-    "model", [DiagnosisQuestion, DiagnosisSettings, ModelFile, ModelEffect, Verdict]
+    "model", [DiagnosisQuestion, DiagnosisSettings, Hypothesis, HypothesisEffect, Verdict]
 )
 def test_every_key_is_explained(text, model):
     named = set(re.findall(r"[a-z_0-9]+", " ".join(re.findall(r"`([^`\n]+)`", text))))

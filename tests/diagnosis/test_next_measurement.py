@@ -177,7 +177,7 @@ def test_where_the_model_is_adequate_it_is_what_would_have_shown_most():
 def test_numbers_that_were_not_measured_are_read_from_the_runs():
     model = offering(3, {"bend": 1.5}, OFFERS)
     found = find(model, QUICK)
-    fit = found.register.models[("bend",)].fit
+    fit = found.tried_models.models[("bend",)].fit
     mean, slope = read_at(model, found.comparison, fit.space, fit.x)
     (exact,) = model.propose([fit.space.state(fit.x)])
     assert mean == pytest.approx(exact, abs=0.05)

@@ -11,7 +11,7 @@ from diagnosis import diagnose
 from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
-from diagnosis.selection.refit import ANCHORED, Refitted, refit
+from diagnosis.selection.refit import ANCHORED, FittedModel, refit
 from diagnosis.signatures.explain import Explanation, explain
 from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
@@ -27,10 +27,10 @@ def looked_at(model: Straight, options: Options = OPTIONS) -> tuple[Comparison, 
 
 def refitted(
     comparison: Comparison, explanation: Explanation, *names: str, near: np.ndarray | None = None
-) -> Refitted:
+) -> FittedModel:
     ladders = {name: one.ladder for name, one in explanation.signatures.items()}
     surface = comparison.base.surface.with_ladders(ladders)
-    found = refit(explanation.bench, surface, names, seeds=ANCHORED, near=near)
+    found = refit(explanation.context, surface, names, seeds=ANCHORED, near=near)
     assert found is not None
     return found
 
@@ -64,7 +64,7 @@ def test_a_fourth_effect_has_one_first_guess_and_is_fitted_from_there():
     before = refitted(comparison, explanation, *names[:3])
     ladders = {"step": explanation.signatures["step"].ladder}
     surface = before.surface.with_ladders(ladders)
-    found = refit(explanation.bench, surface, names, seeds=ANCHORED)
+    found = refit(explanation.context, surface, names, seeds=ANCHORED)
     assert found is not None and found.names == names
     assert found.fit.total < before.fit.total
 
@@ -73,20 +73,20 @@ def test_an_effect_adds_to_the_error_what_finer_cells_make_of_it():
     model = Straight(truth({"late": 2.0}) + errors(1), skewed={"late": ("step", 0.5)})
     comparison, explanation = looked_at(model)
     after = refitted(comparison, explanation, "late")
-    bench = doubting(explanation.bench, comparison.base, after, OPTIONS)
-    grown = bench.data.covariance - explanation.bench.data.covariance
+    context = doubting(explanation.context, comparison.base, after, OPTIONS)
+    grown = context.data.covariance - explanation.context.data.covariance
     bias = 0.5 * after.fit.space.amplitudes(after.fit.x)["late"] * signatures()["step"]
     expected = 0.7 * np.outer(bias, bias) + 0.3 * np.diag(bias**2)
     assert np.allclose(grown, expected, atol=1e-9)
-    again = weighed_again(bench, after)
+    again = weighed_again(context, after)
     assert again.fit.total <= after.fit.total and np.array_equal(again.fit.x, after.fit.x)
     # Without the finer run, or without the runs to make it, nothing is doubted.
     plain = replace(OPTIONS, resolution_factor=0.0)
-    change = doubting(explanation.bench, comparison.base, after, plain).data.covariance
-    assert np.allclose(change, explanation.bench.data.covariance)
+    change = doubting(explanation.context, comparison.base, after, plain).data.covariance
+    assert np.allclose(change, explanation.context.data.covariance)
     comparison.base.runs.allowance = comparison.base.runs.asked
     other = replace(after, fit=replace(after.fit, x=after.fit.x + 0.01))
-    assert doubting(explanation.bench, comparison.base, other, OPTIONS) is explanation.bench
+    assert doubting(explanation.context, comparison.base, other, OPTIONS) is explanation.context
 
 
 @pytest.mark.slow

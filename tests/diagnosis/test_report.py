@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.verdict.sections_file import FILE_NAME, load_sections
-from diagnosis.verdict.verdict import TransferCheck, Verdict, save_document
+from diagnosis.verdict.verdict import ValidationCase, Verdict, save_document
 from pipeline.cli import InputError
 from report.charts.confounding import order
 from report.charts.effects import ranked
@@ -265,8 +265,8 @@ def test_the_fall_is_told_on_both_kinds_of_data():
 
 
 def test_a_second_section_judges_the_answer(tmp_path):
-    check = TransferCheck(case="second_dam", n=12, chi2_base=108.0, chi2_final=12.0)
-    read = told(page_of(identified().model_copy(update={"transfer_check": check}), tmp_path))
+    check = ValidationCase(case="second_dam", n=12, chi2_base=108.0, chi2_final=12.0)
+    read = told(page_of(identified().model_copy(update={"validation_case": check}), tmp_path))
     assert "misfit, second dam 3.0 → 1.0 " in read
     assert "On second dam, which no fit has seen (12 numbers" in read
     assert transfer_sentence(data_of(identified())) == ""

@@ -16,14 +16,14 @@ from diagnosis.options import Options
 from diagnosis.selection import forward_selection
 from diagnosis.selection.decide import excess, still_failing
 from diagnosis.selection.forward_selection import (
-    Register,
+    TriedModels,
     _accepted,
     accepted,
     untried_doubles,
     wanted_models,
     why_not,
 )
-from diagnosis.selection.refit import Refitted
+from diagnosis.selection.refit import FittedModel
 from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_document import verdict_document
 from inversion.estimation.surface_search import Fit
@@ -68,7 +68,7 @@ def test_what_looks_alike_is_not_told_apart():
 def test_rivals_that_are_near_have_derivatives_of_their_own():
     model = straight(2, {"bend": 1.5})
     found = find(model, Options(draws=400, replicates=3, seed=2))
-    tried = found.register.models
+    tried = found.tried_models.models
     assert tried[("bend",)].sloped and tried[("like_bend",)].sloped
     assert not tried[("step",)].sloped, "far from the best, its own derivative would be wasted"
 
@@ -85,13 +85,13 @@ def test_an_engineer_rules_an_effect_out():
     assert verdict.forbidden == ["late"]
 
 
-def refitted(ln_evidence: float, total: float, held_out: float, *names: str) -> Refitted:
+def refitted(ln_evidence: float, total: float, held_out: float, *names: str) -> FittedModel:
     """As much of a refit as acceptance looks at; five numbers held out."""
     p = float(np.exp(-0.5 * max(held_out - 3.0, 0.0)))
     case = straight(0, {})
     space = case.space([Amplitude(name, 0.0, 1.0, 1.0) for name in names])
     fit = Fit(space, np.zeros(2), np.zeros(1), np.zeros((1, 2)), total)
-    return Refitted(fit, ln_evidence, HeldOutMisfit(held_out, 5, p, -0.5 * held_out), None)
+    return FittedModel(fit, ln_evidence, HeldOutMisfit(held_out, 5, p, -0.5 * held_out), None)
 
 
 BASE = refitted(0.0, 60.0, 5.0)
@@ -155,7 +155,7 @@ def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch)
     with pytest.raises(AssertionError, match="taken anew"):
         find(straight(0, {"late": 2.5, "step": 2.5}), asked)
     alone = find(straight(0, {"late": 2.5, "step": 2.5}), replace(asked, spare=dof - 1))
-    assert len(alone.register.current.model.names) == 1
+    assert len(alone.tried_models.current.model.names) == 1
 
 
 def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
@@ -182,31 +182,31 @@ def test_a_further_effect_must_be_worth_having_without_the_error_of_the_first():
     now = refitted(-60.0, 160.0, 8.0, "late")
     worse = refitted(-70.0, 100.0, 5.0, "late", "step")
     better = refitted(-40.0, 90.0, 5.0, "bend", "late")
-    register = Register({model.names: model for model in (now, worse, better)})
+    tried_models = TriedModels({model.names: model for model in (now, worse, better)})
     flat = {now.names: -25.0, worse.names: -15.0, better.names: -20.0}
-    register.weighed = lambda model: replace(model, ln_evidence=flat[model.names])
-    assert _accepted(register, now, [worse], Options()) is None
-    assert _accepted(register, now, [worse, better], Options()) is better
+    tried_models.weighed = lambda model: replace(model, ln_evidence=flat[model.names])
+    assert _accepted(tried_models, now, [worse], Options()) is None
+    assert _accepted(tried_models, now, [worse, better], Options()) is better
 
 
 def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains(monkeypatch):
     now = refitted(0.0, 60.0, 5.0)
     near = [refitted(5.0 - 1.4 * k, 30.0, 4.0, name) for k, name in enumerate(("a", "b", "c", "d"))]
-    register = Register({model.names: model for model in (now, *near)})
+    tried_models = TriedModels({model.names: model for model in (now, *near)})
     monkeypatch.setattr(
         forward_selection, "adopted",
-        lambda bench, model: replace(model, ln_evidence=model.ln_evidence + 2.5, sloped=True),
+        lambda context, model: replace(model, ln_evidence=model.ln_evidence + 2.5, sloped=True),
     )  # fmt: skip
     found = forward_selection._on_equal_terms(
-        register, SimpleNamespace(bench=None), now, near, Options()
+        tried_models, SimpleNamespace(context=None), now, near, Options()
     )
     assert [model.sloped for model in found] == [True, True, True, False]  # d is 4.2 behind
-    assert register.models[("a",)].ln_evidence == 7.5
+    assert tried_models.models[("a",)].ln_evidence == 7.5
     faint = [refitted(-1.0, 58.0, 5.0, "e")]  # more than 3 below what is asked for
-    register.models[("e",)] = faint[0]
+    tried_models.models[("e",)] = faint[0]
     assert (
         forward_selection._on_equal_terms(
-            register, SimpleNamespace(bench=None), now, faint, Options()
+            tried_models, SimpleNamespace(context=None), now, faint, Options()
         )
         == faint
     )
@@ -214,12 +214,12 @@ def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains
 
 def test_doubles_of_what_is_to_be_named_are_refitted_unless_they_were():
     best, tried = refitted(5.0, 30.0, 4.0, "side"), refitted(4.0, 32.0, 4.0, "pool")
-    register = Register({best.names: best, tried.names: tried})
+    tried_models = TriedModels({best.names: best, tried.names: tried})
     asked = []
     explanation = SimpleNamespace(
         alike=lambda name, least: asked.append((name, least)) or ["pool", "drag"]
     )
-    assert untried_doubles(register, explanation, best, Options()) == [("drag",)]
+    assert untried_doubles(tried_models, explanation, best, Options()) == [("drag",)]
     assert asked == [("side", 0.8)]
 
 
@@ -228,7 +228,7 @@ def test_a_random_pattern_that_nobody_chose_names_nothing():
     model.candidates = [replace(one, by_chance=one.name == "late") for one in model.candidates]
     asked = Options(draws=400, replicates=3, seed=3)
     found = find(model, asked)
-    assert found.register.current.model.names == ("late",), "it fits, and that is said"
+    assert found.tried_models.current.model.names == ("late",), "it fits, and that is said"
     assert found.decision.verdict == "unknown_effect" and found.decision.by_chance == ("late",)
     assert not found.decision.final.model.names
     told = verdict_document(found, case="c", title="t")
@@ -244,6 +244,6 @@ def test_beside_a_random_pattern_only_what_was_found_before_it_stays():
     model = straight(0, {"late": 4.0, "step": 2.0})
     model.candidates = [replace(one, by_chance=one.name == "step") for one in model.candidates]
     found = find(model, Options(draws=400, replicates=3, seed=0))
-    assert found.register.current.model.names == ("late", "step")
+    assert found.tried_models.current.model.names == ("late", "step")
     assert found.decision.verdict == "unknown_effect"
     assert found.decision.final.model.names == ("late",)

@@ -91,7 +91,7 @@ def sought(seed: int, hidden: str, **more) -> Diagnosed:
 
 def expected(found: Diagnosed) -> np.ndarray:
     """ln multiplier of the calibrated strength that the hidden law means, at the knots."""
-    fit = found.register.way[-1].model.fit
+    fit = found.tried_models.way[-1].model.fit
     curve = found.curve.curve
     return np.log(STRENGTH / fit.space.values(fit.x)[0]) + law(curve, np.array(curve.knots))
 
@@ -111,7 +111,7 @@ def test_the_variable_is_found(by_weight):
         assert curve.ln_evidence["overburden"] > curve.ln_evidence["time"] + 20.0
         # It leaves no more than the survey's errors: 29 numbers less 6 unknowns.
         assert curve.chi2["overburden"] < 50.0 < curve.chi2["time"]
-        assert found.register.way[0].adequacy.chi2 > 200.0
+        assert found.tried_models.way[0].adequacy.chi2 > 200.0
     by_time = sought(0, "time").curve
     assert by_time.curve.variable == "time"
 

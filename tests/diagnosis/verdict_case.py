@@ -185,7 +185,7 @@ class Case:
         return -float(np.clip((known @ whole) / (known @ known), -0.5, 0.5))
 
     def stage(self, effects: list[str]) -> dict[str, Any]:
-        """`verdict.Stage`."""
+        """`verdict.FittedModelSummary`."""
         made = self.fit(effects)
         p = float(chi2_law.sf(made["chi2"], made["dof"]))
         residual = made["residual"]
@@ -230,10 +230,10 @@ class Case:
         }  # fmt: skip
 
     def step(self, number: int, model: str, effects: list[str], note: str) -> dict[str, Any]:
-        """`verdict.Step`."""
+        """`verdict.WaterfallStep`."""
         made, base = self.fit(effects), self.fit([])
         return {
-            "round": number, "model": model, "effects": made["amplitudes"],
+            "round": number, "hypothesis": model, "effects": made["amplitudes"],
             "values": made["values"], "std": made["std"], "chi2": made["chi2"],
             "dof": made["dof"], "held_out_chi2": made["held_out"],
             "held_out_n": int(self.held.sum()),

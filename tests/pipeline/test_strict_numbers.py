@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from diagnosis.hypotheses.hypothesis_file import load_model_file
+from diagnosis.hypotheses.hypothesis_file import load_hypothesis
 from diagnosis.question import load_diagnosis_question
 from geometry.scenes.scene import Scene, load_scene
 from geometry.survey.measurements import load_measurements
@@ -83,7 +83,7 @@ def test_of_a_model(tmp_path, entry):
     path = tmp_path / "01_x.yaml"
     path.write_text(f"effects: {{weak_base: {entry}}}\n")
     with pytest.raises(InputError, match="effects.weak_base.amplitude: Input should be a number"):
-        load_model_file(path)
+        load_hypothesis(path)
 
 
 def test_of_classical_analyses(lsfd):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from diagnosis.verdict.verdict import Stage, Verdict, Verdicts
+from diagnosis.verdict.verdict import FittedModelSummary, Verdict, Verdicts
 from inversion.back_analysis.result import Part
 from pipeline.config import validate_settings
 from pipeline.files import read_json
@@ -101,7 +101,7 @@ def load_digest(path: str | Path) -> Digest:
     return validate_settings(Digest, read_json(path), origin=str(path))
 
 
-def _stage(stage: Stage) -> StageDigest:
+def _stage(stage: FittedModelSummary) -> StageDigest:
     return StageDigest(
         values={name: _short(value) for name, value in stage.values.items()},
         std={name: _short(value) for name, value in stage.std.items()},

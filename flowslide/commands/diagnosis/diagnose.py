@@ -56,8 +56,8 @@ def _text_of(verdict: Verdict, folder: Path) -> str:
         terminal.measurements(verdict.measurements),
         terminal.steps(verdict.steps),
     ]
-    if verdict.transfer_check is not None:
-        check = verdict.transfer_check
+    if verdict.validation_case is not None:
+        check = verdict.validation_case
         parts.append(
             f"On {check.case}, which no fit has seen: chi2 {check.chi2_base:.1f} by the base "
             f"model, {check.chi2_final:.1f} by that of the answer (noise {check.n})."

@@ -8,9 +8,9 @@ from flowslide.commands.diagnosis.session_options import add_session_options, se
 from flowslide.commands.diagnosis.track import write_page_of_track
 
 DESCRIPTION = (
-    "Add an effect to the base model of CASE, or to the model that --model names, calibrate it "
-    "again, write it to a new file in models/, and show the error before and after on fitted and "
-    "held-out data."
+    "Add an effect to the base model of CASE, or to the one that --hypothesis names, calibrate it "
+    "again, write it to a new file in hypotheses/, and show the error before and after on fitted "
+    "and held-out data."
 )
 
 
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"\n{terminal.steps([done.before, done.after])}")
     print(f"\n{arguments.add}: {passes}")
     print(f"\n{terminal.measurements(lines)}")
-    print(f"\nwrote {session.folder / FOLDER / done.after.model}.yaml")
+    print(f"\nwrote {session.folder / FOLDER / done.after.hypothesis}.yaml")
     print(done.asked.runs_line())
     done.asked.write_timing("extend")
     write_page_of_track(arguments, session)

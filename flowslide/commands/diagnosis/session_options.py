@@ -21,9 +21,9 @@ def add_session_options(parser: argparse.ArgumentParser) -> None:
     options.add_out(parser, "folder of the results; default: results/<case>/diagnosis")
     options.add_spacing(parser)
     parser.add_argument(
-        "--model",
+        "--hypothesis",
         metavar="FILE",
-        help="a model to go on from, a file or its name in models/; default: the base model",
+        help="a hypothesis to start from, a file or its name in hypotheses/; default: base model",
     )
     options.add_effects(parser)
     options.add_measurements_code(parser)
@@ -50,7 +50,7 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
         session = open_session(
             case,
             out=arguments.out,
-            hypothesis=arguments.model,
+            hypothesis=arguments.hypothesis,
             spacing_m=arguments.spacing,
             threads=arguments.threads,
             say=bar.say,

@@ -24,17 +24,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Print the way, write its page."""
     from diagnosis.answers import tracked
-    from diagnosis.hypotheses.hypothesis_file import model_files
+    from diagnosis.hypotheses.hypothesis_file import hypothesis_files
     from diagnosis.verdict.kept_steps import kept_step
     from report.diagnosis import terminal
 
     with session_of(arguments, "track") as session:
         track = tracked(session)
     print(terminal.steps(track.steps, track.notes))
-    for name in model_files(session.folder):
+    for name in hypothesis_files(session.folder):
         if not kept_step(session.folder, name):
             print(f"\n{name}: not judged yet: flowslide diagnose compare {session.case.folder} "
-                  f"--model {name}")  # fmt: skip
+                  f"--hypothesis {name}")  # fmt: skip
     write_page_of_track(arguments, session)
 
 

@@ -1,4 +1,4 @@
-"""The transfer check: does the answer hold on a second section or event of the same site?
+"""The validation case: does the answer hold on a second section or event of the same site?
 
 In: the verdict's models and another case. Out: the misfit there by the base model and by
 that of the answer. Nothing is fitted: parameters of the same name take the values that were found,
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.hypotheses.mpm_model import MPMModel
-from diagnosis.verdict.verdict import TransferCheck
+from diagnosis.verdict.verdict import ValidationCase
 from diagnosis.verdict.verdict_document import Diagnosed
 from inversion.estimation.covariance import covariance
 from inversion.estimation.surface_search import Fit
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 SEEDS = 4
 
 
-def transfer_check(session: Session, found: Diagnosed) -> TransferCheck | None:
-    """Judge the answer on the case that `transfer_check` names; None where there is none."""
+def validated(session: Session, found: Diagnosed) -> ValidationCase | None:
+    """Judge the answer on the case that `validation_case` names; None where there is none."""
     other = session.case.validation_case
     if other is None:
         return None
@@ -38,7 +38,7 @@ def transfer_check(session: Session, found: Diagnosed) -> TransferCheck | None:
         rows = model.predict([_there(model, fit, seed) for seed in range(SEEDS)])
         chi2.append(misfit(model, rows))
     used = _used(model)
-    return TransferCheck(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
+    return ValidationCase(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
 
 
 def misfit(model: MPMModel, rows: np.ndarray) -> float:

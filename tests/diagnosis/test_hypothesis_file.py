@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from diagnosis.hypotheses.hypothesis_file import (
-    ModelEffect,
-    ModelFile,
+    Hypothesis,
+    HypothesisEffect,
     check_parent,
-    find_model,
-    load_model_file,
-    model_files,
+    find_hypothesis,
+    hypothesis_files,
+    load_hypothesis,
     new_name,
-    save_model_file,
+    save_hypothesis,
 )
 from geometry.scenes.scene import load_scene
 from pipeline.cli import InputError
@@ -33,7 +33,7 @@ def test_a_model_changes_the_section(tmp_path, scene):
         "  zones: {sand: {polygon: [[0, 0], [44, 0], [44, 4], [8, 4]]},\n"
         "          fill: {polygon: [[8, 4], [44, 4], [44, 0], [64, 0], [34, 12], [24, 12]]}}\n"
     )
-    model = load_model_file(path)
+    model = load_hypothesis(path)
     changed = model.scene(scene, str(path))
     assert changed.materials["compacted_fill"].cohesion_kpa == 9.0
     assert changed.materials["compacted_fill"].friction_deg == 34.0
@@ -44,34 +44,41 @@ def test_a_model_changes_the_section(tmp_path, scene):
 
 
 def test_a_model_is_written_as_it_is_read(tmp_path):
-    model = ModelFile(
+    model = Hypothesis(
         parent="00_base",
         by="extend",
         notes="a test: with a colon",
-        effects={"weak_base": ModelEffect(amplitude=0.25, std=0.1, parameters={"width_m": 3.0})},
+        effects={
+            "weak_base": HypothesisEffect(amplitude=0.25, std=0.1, parameters={"width_m": 3.0})
+        },
         scene_changes={"water_level": None},
     )
-    path = tmp_path / "models" / "01_weak_base.yaml"
-    save_model_file(model, path)
-    assert load_model_file(path) == model
+    path = tmp_path / "hypotheses" / "01_weak_base.yaml"
+    save_hypothesis(model, path)
+    assert load_hypothesis(path) == model
     first = path.read_bytes()
-    save_model_file(model, path)
+    save_hypothesis(model, path)
     assert path.read_bytes() == first
 
 
 def test_models_are_numbered_in_their_order(tmp_path):
-    assert model_files(tmp_path) == {} and new_name(tmp_path, "base") == "01_base"
+    assert hypothesis_files(tmp_path) == {} and new_name(tmp_path, "base") == "01_base"
     for name in ("00_base", "01_weak_base", "03_core"):
-        save_model_file(ModelFile(), tmp_path / "models" / f"{name}.yaml")
-    (tmp_path / "models" / "notes.yaml").write_text("a: 1\n")
-    assert list(model_files(tmp_path)) == ["00_base", "01_weak_base", "03_core"]
+        save_hypothesis(Hypothesis(), tmp_path / "hypotheses" / f"{name}.yaml")
+    (tmp_path / "hypotheses" / "notes.yaml").write_text("a: 1\n")
+    assert list(hypothesis_files(tmp_path)) == ["00_base", "01_weak_base", "03_core"]
     assert new_name(tmp_path, "Strain softening + rate") == "04_strain_softening_rate"
-    assert find_model(tmp_path, "03_core") == ("03_core", tmp_path / "models" / "03_core.yaml")
+    assert find_hypothesis(tmp_path, "03_core") == (
+        "03_core",
+        tmp_path / "hypotheses" / "03_core.yaml",
+    )
     own = tmp_path / "elsewhere.yaml"
-    save_model_file(ModelFile(), own)
-    assert find_model(tmp_path, str(own)) == ("elsewhere", own)
-    with pytest.raises(InputError, match="--model 9: no such file.*there are 00_base, 01_weak"):
-        find_model(tmp_path, "9")
+    save_hypothesis(Hypothesis(), own)
+    assert find_hypothesis(tmp_path, str(own)) == ("elsewhere", own)
+    with pytest.raises(
+        InputError, match="--hypothesis 9: no such file.*there are 00_base, 01_weak"
+    ):
+        find_hypothesis(tmp_path, "9")
 
 
 @pytest.mark.parametrize(
@@ -93,7 +100,7 @@ def test_what_is_refused(tmp_path, text, complaint):
     path = tmp_path / "01_x.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=complaint) as caught:
-        load_model_file(path)
+        load_hypothesis(path)
     assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
 
 
@@ -111,22 +118,24 @@ def test_what_is_refused(tmp_path, text, complaint):
     ],
 )
 def test_changes_that_do_not_fit_the_scene(scene, changes, complaint):
-    model = ModelFile(scene_changes=changes, effects={"weak_base": {"amplitude": 0.3}})
+    model = Hypothesis(scene_changes=changes, effects={"weak_base": {"amplitude": 0.3}})
     with pytest.raises(InputError, match=complaint) as caught:
         model.scene(scene, "02_x.yaml")
     assert str(caught.value).startswith("02_x.yaml: ") and "\n" not in str(caught.value)
 
 
 def test_a_parent_that_a_person_names_is_there(tmp_path):
-    models = tmp_path / "models"
+    folder = tmp_path / "hypotheses"
     for name in ("01_weak_base", "02_core"):
-        save_model_file(ModelFile(), models / f"{name}.yaml")
+        save_hypothesis(Hypothesis(), folder / f"{name}.yaml")
     elsewhere = tmp_path / "mine.yaml"
-    save_model_file(ModelFile(), elsewhere)
+    save_hypothesis(Hypothesis(), elsewhere)
     for parent in (None, "00_base", "01_weak_base"):
-        check_parent(ModelFile(parent=parent), elsewhere, tmp_path)
+        check_parent(Hypothesis(parent=parent), elsewhere, tmp_path)
     # What extend and run have written may have lost its parent; it holds all of its effects.
-    check_parent(ModelFile(parent="gone", by="extend"), models / "02_core.yaml", tmp_path)
-    for path, parent in ((elsewhere, "01_weak"), (models / "02_core.yaml", "02_core")):
-        with pytest.raises(InputError, match=f"{path}: parent: no model '{parent}'; there are 00_"):
-            check_parent(ModelFile(parent=parent), path, tmp_path)
+    check_parent(Hypothesis(parent="gone", by="extend"), folder / "02_core.yaml", tmp_path)
+    for path, parent in ((elsewhere, "01_weak"), (folder / "02_core.yaml", "02_core")):
+        with pytest.raises(
+            InputError, match=f"{path}: parent: no hypothesis '{parent}'; there are 00_"
+        ):
+            check_parent(Hypothesis(parent=parent), path, tmp_path)
