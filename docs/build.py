@@ -17,6 +17,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "results" / "site" / "source"
+HTML = ROOT / "results" / "site" / "html"
+SHIM = "https://unpkg.com/iframe-worker/shim"
 PACKAGES = (
     "flowslide", "pipeline", "geometry", "mpm_taichi", "gns", "inversion", "diagnosis", "report",
 )  # fmt: skip
@@ -64,10 +66,22 @@ def collect() -> None:
     (SOURCE / "reference").mkdir()
     for package in PACKAGES:
         for room, modules in rooms(package).items():
-            text = f"# {room}\n\n" + "\n\n".join(f"::: {name}" for name in modules) + "\n"
+            text = (
+                f"---\nsearch:\n  boost: 0.3\n---\n\n# {room}\n\n"
+                + "\n\n".join(f"::: {name}" for name in modules)
+                + "\n"
+            )
             (SOURCE / "reference" / f"{room}.md").write_text(text, "utf-8")
             index.append(f"{'  ' * room.count('.') * 2}- [{room}]({room}.md)")
     (SOURCE / "reference" / "index.md").write_text("\n".join(index) + "\n", "utf-8")
+
+
+def make_search_local() -> None:
+    """Replace the one script that the theme loads from the network, for search from the disk."""
+    for page in HTML.rglob("*.html"):
+        up = "../" * (len(page.relative_to(HTML).parts) - 1)
+        text = page.read_text("utf-8").replace(SHIM, f"{up}search_from_disk.js")
+        page.write_text(text, "utf-8")
 
 
 def main() -> int:
@@ -81,6 +95,7 @@ def main() -> int:
         if not line.startswith("INFO"):
             print(line, file=sys.stderr)
     if not done.returncode:
+        make_search_local()
         print("results/site/html/index.html")
     return done.returncode
 
