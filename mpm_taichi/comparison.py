@@ -154,17 +154,15 @@ def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
     positions = run.positions.astype(float)
     if not moved:
         positions = np.repeat(positions[:1], 2, axis=0)
-    return Deposit(
-        position=positions[-1],
-        initial_position=positions[0],
-        volume=run.bulk_volume if moved else case.scene.spacing**2,
-        spacing=case.scene.spacing,
-        foot=case.feet,
-        ground=np.asarray(case.scene.ground.points, dtype=float),
+    return Deposit.on(
+        case.scene,
+        case.feet,
+        positions[-1],
+        positions[0],
+        volume=run.bulk_volume if moved else None,
         positions=positions,
         time=run.time if moved else run.time[[0, -1]],
         at_rest=not moved or run.came_to_rest,
-        initial_volume=case.scene.spacing**2,
     )
 
 

@@ -57,6 +57,34 @@ class Deposit:
     at_rest: bool = True
     initial_volume: np.ndarray | float | None = None
 
+    @classmethod
+    def on(
+        cls,
+        scene: Scene,
+        foot: Mapping[str, float],
+        position: np.ndarray,
+        initial_position: np.ndarray,
+        *,
+        volume: np.ndarray | float | None = None,
+        positions: np.ndarray | None = None,
+        time: np.ndarray | None = None,
+        at_rest: bool = True,
+    ) -> Self:
+        """Points of a simulated section; arguments as the attributes, `volume` None: unchanged."""
+        before = scene.spacing**2
+        return cls(
+            position=position,
+            initial_position=initial_position,
+            volume=before if volume is None else volume,
+            spacing=scene.spacing,
+            foot=foot,
+            ground=np.asarray(scene.ground.points, dtype=float),
+            positions=positions,
+            time=time,
+            at_rest=at_rest,
+            initial_volume=before,
+        )
+
 
 @dataclass(frozen=True)
 class Observed:

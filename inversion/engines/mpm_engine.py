@@ -125,15 +125,13 @@ def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None
 
 def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
     """The points of a run as measurements see them: after the slide, or before it."""
-    return Deposit(
-        position=(run.final if last else run.initial).astype(float),
-        initial_position=run.initial.astype(float),
-        volume=run.volume if last and run.volume is not None else setup.scene.spacing**2,
-        spacing=setup.scene.spacing,
-        foot=setup.foot,
-        ground=np.asarray(setup.scene.ground.points, dtype=float),
+    return Deposit.on(
+        setup.scene,
+        setup.foot,
+        (run.final if last else run.initial).astype(float),
+        run.initial.astype(float),
+        volume=run.volume if last else None,
         at_rest=run.at_rest or not last,
-        initial_volume=setup.scene.spacing**2,
     )
 
 

@@ -83,18 +83,14 @@ class RolloutReading:
         return np.split(whole, ends[:-1])
 
     def _deposit(self, frames: np.ndarray) -> Deposit:
-        scene = self.scene
-        return Deposit(
-            position=frames[-1],
-            initial_position=frames[0],
-            volume=scene.spacing**2,
-            spacing=scene.spacing,
-            foot=self.setup.foot,
-            ground=np.asarray(scene.ground.points, dtype=float),
+        return Deposit.on(
+            self.scene,
+            self.setup.foot,
+            frames[-1],
+            frames[0],
             positions=frames,
             time=self.frame_time * np.arange(len(frames)),
             at_rest=self.at_rest(),
-            initial_volume=scene.spacing**2,
         )
 
 

@@ -98,17 +98,15 @@ class HistoryReader:
                 key: Reading(np.full(len(entry.values), np.nan), run.reason)
                 for key, entry in self.wanted.items()
             }
-        deposit = Deposit(
-            position=run.positions[-1].astype(float),
-            initial_position=run.positions[0].astype(float),
+        deposit = Deposit.on(
+            run.scene,
+            self.foot,
+            run.positions[-1].astype(float),
+            run.positions[0].astype(float),
             volume=run.bulk_volume,
-            spacing=run.scene.spacing,
-            foot=self.foot,
-            ground=np.asarray(run.scene.ground.points, dtype=float),
             positions=run.positions,
             time=run.time,
             at_rest=run.came_to_rest,
-            initial_volume=run.scene.spacing**2,
         )
         return {key: entry.reading(deposit) for key, entry in self.wanted.items()}
 

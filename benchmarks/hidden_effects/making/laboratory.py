@@ -133,18 +133,12 @@ class Laboratory:
 def _deposit(section: Section, run: Run) -> Deposit | None:
     if run.status == "failed" or not _rests(run):
         return None
-    return Deposit(
-        position=run.positions[-1].astype(float),
-        initial_position=run.positions[0].astype(float),
-        volume=run.bulk_volume,
-        spacing=run.scene.spacing,
-        foot={side: section.scene.foot(side) for side in ("left", "right")},
-        ground=np.asarray(run.scene.ground.points, dtype=float),
-        positions=run.positions.astype(float),
-        time=run.time,
-        at_rest=True,
-        initial_volume=run.scene.spacing**2,
-    )
+    frames = run.positions.astype(float)
+    foot = {side: section.scene.foot(side) for side in ("left", "right")}
+    return Deposit.on(
+        run.scene, foot, frames[-1], frames[0],
+        volume=run.bulk_volume, positions=frames, time=run.time,
+    )  # fmt: skip
 
 
 def _rests(run: Run) -> bool:
