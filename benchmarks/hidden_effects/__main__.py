@@ -11,11 +11,11 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.generated_pages import between
+from benchmarks.generated_pages import around, renew, table
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
 from pipeline.cli import InputError, add_common, base_parser, main_exit
 from pipeline.config import Config, load_config
-from pipeline.files import make_folder, read_text
+from pipeline.files import make_folder
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
@@ -210,8 +210,6 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         SPARSE,
         generated,
         generated_sparse,
-        table,
-        write_page,
     )
     from benchmarks.hidden_effects.scoring.score import score
     from pipeline.files import write_json
@@ -236,16 +234,16 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
     lines = [(one.words, method.shares[one.name].words, one.bound) for one in ASKED]
     print(table(("figure", "measured", "asked"), lines))
     if arguments.page is not None and SUGGESTED in scores:
-        write_page(Path(arguments.page), SPARSE, generated_sparse(scores))
+        renew(Path(arguments.page), **{SPARSE: generated_sparse(scores)})
     elif arguments.page is not None:
         from benchmarks.hidden_effects.scoring.draw import draw_all
 
         page = Path(arguments.page)
-        pictures = page.parent / "images" / page.stem
+        pictures = page.parent.parent / "images" / page.stem
         draw_all(pictures, method, by_variant[METHOD])
         ablations = {name: score(cases) for name, cases in shared(by_variant).items() if cases}
         text = generated(method, ablations, by_variant[METHOD], f"../images/{page.stem}")
-        write_page(page, SCORE, text)
+        renew(page, **{SCORE: text})
     return 0
 
 
@@ -261,7 +259,7 @@ def _check_page(page: Path, scores: Collection[str]) -> None:
     if (SUGGESTED in scores) != (RANDOM in scores):
         missing = RANDOM if SUGGESTED in scores else SUGGESTED
         raise InputError(f"--page {page}: no case has been judged {missing}; `more` does that")
-    between(read_text(page), SPARSE if SUGGESTED in scores else SCORE, "", page=page)
+    around(page, SPARSE if SUGGESTED in scores else SCORE)
     make_folder(page.parent)
 
 

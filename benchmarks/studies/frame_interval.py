@@ -23,13 +23,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.generated_pages import between
+from benchmarks.generated_pages import RECORDS, renew
 from geometry.random_scenes.templates import draw_scene
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import Run, write_runs
 from pipeline.cli import CommandParser, base_parser, main_exit
 from pipeline.config import Config, load_config
-from pipeline.files import write_text
 
 INTERVALS = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
 FINEST = 0.1
@@ -40,7 +39,7 @@ RADIUS = 3.0
 TRAINING_NOISE = 0.067 / np.sqrt(9.81 * 1.0)
 """Noise of the last velocity in the paper's training at 1 m (0.067 m/s), as in `MOVING`."""
 BUDGET_GB = 50.0
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "records" / "frame-interval.md"
+PAGE = RECORDS / "frame-interval.md"
 
 
 def parser() -> CommandParser:
@@ -71,8 +70,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parts.append(disk_table(disk))
     print(parts[-1])
     if options.write:
-        text = PAGE.read_text(encoding="utf-8")
-        write_text(PAGE, between(text, "table", "\n" + "\n\n".join(parts) + "\n\n"))
+        renew(PAGE, table="\n" + "\n\n".join(parts))
 
 
 def dense_runs(config: Config, scale: str, number: int, threads: int) -> list[Run]:

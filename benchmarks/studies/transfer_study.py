@@ -5,7 +5,7 @@
 Three scenes: a phi = 0 slump (c = 30 kPa), a frictional column (phi = 30, c = 0), the section of
 the Lower San Fernando dam with its reservoir. For each scheme, on rough and on bonded ground:
 toe runout at 1 m spacing, with the time step halved, and at 2 m. What is found is kept in
-`benchmarks/transfer_study.json` run by run, so the study goes on where it was stopped; at the end
+`transfer_study.json` run by run, so the study goes on where it was stopped; at the end
 it writes the table between the markers of `docs/records/transfer.md` and the picture beside it.
 """
 
@@ -16,17 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.generated_pages import RECORDS, ROOT, renew
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 from geometry.survey.toe_runout import toe_runout
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.config import SimulationSettings
-from pipeline.files import read_json, write_json, write_text
+from pipeline.files import read_json, write_json
 
-ROOT = Path(__file__).parents[2]
-RECORD = ROOT / "benchmarks/transfer_study.json"
-PAGE = ROOT / "docs/records/transfer.md"
+RECORD = Path(__file__).with_suffix(".json")
+PAGE = RECORDS / "transfer.md"
 PICTURE = ROOT / "docs/images/transfer.png"
-START, END = "<!-- table -->", "<!-- end of table -->"
 
 SCHEMES = {
     "affine FLIP, 0.2 /s": {"transfer": "affine_flip", "pic_rate_per_s": 0.2},
@@ -183,10 +182,7 @@ def main() -> None:
     text = table(runs)
     print(text)
     draw(runs)
-    if PAGE.exists():
-        page = PAGE.read_text()
-        head, tail = page.split(START)[0], page.split(END)[1]
-        write_text(PAGE, f"{head}{START}\n{text}\n{END}{tail}")
+    renew(PAGE, table=text)
 
 
 if __name__ == "__main__":

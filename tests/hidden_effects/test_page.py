@@ -2,12 +2,13 @@
 
 import pytest
 
+from benchmarks.generated_pages import renew
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, Asked
 from benchmarks.hidden_effects.scoring.draw import draw_all
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.opened import shared
-from benchmarks.hidden_effects.scoring.page import SCORE, generated, generated_sparse, write_page
+from benchmarks.hidden_effects.scoring.page import SCORE, generated, generated_sparse
 from benchmarks.hidden_effects.scoring.score import Judged, score
 from pipeline.cli import InputError
 from tests.hidden_effects.judges import digest, perfect, truths
@@ -107,7 +108,7 @@ def test_sparse_surveys_are_compared(method):
 def test_a_page_keeps_what_is_written_by_hand(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- score: begin -->\nold\n<!-- score: end -->\nafter\n")
-    write_page(page, SCORE, "new\n")
+    renew(page, **{SCORE: "new\n"})
     assert page.read_text() == "before\n<!-- score: begin -->\nnew\n<!-- score: end -->\nafter\n"
     with pytest.raises(InputError, match="sparse"):
-        write_page(page, "sparse", "new")
+        renew(page, sparse="new")

@@ -86,7 +86,8 @@ def test_a_record_that_is_none_is_told_before_the_score(root, rows, tmp_path, br
 def test_a_page_that_cannot_be_written_is_told_before_the_score(
     root, rows, tmp_path, page, complaint
 ):
-    path = tmp_path / "page.md"
+    path = tmp_path / "records" / "page.md"
+    path.parent.mkdir()
     if page is not None:
         path.write_bytes(page)
     record = kept(rows, tmp_path)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.back_analysis import __main__ as command
-from benchmarks.back_analysis import lab, page, record, twins
+from benchmarks.back_analysis import lab, twins
 from benchmarks.back_analysis.figures import Figure, at_least, at_most
+from benchmarks.back_analysis.study import Validation
 from benchmarks.back_analysis.twin_cases import (
     JITTER,
     Plan,
@@ -17,7 +17,6 @@ from benchmarks.back_analysis.twin_cases import (
     truth_of,
     write_case,
 )
-from benchmarks.generated_pages import Measured
 from geometry.case import load_case
 from geometry.scenes.scene import load_scene
 from inversion.back_analysis.case import inversion_case
@@ -123,37 +122,52 @@ def test_limits_say_pass_or_miss():
     assert Figure("a", "1").verdict == ""
 
 
+class Elsewhere(Validation):
+    """The validation with its records and its page in another place."""
+
+    def __init__(self, folder):
+        self.results_file, self.page = folder / "results.json", folder / "validation.md"
+
+    @property
+    def results(self):
+        return self.results_file
+
+
 def test_the_page_tells_misses_and_errors(tmp_path):
-    good = record.make_record(Measured("Good", [Figure("a", "1 m", "≤ 2 m", True)], 1.0, ""))
-    bad = record.make_record(
-        Measured("Bad", [Figure("b | c", "3 m", "≤ 2 m", False)], 1.0, "Boom: no")
-    )
-    records = {"twins": good, "derivative": bad}
-    record.write_records(records, tmp_path / "results.json")
-    kept = record.read_records(tmp_path / "results.json")
+    study = Elsewhere(tmp_path)
+    parts = [f"<!-- {name}: begin -->\n<!-- {name}: end -->\n" for name in ("summary", "parts")]
+    study.page.write_text("".join(parts))
+    good = study.record("twins", "Good", [Figure("a", "1 m", "≤ 2 m", True)], 1.0, "")
+    figures = [Figure("b | c", "3 m", "≤ 2 m", False)]
+    bad = study.record("derivative", "Bad", figures, 1.0, "Boom: no")
+    study.keep("twins", good)
+    study.keep("derivative", bad)
+    kept = study.read()
     assert list(kept) == ["derivative", "twins"] and kept["twins"] == good
-    assert record.missed(kept["derivative"]) == ["b | c", "did not run to its end: Boom: no"]
-    text = page.summary(kept)
-    assert "| [Bad](#derivative) | 1 | 0 | b | c; did not run" in text and "none |" in text
-    section = page.section("derivative", bad)
+    assert study.missed(kept["derivative"]) == ["b | c", "did not run to its end: Boom: no"]
+    text = study.summary(kept)
+    assert "| [Bad](#derivative) | 1 | 0 | b / c; did not run" in text and "none |" in text
+    section = study.part("derivative", bad)
     assert "**MISS**" in section and "| b / c |" in section and "Boom" in section
+    assert section in study.page.read_text()
 
 
 def test_the_stored_page_is_made_of_the_stored_records():
-    """Run `python -m benchmarks.back_analysis --page` after a part was measured."""
-    records = record.read_records()
-    text = page.PAGE.read_text(encoding="utf-8")
-    assert set(records) == set(record.PARTS)
+    """Run `python -m benchmarks.generated_pages` after a part was measured."""
+    study = Validation()
+    records = study.read()
+    text = study.page.read_text(encoding="utf-8")
+    assert list(records) == study.names()
     for name, entry in records.items():
-        assert page.section(name, entry) in text
-    assert page.summary(records) in text
+        assert study.part(name, entry) in text
+    assert study.summary(records) in text
 
 
 def test_every_part_explains_itself():
-    for name in record.PARTS:
-        assert len(page.explanation(page.HERE / f"{name}.py")) > 100
+    for name in Validation().names():
+        assert len(Validation().explanation(name)) > 100
 
 
 def test_an_unknown_part_is_refused():
     with pytest.raises(InputError, match="part 'x' is unknown"):
-        command.main(["x"])
+        Validation().main(["x"])

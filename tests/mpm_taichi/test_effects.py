@@ -1,9 +1,4 @@
-"""The machinery of effects: off is off, what is refused, both schedules, the words.
-
-After a change of an effect's words or numbers, update the table of docs/method/effects.md with
-
-    PYTHONPATH=. python tests/mpm_taichi/test_effects.py
-"""
+"""The machinery of effects: off is off, what is refused, both schedules, the words."""
 
 import re
 import subprocess
@@ -14,6 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from benchmarks.generated_pages import EFFECTS_PAGE, around, effects_part
 from geometry.scenes.scene import load_scene, save_scene
 from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_batch, run_key
@@ -21,7 +17,6 @@ from mpm_taichi.effects import (
     effect,
     effects,
     effects_on,
-    effects_table,
 )
 from mpm_taichi.effects.framework.faults import faults
 from mpm_taichi.effects.framework.registry import LIBRARY, kernel_effects, library
@@ -32,7 +27,6 @@ from pipeline.config import SimulationSettings
 from tests.mpm_taichi.effects_slump import SHORT, slump
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLE = re.compile(r"(<!-- table: .*? -->\n).*?(<!-- end of table -->)", re.DOTALL)
 ON = {"strain_softening": 1.0, "shaking": 0.2, "weak_base": 0.3}
 
 
@@ -180,13 +174,9 @@ def test_every_effect_is_described_without_fault(name):
 
 
 def test_the_table_of_the_document_is_that_of_the_library():
-    text = (ROOT / "docs" / "method" / "effects.md").read_text()
-    assert table_renewed(text) == text, "write the table anew: see the head of this file"
-
-
-def table_renewed(text):
-    table = effects_table(effects().values())
-    return TABLE.sub(lambda m: f"{m[1]}{table}\n{m[2]}", text)
+    before, after = around(EFFECTS_PAGE, "table")
+    written = EFFECTS_PAGE.read_text()[len(before) : -len(after)]
+    assert written == f"\n{effects_part()}\n", "out of date: python -m benchmarks.generated_pages"
 
 
 def test_effects_are_listed_without_starting_taichi():
@@ -268,8 +258,3 @@ def test_library_names_are_modules_and_in_one_table():
     files = {path.stem for path in (ROOT / "mpm_taichi" / "effects").glob("*.py")}
     assert set(LIBRARY) <= files
     assert [one.name for one in library()] == list(LIBRARY)
-
-
-if __name__ == "__main__":
-    document = ROOT / "docs" / "method" / "effects.md"
-    document.write_text(table_renewed(document.read_text()))

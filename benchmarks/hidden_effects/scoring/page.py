@@ -6,18 +6,16 @@ In: the record's rows. Out: Markdown between two markers of `docs/records/hidden
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
-from benchmarks.generated_pages import between
+from benchmarks.generated_pages import table
 from benchmarks.hidden_effects.making.detectability import BINS
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, STRENGTH_FACTOR
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
-from pipeline.files import read_text, write_text
 
 SCORE, SPARSE = "score", "sparse"
-"""Names of the generated parts; the markers of one are `<!-- score: begin -->` and `end`."""
+"""Names of the generated parts of the page."""
 ENDS = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
 """The bins of lambda, in words."""
 VARIANT_WORDS = {
@@ -26,15 +24,6 @@ VARIANT_WORDS = {
     "no_projection": "without projection",
     "tangent_only": "smallest amplitude alone (tangent)",
 }
-
-
-def write_page(page: Path, part: str, text: str) -> None:
-    """Put the generated text between the markers of a page.
-
-    Raises:
-        InputError: there is no such page, or it has no markers.
-    """
-    write_text(page, between(read_text(page), part, text, page=page))
 
 
 def generated(
@@ -205,10 +194,3 @@ def _lambda(one: Judged) -> str:
     if one.beside is None:
         return f"{one.seen:.0f}"
     return f"{one.seen:.0f}, {one.beside:.0f} beside the other"
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in row) + " |"
-                     for row in lines)  # fmt: skip

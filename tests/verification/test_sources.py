@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from benchmarks.verification import record
+from benchmarks.verification import sources
+from benchmarks.verification.study import Verification
 
 
 def test_the_solver_and_all_effects_are_sources_of_every_case():
-    for name in record.case_names():
-        found = {
-            str(path.relative_to(record.ROOT))
-            for path in record.sources(record.HERE / f"{name}.py")
-        }
+    study = Verification()
+    for name in study.names():
+        files = sources.sources(study.folder / f"{name}.py")
+        found = {str(path.relative_to(sources.ROOT)) for path in files}
         assert f"benchmarks/verification/{name}.py" in found
         if name == "material_paths":  # points alone, without a grid
             continue
@@ -27,10 +27,10 @@ def test_a_change_of_a_source_changes_the_hash(tmp_path, monkeypatch):
     (tmp_path / "geometry").mkdir()
     (tmp_path / "benchmarks" / "case.py").write_text("def run():\n    from geometry import scene\n")
     (tmp_path / "geometry" / "scene.py").write_text("SIZE = 1\n")
-    monkeypatch.setattr(record, "ROOT", tmp_path)
-    monkeypatch.setattr(record, "HERE", tmp_path / "benchmarks")
-    monkeypatch.setattr(record, "EFFECTS", tmp_path / "effects")
-    before = record.sources_hash("case")
-    assert record.sources_hash("case") == before
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+    monkeypatch.setattr(sources, "EFFECTS", tmp_path / "effects")
+    program = tmp_path / "benchmarks" / "case.py"
+    before = sources.sources_hash(program)
+    assert sources.sources_hash(program) == before
     (tmp_path / "geometry" / "scene.py").write_text("SIZE = 2\n")
-    assert record.sources_hash("case") != before
+    assert sources.sources_hash(program) != before
