@@ -66,7 +66,8 @@ class Watch:
     def stage(self, name: str) -> Iterator[None]:
         """A stage of the plan. After it the estimate has its real number of runs."""
         self._stage, self._before = name, self._done
-        self._tell(self._words())
+        if self._plan.get(name, 1):
+            self._tell(self._words())
         yield
         self._plan[name] = self._done - self._before
 
@@ -102,12 +103,10 @@ class Watch:
         self._tell(line)
 
     def _words(self) -> str:
-        if self._stage not in self._plan:
+        stages = [name for name, runs in self._plan.items() if runs or name == self._stage]
+        if len(stages) < 2 or self._stage not in stages:
             return self._stage or "simulating"
-        place = list(self._plan).index(self._stage) + 1
-        return f"{self._stage} ({place} of {len(self._plan)})" if len(self._plan) > 1 else (
-            self._stage
-        )  # fmt: skip
+        return f"{self._stage} ({stages.index(self._stage) + 1} of {len(stages)})"
 
     def _check(self) -> None:
         cancel = self._cancel
