@@ -1,4 +1,4 @@
-"""The page about the Python functions is executed as a reader would: in order, in an empty folder."""
+"""The page about the Python functions is executed as a reader would, from an empty folder."""
 
 from __future__ import annotations
 
