@@ -12,16 +12,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from diagnosis.hypotheses.engine_model import EngineModel, Numerics
 from diagnosis.hypotheses.hypothesis_file import Hypothesis
-from diagnosis.hypotheses.mpm_model import MPMModel, Numerics
 from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
 from geometry.case import SCENE_FILE, Case, load_case
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
-from inversion.engines.mpm_engine import Setup
+from inversion.engines.registry import Engine
 from inversion.engines.run_store import RunStore
+from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.hold_out import split
 from inversion.estimation.unknowns import Parameters
@@ -60,16 +61,17 @@ class DiagnosisCase(Case):
         """Effect -> mean and standard deviation of its amplitude."""
         return {name: (prior.mean, prior.std) for name, prior in self.question.priors.items()}
 
-    def model(self, store: RunStore) -> MPMModel:
-        """The material point method as the model of this case.
+    def model(self, store: RunStore, engine: Engine | None = None) -> EngineModel:
+        """A forward engine as the model of this case; None: the material point method.
 
         Raises:
             InputError: the question names an effect that does not exist.
         """
         settings = self.config.diagnosis
-        model = MPMModel(
+        model = EngineModel(
             self.setup,
             store,
+            engine=engine,
             sensitivities=[s for s in self.inversion.sensitivities if isinstance(s, ZoneBoundary)],
             numbers=self.question.parameters,
             priors=self.priors,
@@ -85,7 +87,7 @@ class DiagnosisCase(Case):
                     )
         return model
 
-    def options(self, model: MPMModel) -> Options:
+    def options(self, model: EngineModel) -> Options:
         """What the statistics are told, of effects that can act here alone."""
         settings, question = self.config.diagnosis, self.question
         acting = {candidate.name for candidate in model.candidates}
@@ -113,7 +115,7 @@ class DiagnosisCase(Case):
             refitted=settings.refitted,
         )
 
-    def left_out(self, model: MPMModel) -> dict[str, str]:
+    def left_out(self, model: EngineModel) -> dict[str, str]:
         """Effects that are not tested, and why: they cannot act here, or an engineer knows better.
 
         Those that are merely not asked for are not among them.

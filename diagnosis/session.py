@@ -21,6 +21,7 @@ import geometry
 import inversion
 import mpm_taichi
 from diagnosis.case import DiagnosisCase, diagnosis_case
+from diagnosis.hypotheses.engine_model import EngineModel
 from diagnosis.hypotheses.hypothesis_file import (
     BASE,
     FOLDER,
@@ -29,7 +30,6 @@ from diagnosis.hypotheses.hypothesis_file import (
     find_hypothesis,
     load_hypothesis,
 )
-from diagnosis.hypotheses.mpm_model import MPMModel
 from diagnosis.options import Options
 from diagnosis.verdict.sections_file import save_sections
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
@@ -76,7 +76,7 @@ class Session:
     began: float = field(default_factory=time.perf_counter)
 
     @cached_property
-    def model(self) -> MPMModel:
+    def model(self) -> EngineModel:
         """The model as the statistics see it."""
         return self.case.model(self.store)
 

@@ -44,10 +44,7 @@ from pipeline.progress import Cancel, Cancelled, Report, Watch
 if TYPE_CHECKING:
     from diagnosis.verdict.verdict import Verdict
     from geometry.case import Case
-    from inversion.back_analysis.back_analysis import BackAnalysis
-    from inversion.back_analysis.case import InversionCase
     from inversion.back_analysis.result import Result
-    from inversion.engines.run_store import RunStore
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
     from mpm_taichi.trajectory import Run
@@ -206,7 +203,7 @@ def back_analyse(
     case: str | os.PathLike[str] | Case,
     *,
     out: str | os.PathLike[str] | None = None,
-    engine: Literal["mpm", "gns"] | None = None,
+    engine: str | None = None,
     model: str | os.PathLike[str] | None = None,
     method: Literal["gauss_newton", "lbfgsb"] | None = None,
     quick: bool = False,
@@ -251,8 +248,8 @@ def back_analyse(
         Cancelled: the caller asked for it.
     """
     from inversion.back_analysis.case import inversion_case
+    from inversion.back_analysis.engine_choice import chosen_engine
     from inversion.back_analysis.result_files import save_all
-    from inversion.engines.registry import chosen_engine
     from inversion.engines.run_store import RunStore
 
     watch = Watch(progress, cancel)
@@ -265,12 +262,7 @@ def back_analyse(
         )
         choice = chosen_engine(asked, engine, None if model is None else os.fspath(model))
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        if choice.name == "mpm":
-            from inversion.back_analysis.back_analysis import BackAnalysis
-
-            analysis = BackAnalysis(asked, store, watch.say, watch)
-        else:
-            analysis = _with_learned_simulator(asked, store, watch, choice.model, folder)
+        analysis = choice.engine.back_analysis(asked, store, watch, choice.model, folder)
         return save_all(analysis, analysis.run(), folder)
 
 
@@ -281,26 +273,6 @@ def _with_choices(case: Case, method: str | None, quick: bool) -> Case:
         changes |= {"starts": 1, "noise_seeds": 0, "variants": False, "sensitivities": False}
     chosen = case.config.inversion.model_copy(update=changes)
     return replace(case, config=case.config.model_copy(update={"inversion": chosen}))
-
-
-def _with_learned_simulator(
-    case: InversionCase, store: RunStore, watch: Watch, model: Path, folder: Path
-) -> BackAnalysis:
-    from inversion.back_analysis.with_learned_simulator import SurrogateAnalysis
-    from inversion.engines.gns_engine import prepare
-    from inversion.engines.rollout_store import RolloutStore
-    from inversion.engines.trained_model import load_model
-
-    prepare(store.device, store.threads)
-    return SurrogateAnalysis(
-        case,
-        store,
-        watch.say,
-        watch,
-        model=load_model(model, store.device),
-        rollouts=RolloutStore(folder / "rollouts"),
-        on_frame=watch.frame_done,
-    )
 
 
 def predict(

@@ -184,10 +184,10 @@ class SimulationSettings(Settings):
 class InversionSettings(Settings):
     """How strengths are found from measurements. What is sought is in a case's inversion.yaml."""
 
-    engine: Literal["mpm", "gns"] = Field(
+    engine: str = Field(
         "mpm",
-        description="what simulates: the material point method, or a learned simulator that is "
-        "differentiated (Diff-GNS)",
+        description="what simulates: mpm, the material point method, or gns, a learned simulator "
+        "that is differentiated (Diff-GNS)",
     )
     model: str = Field(
         "", description="of the engine gns: a folder with model.pt, or a name in models/"

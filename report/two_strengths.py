@@ -24,7 +24,7 @@ from diagnosis.verdict.verdict import (
 )
 from inversion.back_analysis.result import FILE_NAME as RESULT_FILE
 from inversion.back_analysis.result import FittedTo, Result, load_result
-from inversion.engines.registry import FOLDERS
+from inversion.engines.registry import engines
 from pipeline.cli import InputError
 from pipeline.config import validate_settings
 from pipeline.files import read_json
@@ -138,10 +138,11 @@ def _reason(differences: list[tuple[float, float, str]], base: FittedModelSummar
 
 def _back_analysis(results: Path) -> Result | None:
     """The back-analysis, by the material point method first; None: none, or not readable."""
-    for name in FOLDERS.values():
-        if (results / name / RESULT_FILE).is_file():
+    for engine in engines().values():
+        folder = results / engine.folder
+        if (folder / RESULT_FILE).is_file():
             try:
-                return load_result(results / name)
+                return load_result(folder)
             except InputError:
                 continue
     return None

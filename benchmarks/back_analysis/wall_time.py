@@ -19,8 +19,9 @@ import numpy as np
 
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_most
-from inversion.engines.mpm_engine import MPMEngine, Setup
+from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
+from inversion.engines.setup import Setup
 from inversion.estimation.unknowns import Parameters
 
 TITLE = "Wall time of forward and gradient"

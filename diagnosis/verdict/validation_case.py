@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.hypotheses.mpm_model import MPMModel
+from diagnosis.hypotheses.engine_model import EngineModel
 from diagnosis.verdict.verdict import ValidationCase
 from diagnosis.verdict.verdict_document import Diagnosed
 from inversion.estimation.covariance import covariance
@@ -41,7 +41,7 @@ def validated(session: Session, found: Diagnosed) -> ValidationCase | None:
     return ValidationCase(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
 
 
-def misfit(model: MPMModel, rows: np.ndarray) -> float:
+def misfit(model: EngineModel, rows: np.ndarray) -> float:
     """chi2 of all measured numbers, predicted by the mean of replicates (n, m); nothing fitted."""
     targets, used = model.targets, _used(model)
     total = covariance(targets.covariance, replicates=rows).total[np.ix_(used, used)]
@@ -52,12 +52,12 @@ def misfit(model: MPMModel, rows: np.ndarray) -> float:
     return float(off @ np.linalg.solve(total, off))
 
 
-def _used(model: MPMModel) -> np.ndarray:
+def _used(model: EngineModel) -> np.ndarray:
     """(m,) bool: measured and not constructed; what the other case holds out counts too."""
     return np.array([role in ("fitted", "held out") for role in model.targets.roles])
 
 
-def _there(model: MPMModel, fit: Fit, seed: int) -> State:
+def _there(model: EngineModel, fit: Fit, seed: int) -> State:
     """A fit as a state of the other case."""
     found = fit.space.parameters.as_mapping(fit.space.values(fit.x))
     own = model.parameters.as_mapping(model.parameters.prior_mean)

@@ -17,6 +17,8 @@ DESCRIPTION = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
+    from inversion.engines.registry import engines
+
     options.add_case(parser)
     parser.add_argument(
         "--out",
@@ -26,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--engine",
-        choices=("mpm", "gns"),
+        choices=tuple(engines()),
         help="material point method, or a learned simulator that is differentiated; default: the "
         "question's, else inversion.engine",
     )
@@ -60,7 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Find the answer, write it, print it."""
     from flowslide import api
     from inversion.back_analysis.case import inversion_case
-    from inversion.engines.registry import FOLDERS, chosen_engine
+    from inversion.back_analysis.engine_choice import chosen_engine
     from pipeline.config import load_config
     from pipeline.progress import Progress
     from report.back_analysis.summary import summary
@@ -75,12 +77,12 @@ def run(arguments: argparse.Namespace) -> None:
     )
     choice = chosen_engine(case, arguments.engine, arguments.model)
     beside = Path(case.config.results_folder) / case.name
-    folder = Path(arguments.out or beside / FOLDERS[choice.name])
+    folder = Path(arguments.out or beside / choice.engine.folder)
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         result = api.back_analyse(
             case,
             out=folder,
-            engine=choice.name,
+            engine=choice.engine.name,
             model=choice.model,
             method=arguments.method,
             quick=arguments.quick,

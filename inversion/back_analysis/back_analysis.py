@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -33,8 +33,9 @@ from inversion.back_analysis.result import (
     VariantAnswer,
 )
 from inversion.back_analysis.variants import Changed
-from inversion.engines.mpm_engine import MPMEngine, Setup
+from inversion.engines.registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
+from inversion.engines.setup import Setup
 from inversion.estimation.calibrate import calibrate, further_starts
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.misfit import Objective
@@ -56,6 +57,7 @@ class BackAnalysis:
         store: where runs of the material point method are kept.
         say: told in a line what is happening.
         watch: told of the stages.
+        engine_name: of the engine that predicts, as in the registry.
     """
 
     case: InversionCase
@@ -74,9 +76,7 @@ class BackAnalysis:
     remarks: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
     runs: int = 0
-
-    #: The engine's name in the result.
-    engine_name: ClassVar[str] = "mpm"
+    engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
         self.engine = self.engine_of(self.case.setup)
@@ -121,7 +121,7 @@ class BackAnalysis:
 
     def engine_of(self, setup: Setup) -> Forward:
         """The forward engine of a reading of the question."""
-        return MPMEngine(setup, self.store)
+        return engine_named(self.engine_name).forward(setup, self.store)
 
     def objective_of(self, setup: Setup) -> Objective:
         """What is made small for a reading of the question."""

@@ -13,7 +13,7 @@ from functools import cached_property
 from geometry.case import Case
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
-from inversion.engines.mpm_engine import Setup
+from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.misfit import Objective
 from inversion.estimation.unknowns import Parameters

@@ -270,7 +270,7 @@ class EngineAnswer(Part):
     """The answer to the same question as one engine gives it, for comparison."""
 
     name: str = Field(description="in words")
-    engine: Literal["mpm", "gns"] = Field(description="what simulated")
+    engine: str = Field(description="what simulated, as in `engine` of the result")
     note: str = Field(description="what it is")
     spacing_m: float = Field(description="between material points")
     values: dict[str, float] = Field(description="parameters by name")

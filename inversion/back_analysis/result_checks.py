@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from inversion.engines.registry import engines
+
 if TYPE_CHECKING:
     from inversion.back_analysis.result import Result
 
-ENGINES = ("mpm", "gns")
 METHOD_KEYS = ("title", "value_kpa", "low_kpa", "high_kpa")
 """What is shown of a classical method."""
 
@@ -48,8 +49,8 @@ def check_whole(result: Result) -> None:
         ("engine", result.engine),
         *((f"engines.{number}.engine", one.engine) for number, one in enumerate(result.engines)),
     ):
-        if engine not in ENGINES:
-            raise ValueError(f"{field}: {engine!r}; allowed are {', '.join(ENGINES)}")
+        if engine not in engines():
+            raise ValueError(f"{field}: {engine!r}; allowed are {', '.join(engines())}")
     check_classical(result.classical)
     for name, entry in result.published.items():
         _check_range(f"published.{name}", [entry.get(key) for key in ("value", "low", "high")])

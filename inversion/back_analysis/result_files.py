@@ -11,9 +11,9 @@ import numpy as np
 
 from geometry.scenes.fill import fill
 from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.engine_choice import side_by_side
 from inversion.back_analysis.result import Result, save_result
 from inversion.back_analysis.result_checks import check_classical
-from inversion.engines.registry import side_by_side
 from inversion.engines.run_store import write_arrays
 from pipeline.cli import InputError
 from pipeline.files import read_json, write_text

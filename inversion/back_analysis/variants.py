@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from geometry.scenes.scene import Point, Scene, document_error, scene_from_mapping
-from inversion.engines.mpm_engine import Setup
+from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
 from inversion.problem.question import (
     CellSize,

@@ -11,19 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 import gns
 from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.engine_choice import own_answer
 from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
 from inversion.back_analysis.variants import Changed
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
-from inversion.engines.mpm_engine import MPMEngine, Setup
-from inversion.engines.registry import own_answer
+from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
+from inversion.engines.setup import Setup
 from inversion.engines.trained_model import Model
 from inversion.estimation.calibrate import calibrate
 from inversion.estimation.misfit import Objective
@@ -52,7 +54,7 @@ class SurrogateAnalysis(BackAnalysis):
         judged: what the material point method predicts at the answer.
     """
 
-    engine_name: ClassVar[str] = "gns"
+    engine_name: str = "gns"
 
     model: Model
     rollouts: RolloutStore
@@ -197,7 +199,7 @@ class SurrogateAnalysis(BackAnalysis):
     ) -> EngineAnswer:
         loss = self.case.objective().value(prediction)
         return EngineAnswer(
-            name={"mpm": "material point method", "gns": "Diff-GNS"}[engine],
+            name=engine_named(engine).title,
             engine=engine,
             note=note,
             spacing_m=self.case.scene.spacing,

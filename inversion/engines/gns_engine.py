@@ -29,7 +29,6 @@ from gns.rollout.differentiate import REVERSE_COST, jacobian, reverse_jacobian
 from gns.rollout.rollout import Rest, RestWatch, frames_of, wrong_step
 from gns.rollout.traced_rollout import trace
 from gns.rollout.zone_parameters import Sought, scene_function
-from inversion.engines.mpm_engine import Setup, prediction_of
 from inversion.engines.rollout_readings import RolledOut, RolloutReading
 from inversion.engines.rollout_store import (
     RolloutStore,
@@ -38,6 +37,7 @@ from inversion.engines.rollout_store import (
     rollout_key,
 )
 from inversion.engines.run_store import KeptRun
+from inversion.engines.setup import Setup, prediction_of
 from inversion.engines.trained_model import Model
 from inversion.problem.forward import Forward, Prediction
 from inversion.problem.question import material_key

@@ -1,51 +1,19 @@
 """The material point method as a forward engine.
 
-A `Setup` is one reading of the question: the section before the values are put in, the settings of
-the simulation, the measurements. `inversion.back_analysis.variants` makes other readings of it.
 Derivatives are finite differences from one batch of perturbed scenes with common seeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 
 import numpy as np
 
 from geometry.scenes.scene import Scene
-from geometry.survey.measured import Deposit
-from inversion.engines.run_store import HistoryReader, KeptRun, RunStore
-from inversion.estimation.data import Targets, read, toes_by_eye
+from inversion.engines.run_store import KeptRun, RunStore
+from inversion.engines.setup import Setup, prediction_of, read_start
 from inversion.estimation.derivatives import by_differences
-from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Forward, Prediction
-from inversion.problem.question import RESIDUAL_STRENGTH
-from pipeline.config import SimulationSettings
-
-
-@dataclass(frozen=True)
-class Setup:
-    """One reading of the question.
-
-    Attributes:
-        scene: the section, before the values of the parameters are put in.
-        settings: of the simulation.
-        parameters: what is sought.
-        targets: what is predicted.
-        foot: where the section ended before the slide, x [m] by side.
-    """
-
-    scene: Scene
-    settings: SimulationSettings
-    parameters: Parameters
-    targets: Targets
-    foot: Mapping[str, float]
-
-    @cached_property
-    def reader(self) -> HistoryReader:
-        """Reads what needs the whole history of a run."""
-        return HistoryReader(self.targets.entries, self.foot)
 
 
 class MPMEngine:
@@ -75,6 +43,10 @@ class MPMEngine:
         """Prediction and finite differences, one batch; see `inversion.problem.forward.Forward`."""
         return by_differences(self, np.asarray(values, dtype=float), steps)
 
+    def kept_run(self, values: np.ndarray) -> KeptRun:
+        """The whole run of a parameter vector, for pictures."""
+        return self.store.fetch([(self.scene(values), self.setup.settings)], [self.setup.reader])[0]
+
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
         """One parameter vector for each of several engines, as one batch."""
         engines: list[MPMEngine] = [engine for engine, _ in requests]
@@ -82,67 +54,13 @@ class MPMEngine:
         runs = self.store.fetch(wanted, [engine.setup.reader for engine in engines])
         for engine in engines:
             engine.runs += 1
-        starts: dict[tuple[int, bytes], np.ndarray] = {}
+        starts: dict[tuple, np.ndarray] = {}
         found = []
         for engine, run in zip(engines, runs, strict=True):
             # Runs that differ in strength alone begin from the same points.
-            key = (id(engine.setup), run.initial.tobytes())
+            setup = engine.setup
+            key = (id(setup.targets), tuple(setup.foot.items()), run.initial.tobytes())
             if key not in starts:
                 starts[key] = read_start(engine.setup, run)
             found.append(prediction_of(engine.setup, run, starts[key]))
         return found
-
-
-def read_start(setup: Setup, run: KeptRun) -> np.ndarray:
-    """The measurements read on the section before anything moved, (m,)."""
-    return read(setup.targets, deposit_of(setup, run, last=False))[0]
-
-
-def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None) -> Prediction:
-    """Read the measurements on a run; `at_start` is `read_start` where that is known."""
-    end = deposit_of(setup, run)
-    failed = run.status == "failed"
-    values, trouble = read(setup.targets, end, run.readings)
-    if failed:
-        values = np.full(len(values), np.nan)
-    if at_start is None:
-        at_start = read_start(setup, run)
-    mean, spread = _sigma_v0(setup, run)
-    broken = failed or not np.all(np.isfinite(values[setup.targets.fitted]))
-    return Prediction(
-        values=values,
-        at_start=at_start,
-        by_eye={} if failed else toes_by_eye(setup.targets, end),
-        positions=run.final,
-        status="failed" if broken else "finished",
-        reason=run.reason or trouble,
-        sigma_v0_kpa=mean,
-        sigma_v0_std_kpa=spread,
-        run_time_s=run.wall_time_s,
-        at_rest=run.at_rest or failed,
-    )
-
-
-def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
-    """The points of a run as measurements see them: after the slide, or before it."""
-    return Deposit.on(
-        setup.scene,
-        setup.foot,
-        (run.final if last else run.initial).astype(float),
-        run.initial.astype(float),
-        volume=run.volume if last else None,
-        at_rest=run.at_rest or not last,
-    )
-
-
-def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
-    place = {zone.name: number for number, zone in enumerate(setup.scene.zones)}
-    mean, spread = [], []
-    for spec in setup.parameters.specs:
-        member = np.isin(run.zone, [place[name] for name in spec.zones])
-        known = spec.property == RESIDUAL_STRENGTH and member.any()
-        stress = 1e-3 * run.vertical_stress[member].astype(float)
-        mean.append(float(stress.mean()) if known else np.nan)
-        spread.append(float(stress.std()) if known else np.nan)
-    return np.array(mean), np.array(spread)

@@ -1,106 +1,153 @@
-"""Which engine answers, and what each of them has said to the same question.
+"""The forward engines by name: what each is called, where its results lie, how it is made.
 
-In: command line, question and configuration; the folders of results that lie side by side. Out: the
-engine with its model's folder; `EngineAnswer`s of one table. Nothing heavy is imported here.
+A new engine is two files: one that predicts (`inversion.problem.forward.Forward`) and one that
+registers it with `register_engine`; back-analysis, prediction, diagnosis, commands and reports find
+it by its name. Nothing heavy is imported before an engine is used.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from inversion.back_analysis.case import InversionCase
-from inversion.back_analysis.result import FILE_NAME, EngineAnswer, Result, load_result
 from pipeline.cli import InputError
-from pipeline.places import MODELS, names_of, resolve
 
-Name = Literal["mpm", "gns"]
-#: Folder of an engine's result below results/<case>/.
-FOLDERS: dict[str, str] = {"mpm": "inversion", "gns": "inversion_gns"}
-WORDS: dict[str, str] = {"mpm": "material point method", "gns": "Diff-GNS"}
+if TYPE_CHECKING:
+    from inversion.back_analysis.back_analysis import BackAnalysis
+    from inversion.back_analysis.case import InversionCase
+    from inversion.engines.run_store import RunStore
+    from inversion.engines.setup import Setup
+    from inversion.problem.forward import Forward
+    from pipeline.progress import Watch
+
+#: The engine that judges the others.
+REFERENCE = "mpm"
 
 
 @dataclass(frozen=True)
-class Choice:
-    """An engine, and for `gns` the folder of its model."""
+class Engine:
+    """A forward engine.
 
-    name: Name
-    model: Path | None = None
+    Attributes:
+        name: in options, questions and documents.
+        title: heading of a table.
+        description: as part of a sentence.
+        short: in a chart.
+        folder: of its results, below results/<case>/.
+        forward: makes it for one reading of a question; runs are kept in the store.
+        trained: it needs a trained model, whose folder `analysis` is given.
+        effects: it simulates the physical effects of a scene.
+        analysis: the back-analysis by it, from a case, a store of runs, a watch, the model's folder
+            and that of the results; None: the usual one.
+    """
+
+    name: str
+    title: str
+    description: str
+    short: str
+    folder: str
+    forward: Callable[[Setup, RunStore], Forward] | None = None
+    trained: bool = False
+    effects: bool = True
+    analysis: Callable[[InversionCase, RunStore, Watch, Path | None, Path], BackAnalysis] | None = (
+        None
+    )
+
+    @property
+    def label(self) -> str:
+        """Name for a terminal, with what it is short for."""
+        return self.name if self.name == self.short.lower() else f"{self.name} ({self.short})"
+
+    def back_analysis(
+        self,
+        case: InversionCase,
+        store: RunStore,
+        watch: Watch,
+        model: Path | None = None,
+        folder: Path = Path(),
+    ) -> BackAnalysis:
+        """The back-analysis of a case by this engine."""
+        if self.analysis is not None:
+            return self.analysis(case, store, watch, model, folder)
+        from inversion.back_analysis.back_analysis import BackAnalysis
+
+        return BackAnalysis(case, store, watch.say, watch, engine_name=self.name)
 
 
-def chosen_engine(case: InversionCase, engine: str | None, model: str | None) -> Choice:
-    """The engine of a back-analysis: the command line's, else the question's, else the settings'.
+def _mpm(setup: Setup, store: RunStore) -> Forward:
+    from inversion.engines.mpm_engine import MPMEngine
 
-    Args:
-        case: with its question and settings.
-        engine: of the command line; None: not given.
-        model: the same.
+    return MPMEngine(setup, store)
+
+
+def _with_learned_simulator(
+    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
+) -> BackAnalysis:
+    from inversion.back_analysis.with_learned_simulator import SurrogateAnalysis
+    from inversion.engines.gns_engine import prepare
+    from inversion.engines.rollout_store import RolloutStore
+    from inversion.engines.trained_model import load_model
+
+    prepare(store.device, store.threads)
+    return SurrogateAnalysis(
+        case,
+        store,
+        watch.say,
+        watch,
+        model=load_model(model, store.device),
+        rollouts=RolloutStore(folder / "rollouts"),
+        on_frame=watch.frame_done,
+    )
+
+
+_engines: dict[str, Engine] = {}
+
+
+def register_engine(engine: Engine) -> Engine:
+    """Make an engine known by its name; one of the same name gives way."""
+    _engines[engine.name] = engine
+    return engine
+
+
+def engines() -> Mapping[str, Engine]:
+    """All engines by name."""
+    return MappingProxyType(_engines)
+
+
+def engine_named(name: str, source: str = "") -> Engine:
+    """The engine of a name.
 
     Raises:
-        InputError: a model for an engine without one, or the engine gns without a model.
+        InputError: there is none; `source` says where the name stands.
     """
-    settings = case.config.inversion
-    name = engine or case.question.engine or settings.engine
-    if name == "mpm":
-        if model is not None:
-            raise InputError(f"--model {model}: goes with --engine gns; the engine is mpm")
-        return Choice("mpm")
-    text = model or case.question.model or settings.model
-    if not text:
-        known = ", ".join(names_of(MODELS, "model.pt")) or "none"
-        raise InputError(
-            f"{case.source}: engine: gns needs a model: give --model DIR, model in this file, or "
-            f"inversion.model; models/ has {known}"
-        )
-    return Choice("gns", resolve(text, MODELS))
+    if name not in _engines:
+        where = f"{source}: " if source else ""
+        raise InputError(f"{where}engine: no engine {name!r}; there are {', '.join(_engines)}")
+    return _engines[name]
 
 
-def own_answer(result: Result) -> EngineAnswer:
-    """The answer of a result's own engine."""
-    parameters = result.answer.parameters
-    return EngineAnswer(
-        name=WORDS[result.engine],
-        engine=result.engine,
-        note="its own answer" if result.engine == "mpm" else "corrected by runs beside it",
-        spacing_m=result.spacing_m,
-        values={p.name: p.value for p in parameters},
-        std={p.name: p.std_total for p in parameters},
-        predicted={m.name: m.predicted for m in result.measurements if m.role != "constructed"},
-        loss=result.answer.loss,
+register_engine(
+    Engine(
+        name=REFERENCE,
+        title="material point method",
+        description="the material point method",
+        short="MPM",
+        folder="inversion",
+        forward=_mpm,
     )
-
-
-def side_by_side(result: Result, folder: Path) -> list[EngineAnswer]:
-    """The engines' answers to the same question, as far as they are there; empty: one alone.
-
-    Args:
-        result: of one engine, to be written into `folder`.
-        folder: the other engine's is looked for beside it.
-    """
-    other = _other(result, folder)
-    if result.engine == "mpm":
-        rows = [] if other is None else [row for row in other.engines if not _is_own_mpm(row)]
-        return [*rows, own_answer(result)] if rows else []
-    rows = [row for row in result.engines if not _is_own_mpm(row)]
-    return rows if other is None else [*rows, own_answer(other)]
-
-
-def _other(result: Result, folder: Path) -> Result | None:
-    """What the other engine has answered to the same question, if it has."""
-    name = "gns" if result.engine == "mpm" else "mpm"
-    beside = folder.resolve().parent / FOLDERS[name]
-    if beside == folder.resolve() or not (beside / FILE_NAME).is_file():
-        return None
-    found = load_result(beside)
-    same = (
-        found.engine == name
-        and found.case == result.case
-        and found.measurement_set == result.measurement_set
-        and [p.name for p in found.answer.parameters] == [p.name for p in result.answer.parameters]
+)
+register_engine(
+    Engine(
+        name="gns",
+        title="Diff-GNS",
+        description="a learned simulator (Diff-GNS)",
+        short="Diff-GNS",
+        folder="inversion_gns",
+        trained=True,
+        effects=False,
+        analysis=_with_learned_simulator,
     )
-    return found if same else None
-
-
-def _is_own_mpm(row: EngineAnswer) -> bool:
-    return row.engine == "mpm" and bool(row.std)
+)

@@ -13,7 +13,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Deposit
-from inversion.engines.mpm_engine import Setup
+from inversion.engines.setup import Setup
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from geometry.case import SIDES, Case
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Measured, SingleLength
 from geometry.survey.toe_runout import ToeRunout
-from inversion.engines.mpm_engine import Setup
+from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
 from inversion.prediction.known_strength import KnownStrength

@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, document_error
+from inversion.engines.registry import engines
 from pipeline.cli import InputError, say_once
 from pipeline.files import read_yaml
 
@@ -221,8 +222,8 @@ class Question(Document):
     loss: Literal["runout", "misfit"] = Field(
         "runout", description="runout: squared error of the runouts [m2]; misfit: standardised"
     )
-    engine: Literal["mpm", "gns"] | None = Field(
-        None, description="what simulates; null: inversion.engine of the configuration"
+    engine: str | None = Field(
+        None, description="what simulates, mpm or gns; null: inversion.engine of the configuration"
     )
     model: str | None = Field(
         None,
@@ -238,6 +239,14 @@ class Question(Document):
     sensitivities: list[Sensitivity] = Field(
         default_factory=list, description="what moves the answer beside the survey's error"
     )
+
+    @field_validator("engine")
+    @classmethod
+    def _known_engine(cls, name: str | None) -> str | None:
+        """The engine is one of the registry."""
+        if name is not None and name not in engines():
+            raise ValueError(f"no engine {name!r}; there are {', '.join(engines())}")
+        return name
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Question:

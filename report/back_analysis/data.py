@@ -17,9 +17,9 @@ import numpy as np
 from geometry.case import Case, load_case
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
+from inversion.back_analysis.engine_choice import side_by_side
 from inversion.back_analysis.result import ParameterAnswer, Result, load_result
 from inversion.back_analysis.result_files import RUN, SECTIONS, classical_beside
-from inversion.engines.registry import side_by_side
 from inversion.problem.question import RESIDUAL_STRENGTH
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError

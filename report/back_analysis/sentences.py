@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
+from inversion.engines.registry import engine_named
 from report.back_analysis.data import ReportData
 from report.charts.measured import groups
-from report.charts.methods import ENGINES
 
 FAR, FAR_SHARE = 2.0, 0.1
 """Standard deviations beyond which a difference is called a misfit; share of a series that may."""
@@ -26,7 +26,6 @@ ALONE = 0.98
 
 MINUS = "\N{MINUS SIGN}"
 
-ENGINE_WORDS = {"mpm": "the material point method", "gns": "a learned simulator (Diff-GNS)"}
 SYMBOL = {"kPa": "kPa", "deg": "°", "kg/m3": "kg/m³"}
 
 
@@ -66,7 +65,7 @@ def answer_sentence(data: ReportData) -> str:
         if p.ratio is not None:
             ratio = f" (S_r/σ'_v0 = {p.ratio:.3f} ± {p.ratio_std:.3f})"
         parts.append(f"{p.label}: {value(p)}{ratio}{_as_good(p)}")
-    engine = ENGINE_WORDS.get(result.engine, result.engine)
+    engine = engine_named(result.engine).description
     how = f"by {engine} at {result.spacing_m:g} m spacing{water_words(data)}"
     end = (
         "" if result.answer.reached else " NOT FITTED: the search ended before the loss was small."
@@ -311,7 +310,7 @@ def variant_sentence(data: ReportData) -> str:
     p = data.strengths[0]
     found = [(v.values[p.name], v.name) for v in data.result.variants]
     low, high = min(found), max(found)
-    engine = ENGINES.get(data.result.engine, data.result.engine)
+    engine = engine_named(data.result.engine).short
     if len(found) == 1:
         return f"{p.label}: {p.value:.1f} {unit(p)} as asked ({engine}), {low[0]:.1f} {low[1]}."
     return (

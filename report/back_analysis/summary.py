@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from inversion.back_analysis.result import ParameterAnswer, Result
+from inversion.engines.registry import engine_named
 from pipeline.table import aligned
-
-#: What simulated, in the first line.
-ENGINE_NAMES = {"mpm": "mpm", "gns": "gns (Diff-GNS)"}
 
 
 def summary(result: Result) -> str:
@@ -30,7 +28,7 @@ def _heading(result: Result) -> str:
     unit = " m2" if answer.loss_unit == "m2" else ""
     iterations = max(line.iteration for line in result.iterations)
     return (
-        f"{result.title}: back-analysis by {ENGINE_NAMES[result.engine]} at "
+        f"{result.title}: back-analysis by {engine_named(result.engine).label} at "
         f"{result.spacing_m:g} m, measurements {result.measurement_set!r}\n"
         f"{end}{answer.words}; loss {answer.loss:.3g}{unit} after {iterations} iterations and "
         f"{result.runs_to_answer} simulations ({result.runs} in all, "

@@ -14,6 +14,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
+from inversion.engines.registry import engine_named
 from report.back_analysis.data import ReportData
 from report.charts.style import (
     CLASSICAL,
@@ -29,7 +30,6 @@ from report.charts.style import (
 from report.pictures.scene import HALO, TEXT_COLOUR
 
 ROW, ABOVE, BELOW, LEFT, RIGHT = 0.27, 0.42, 0.55, 2.1, 0.95
-ENGINES = {"mpm": "MPM", "gns": "Diff-GNS"}
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def draw_methods(data: ReportData, path: Path) -> Path | None:
 
 def _ours(data: ReportData, names: list[str]) -> Iterator[Strength]:
     """Our answers with one standard deviation and 95 %, then other readings of the question."""
-    engine = ENGINES.get(data.result.engine, data.result.engine)
+    engine = engine_named(data.result.engine).short
     several = len(names) > 1
     for p in data.strengths:
         if p.name in names:
@@ -139,7 +139,7 @@ def _engines(data: ReportData, names: list[str]) -> Iterator[Strength]:
             zones = f", zone {', '.join(p.zones)}" if len(names) > 1 else ""
             value, std = row.values[p.name], row.std.get(p.name)
             low, high = (None, None) if std is None else (max(value - std, 0.0), value + std)
-            label = f"{ENGINES[row.engine]}, {row.note}{zones}"
+            label = f"{engine_named(row.engine).short}, {row.note}{zones}"
             yield Strength(label, value, low, high, "engine", hollow=std is None)
 
 

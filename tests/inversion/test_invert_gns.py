@@ -12,10 +12,10 @@ import pytest
 
 from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
+from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result, load_result, schema_text
 from inversion.back_analysis.result_files import save_all
 from inversion.back_analysis.with_learned_simulator import SOURCE, SurrogateAnalysis
-from inversion.engines.registry import chosen_engine, side_by_side
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
 from inversion.engines.trained_model import load_model

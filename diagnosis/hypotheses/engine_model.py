@@ -1,10 +1,10 @@
-"""The material point method as the model of a diagnosis.
+"""A forward engine as the model of a diagnosis.
 
-In: a case (`diagnosis.case`) and a store of runs by content. Out:
-`diagnosis.hypotheses.model.Model`. A state becomes a scene (parameters, boundaries moved, effects
-switched on, points jittered) with settings (transfer scheme); all scenes of a batch are simulated
-together, so that every core works, and each distinct one once. Errors of the survey move the
-prediction and need no run.
+In: a case (`diagnosis.case`), an engine of the registry and a store of runs by content. Out:
+`diagnosis.hypotheses.model.Model`. A state becomes a reading of the question of its own: a scene
+(parameters, boundaries moved, effects switched on, points jittered) with settings (transfer
+scheme). All of a batch are predicted together, so that every core works, and each distinct one
+once. Errors of the survey move the prediction and need no run.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
 from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
 from diagnosis.selection.possible_measurements import possible_measurements, proposal_of
 from geometry.scenes.scene import Scene, scene_from_mapping
-from inversion.engines.mpm_engine import Setup, deposit_of
-from inversion.engines.run_store import HistoryReader, KeptRun, RunStore
-from inversion.estimation.data import Targets, make_targets, read
+from inversion.engines.registry import REFERENCE, Engine, engine_named
+from inversion.engines.run_store import KeptRun, RunStore
+from inversion.engines.setup import Setup
+from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import State
+from inversion.problem.forward import Forward, State
 from inversion.problem.question import ZoneBoundary
 from mpm_taichi.effects import Effect, acting_scene, effects, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
@@ -55,12 +56,13 @@ class Numerics:
     finer: float = 1.5
 
 
-class MPMModel:
-    """`diagnosis.hypotheses.model.Model` by the material point method.
+class EngineModel:
+    """`diagnosis.hypotheses.model.Model` by a forward engine.
 
     Args:
         setup: section, settings, parameters and measurements of the base model.
         store: of the runs.
+        engine: what predicts; its runs are kept in the store.
         sensitivities: boundaries between zones that may lie elsewhere.
         numbers: effect -> further numbers of it, as in a scene.
         priors: candidate -> (mean, std) of its amplitude, in place of its own.
@@ -72,6 +74,7 @@ class MPMModel:
         setup: Setup,
         store: RunStore,
         *,
+        engine: Engine | None = None,
         sensitivities: Sequence[ZoneBoundary] = (),
         numbers: Mapping[str, Mapping[str, float]] | None = None,
         priors: Mapping[str, tuple[float, float]] | None = None,
@@ -79,6 +82,7 @@ class MPMModel:
     ) -> None:
         self.setup = setup
         self.store = store
+        self.engine = engine_named(REFERENCE) if engine is None else engine
         self.numerics = Numerics() if numerics is None else numerics
         self.numbers = {name: dict(given) for name, given in (numbers or {}).items()}
         self.failures: dict[State, str] = {}
@@ -86,6 +90,9 @@ class MPMModel:
         places, unmoved = boundaries(setup.scene, sensitivities)
         self._boundaries = {place.candidate.name: place for place in places}
         physics, idle = acting_candidates(setup.scene, self.numbers)
+        if not self.engine.effects:
+            idle |= {one.name: f"{self.engine.description} has no such effect" for one in physics}
+            physics = []
         every = [
             *physics,
             *(place.candidate for place in self._boundaries.values()),
@@ -156,9 +163,14 @@ class MPMModel:
     def curves(self) -> list[Curve]:
         """Strength of the liquefied soil as a function of what it might hang on."""
         zones = liquefied_zones(self.setup.scene)
-        if not zones:
+        if not zones or not self.engine.effects or not self.keeps_runs:
             return []
         return strength_curves(self.setup, self.points(self._first), zones)
+
+    @property
+    def keeps_runs(self) -> bool:
+        """The engine has whole runs, for pictures and for the stress before failure."""
+        return hasattr(self._forward(self._first, self.targets), "kept_run")
 
     @property
     def _first(self) -> State:
@@ -219,8 +231,7 @@ class MPMModel:
         """The kept run of a state, for pictures."""
         run = self.run_behind(state)
         self._asked.add(run)
-        setup = self.setup_of(run)
-        return self.store.fetch([(setup.scene, setup.settings)], [self._reader(setup)])[0]
+        return self._forward(run, self.targets).kept_run(np.array(run.values))
 
     def _entries(self, acting: Mapping[str, float]) -> dict[str, float | dict[str, float]]:
         """Amplitudes as a scene has them; the coefficients of a curve as one entry."""
@@ -238,30 +249,38 @@ class MPMModel:
         (curve,) = [one for one in self.curves if one.variable == variable]
         return curve_entry(variable, curve.knots, [acting.get(name, 0.0) for name in curve.names])
 
-    def _reader(self, setup: Setup) -> HistoryReader:
-        """Reads what was measured, and what could be, on all frames of a run as it ends."""
-        return HistoryReader([*self.targets.entries, *self._possible.entries], setup.foot)
+    def _forward(self, state: State, targets: Targets) -> Forward:
+        """The engine that predicts these numbers for the section of a state.
+
+        Measurements and proposals are both read as a run ends, whichever of them is asked for.
+
+        Raises:
+            InputError: there is no such section, or the engine does not know it.
+        """
+        both = (*self.targets.entries, *self._possible.entries)
+        setup = replace(self.setup_of(state), targets=targets, also_read=both)
+        return self.engine.forward(setup, self.store)
 
     def _read_all(self, states: list[State], targets: Targets) -> dict[State, np.ndarray]:
         """Measurements or proposals on distinct runs, one vector each."""
         self._asked.update(states)
         nothing = np.full(len(targets.names), np.nan)
         found = {state: nothing for state in states}
-        setups: dict[State, Setup] = {}
+        engines: dict[State, Forward] = {}
         for state in states:
             try:
-                setups[state] = self.setup_of(state)
+                engines[state] = self._forward(state, targets)
             except InputError as error:
                 self.failures[state] = str(error)
-        wanted = [(setup.scene, setup.settings) for setup in setups.values()]
-        runs = self.store.fetch(wanted, [self._reader(setup) for setup in setups.values()])
-        for (state, setup), run in zip(setups.items(), runs, strict=True):
-            if run.status == "failed":
-                self.failures[state] = run.reason
-                continue
-            found[state], trouble = read(targets, deposit_of(setup, run), run.readings)
-            if trouble and targets is self.targets:
-                self.failures[state] = trouble
+        if not engines:
+            return found
+        requests = [(engine, np.array(state.values)) for state, engine in engines.items()]
+        predictions = requests[0][0].predict_each(requests)
+        for state, prediction in zip(engines, predictions, strict=True):
+            found[state] = prediction.values
+            unread = not np.any(np.isfinite(prediction.values))
+            if prediction.reason and (unread or targets is self.targets):
+                self.failures[state] = prediction.reason
         return found
 
     def _moved_by_survey(self, state: State) -> np.ndarray:

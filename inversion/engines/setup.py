@@ -1,0 +1,104 @@
+"""What every engine is given, and how a kept run becomes a prediction.
+
+A `Setup` is one reading of the question: the section before the values are put in, the settings of
+the simulation, the measurements. `inversion.back_analysis.variants` makes other readings of it, the
+diagnosis one for each state of its effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from geometry.scenes.scene import Scene
+from geometry.survey.measured import Deposit, Measured
+from inversion.engines.run_store import HistoryReader, KeptRun
+from inversion.estimation.data import Targets, read, toes_by_eye
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.forward import Prediction
+from inversion.problem.question import RESIDUAL_STRENGTH
+from pipeline.config import SimulationSettings
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One reading of the question.
+
+    Attributes:
+        scene: the section, before the values of the parameters are put in.
+        settings: of the simulation.
+        parameters: what is calibrated.
+        targets: what is predicted.
+        foot: where the section ended before the slide, x [m] by side.
+        also_read: further measurements that are read as a run ends, which keeps no history.
+    """
+
+    scene: Scene
+    settings: SimulationSettings
+    parameters: Parameters
+    targets: Targets
+    foot: Mapping[str, float]
+    also_read: tuple[Measured, ...] = ()
+
+    @cached_property
+    def reader(self) -> HistoryReader:
+        """Reads what needs the whole history of a run."""
+        return HistoryReader([*self.targets.entries, *self.also_read], self.foot)
+
+
+def read_start(setup: Setup, run: KeptRun) -> np.ndarray:
+    """The measurements read on the section before anything moved, (m,)."""
+    return read(setup.targets, deposit_of(setup, run, last=False))[0]
+
+
+def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None) -> Prediction:
+    """Read the measurements on a run; `at_start` is `read_start` where that is known."""
+    end = deposit_of(setup, run)
+    failed = run.status == "failed"
+    values, trouble = read(setup.targets, end, run.readings)
+    if failed:
+        values = np.full(len(values), np.nan)
+    if at_start is None:
+        at_start = read_start(setup, run)
+    mean, spread = _sigma_v0(setup, run)
+    broken = failed or not np.all(np.isfinite(values[setup.targets.fitted]))
+    return Prediction(
+        values=values,
+        at_start=at_start,
+        by_eye={} if failed else toes_by_eye(setup.targets, end),
+        positions=run.final,
+        status="failed" if broken else "finished",
+        reason=run.reason or trouble,
+        sigma_v0_kpa=mean,
+        sigma_v0_std_kpa=spread,
+        run_time_s=run.wall_time_s,
+        at_rest=run.at_rest or failed,
+    )
+
+
+def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
+    """The points of a run as measurements see them: after the slide, or before it."""
+    return Deposit.on(
+        setup.scene,
+        setup.foot,
+        (run.final if last else run.initial).astype(float),
+        run.initial.astype(float),
+        volume=run.volume if last else None,
+        at_rest=run.at_rest or not last,
+    )
+
+
+def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
+    place = {zone.name: number for number, zone in enumerate(setup.scene.zones)}
+    mean, spread = [], []
+    for spec in setup.parameters.specs:
+        member = np.isin(run.zone, [place[name] for name in spec.zones])
+        known = spec.property == RESIDUAL_STRENGTH and member.any()
+        stress = 1e-3 * run.vertical_stress[member].astype(float)
+        mean.append(float(stress.mean()) if known else np.nan)
+        spread.append(float(stress.std()) if known else np.nan)
+    return np.array(mean), np.array(spread)

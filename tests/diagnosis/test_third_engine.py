@@ -1,0 +1,93 @@
+"""A third engine is two files: back-analysis, prediction and diagnosis find it by its name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.case import diagnosis_case
+from diagnosis.hypotheses.model import Model
+from diagnosis.loop import diagnose
+from diagnosis.options import Options
+from geometry.case import load_case
+from inversion.back_analysis.case import inversion_case
+from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
+from inversion.back_analysis.result import Result
+from inversion.engines import registry
+from inversion.engines.run_store import RunStore
+from inversion.prediction.known_strength import KnownStrength
+from inversion.prediction.predict import predict
+from inversion.problem.forward import Forward
+from pipeline.cli import InputError
+from pipeline.progress import Watch
+from report.back_analysis.summary import summary
+from tests.diagnosis.formula_engine import FORMULA, FormulaEngine
+
+TRUTH, HIDDEN = 12.0, 0.4
+
+
+@pytest.fixture
+def formula(monkeypatch):
+    monkeypatch.setattr(registry, "_engines", dict(registry.engines()))
+    return registry.register_engine(FORMULA)
+
+
+def surveyed(setup, hidden: float = 0.0):
+    """The setup with measurements that the formula itself has made."""
+    scene = setup.scene.model_copy(update={"effects": {"weak_base": hidden} if hidden else {}})
+    made = FormulaEngine(replace(setup, scene=scene), RunStore(None))
+    values = setup.parameters.start.copy()
+    values[0] = TRUTH
+    (told,) = made.predict([values])
+    return replace(setup, targets=replace(setup.targets, measured=told.values))
+
+
+def test_it_is_an_engine_and_an_unknown_one_is_refused(embankment, formula):
+    case = inversion_case(load_case(embankment))
+    assert isinstance(FormulaEngine(case.setup, RunStore(None)), Forward)
+    assert chosen_engine(case, "formula", None).engine is formula
+    with pytest.raises(InputError, match="no engine 'fem'; there are mpm, gns, formula"):
+        chosen_engine(case, "fem", None)
+    with pytest.raises(InputError, match="goes with --engine gns; the engine is formula"):
+        chosen_engine(case, "formula", "coarse")
+
+
+def test_the_back_analysis_finds_the_strength(embankment, formula, tmp_path):
+    case = inversion_case(load_case(embankment))
+    case = replace(case, setup=surveyed(case.setup))
+    store = RunStore(None)
+    result = formula.back_analysis(case, store, Watch()).run()
+    assert result.engine == "formula" and store.computed == 0
+    assert result.answer.reached
+    assert result.answer.parameters[0].value == pytest.approx(TRUTH, rel=0.02)
+    assert "back-analysis by formula at" in summary(result)
+    assert Result.model_validate_json(result.model_dump_json()) == result
+    assert side_by_side(result, tmp_path / formula.folder) == []
+
+
+def test_a_prediction_asks_it(embankment, formula):
+    case = inversion_case(load_case(embankment))
+    engine = formula.forward(case.setup, RunStore(None))
+    fixed = case.setup.parameters.start[1:]
+    known = [KnownStrength(("1",), TRUTH, 1.0, "lognormal")]
+    known += [KnownStrength(("2",), float(value), 0.01 * value, "normal") for value in fixed]
+    found = predict(engine, known, samples=500)
+    assert found.failed == 0
+    assert np.median(found.samples[:, 0]) == pytest.approx(30.0 - 5.0 * np.log(TRUTH), abs=0.1)
+
+
+def test_the_diagnosis_finds_the_hidden_effect(embankment, formula):
+    case = diagnosis_case(load_case(embankment), spacing_m=2.0)
+    case = replace(case, setup=surveyed(case.setup, HIDDEN))
+    model = case.model(RunStore(None), formula)
+    assert isinstance(model, Model) and model.curves == []
+    options = replace(case.options(model), draws=2000)
+    assert isinstance(options, Options)
+    verdict = diagnose(model, options, case=case.name, title=case.title)
+    assert verdict.verdict == "identified"
+    (effect,) = verdict.answer.effects
+    assert effect.name == "weak_base" and effect.amplitude == pytest.approx(HIDDEN, abs=0.1)
+    assert verdict.final.values[model.parameters.names[0]] == pytest.approx(TRUTH, rel=0.05)
+    assert model.computed == 0 and not model.failures
