@@ -12,12 +12,11 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
 from pipeline.cli import InputError
+from pipeline.documents import StrictDocument, schema_file_text
 from pipeline.files import content_hash, parse_yaml, read_yaml
-from pipeline.schemas import text_of
-from pipeline.strict_numbers import StrictNumbers
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -32,10 +31,8 @@ NumberRange = Annotated[tuple[float, float], AfterValidator(_in_order)]
 CountRange = Annotated[tuple[int, int], AfterValidator(_in_order)]
 
 
-class Settings(StrictNumbers):
-    """A group of settings: unknown keys, NaN and later changes are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+class Settings(StrictDocument):
+    """A group of settings."""
 
 
 class TemplateShares(Settings):
@@ -644,7 +641,7 @@ def config_schema() -> dict[str, Any]:
 
 def schema_text() -> str:
     """The schema as the text of its file."""
-    return text_of(config_schema())
+    return schema_file_text(config_schema())
 
 
 def config_hash(model: BaseModel) -> str:

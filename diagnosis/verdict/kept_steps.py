@@ -17,15 +17,15 @@ from diagnosis.adequacy.adequacy import held_out_misfit
 from diagnosis.hypotheses.hypothesis_file import FOLDER, Hypothesis, save_hypothesis
 from diagnosis.verdict.stages import spread
 from diagnosis.verdict.verdict import WaterfallStep
-from inversion.back_analysis.result import Part
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import augmented_residual, system
 from inversion.estimation.surface_search import Fit
 from pipeline.config import validate_settings
+from pipeline.documents import StrictDocument
 from pipeline.files import read_json, write_json
 
 
-class KeptStep(Part):
+class KeptStep(StrictDocument):
     """A step and what it was made from."""
 
     made_from: str = Field(description="hash of case, settings and model")

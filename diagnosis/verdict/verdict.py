@@ -13,11 +13,11 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from inversion.back_analysis.result import FittedTo, Part
+from inversion.back_analysis.result import FittedTo
 from inversion.estimation.data import Role
 from pipeline.config import validate_settings
+from pipeline.documents import StrictDocument, document_schema
 from pipeline.files import read_json, write_json
-from pipeline.schemas import document_schema
 
 FILE_NAME = "verdict.json"
 COMPARE_FILE = "compare.json"
@@ -26,7 +26,7 @@ EXPLAIN_FILE = "explain.json"
 Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 
 
-class ParameterWords(Part):
+class ParameterWords(StrictDocument):
     """A calibrated parameter in words; its values stand in the stages, by name."""
 
     name: str = Field(description="name of the parameter")
@@ -37,7 +37,7 @@ class ParameterWords(Part):
     high: float = Field(description="upper bound")
 
 
-class EffectAnswer(Part):
+class EffectAnswer(StrictDocument):
     """An effect of the answer with its amplitude."""
 
     name: str = Field(description="name of the effect")
@@ -48,14 +48,14 @@ class EffectAnswer(Part):
     words: str = Field(description="what the effect is")
 
 
-class NamedSet(Part):
+class NamedSet(StrictDocument):
     """One explanation: effects that together explain the measurements."""
 
     names: list[str] = Field(description="effects; empty: none, the base model")
     probability: float = Field(description="among all explanations that were tried")
 
 
-class Answer(Part):
+class Answer(StrictDocument):
     """What the diagnosis answers."""
 
     effects: list[EffectAnswer] = Field(description="of the best explanation; empty: none")
@@ -64,7 +64,7 @@ class Answer(Part):
     )
 
 
-class Check(Part):
+class Check(StrictDocument):
     """One test of adequacy."""
 
     name: str = Field(description="chi2, autocorrelation, group <name>, score, held_out")
@@ -72,7 +72,7 @@ class Check(Part):
     p: float = Field(description="share of simulated noise that is at least as far out")
 
 
-class Group(Part):
+class Group(StrictDocument):
     """How far one measurement as a whole is from the prediction."""
 
     name: str = Field(description="name of the measurement")
@@ -82,7 +82,7 @@ class Group(Part):
     n: int = Field(description="fitted numbers in it")
 
 
-class Window(Part):
+class Window(StrictDocument):
     """The contiguous stretch of one measurement with the worst disagreement."""
 
     measurement: str = Field(description="name of the measurement")
@@ -96,7 +96,7 @@ class Window(Part):
     p: float = Field(description="that noise has anywhere a stretch as bad")
 
 
-class HeldOut(Part):
+class HeldOut(StrictDocument):
     """Data that no fit has seen."""
 
     chi2: float = Field(description="misfit of the prediction conditional on the fitted residuals")
@@ -104,7 +104,7 @@ class HeldOut(Part):
     p: float | None = Field(description="of noise; null: nothing was held out")
 
 
-class FittedModelSummary(Part):
+class FittedModelSummary(StrictDocument):
     """One model, calibrated and judged."""
 
     effects: dict[str, float] = Field(description="amplitudes by name; empty: the base model")
@@ -120,7 +120,7 @@ class FittedModelSummary(Part):
     held_out: HeldOut = Field(description="on held-out data")
 
 
-class WaterfallStep(Part):
+class WaterfallStep(StrictDocument):
     """One model on the way, for the waterfall of the error."""
 
     round: int = Field(description="0: the base model")
@@ -136,7 +136,7 @@ class WaterfallStep(Part):
     note: str = Field(description="what was done")
 
 
-class Refit(Part):
+class Refit(StrictDocument):
     """The model with this effect, calibrated anew."""
 
     effects: dict[str, float] = Field(description="all amplitudes, earlier effects included")
@@ -151,7 +151,7 @@ class Refit(Part):
     why_not: str = Field(description="the condition that failed; empty if accepted")
 
 
-class CandidateVerdict(Part):
+class CandidateVerdict(StrictDocument):
     """What was found of one candidate, against the base model."""
 
     name: str = Field(description="name of the effect")
@@ -176,7 +176,7 @@ class CandidateVerdict(Part):
     left_out: str = Field(description="why it was not tested: forbidden, ...; else empty")
 
 
-class Confounding(Part):
+class Confounding(StrictDocument):
     """Which candidates look alike to these measurements."""
 
     names: list[str] = Field(description="candidates, in the order of rows and columns")
@@ -185,7 +185,7 @@ class Confounding(Part):
     )
 
 
-class Signature(Part):
+class Signature(StrictDocument):
     """What an effect of one amplitude changes, parameters unchanged and refitted."""
 
     name: str = Field(description="name of the effect")
@@ -197,7 +197,7 @@ class Signature(Part):
     )
 
 
-class Signatures(Part):
+class Signatures(StrictDocument):
     """Fingerprints of the candidates at the base model's fit."""
 
     names: list[str] = Field(description="candidates")
@@ -205,7 +205,7 @@ class Signatures(Part):
     entries: list[Signature] = Field(description="one for each candidate and amplitude")
 
 
-class MeasurementVerdict(Part):
+class MeasurementVerdict(StrictDocument):
     """One measured number against the base and the final model."""
 
     name: str = Field(description="name of the number")
@@ -223,7 +223,7 @@ class MeasurementVerdict(Part):
     role: Role = Field(description="fitted, held out, compared or constructed")
 
 
-class UnknownCurve(Part):
+class UnknownCurve(StrictDocument):
     """The strength curve that would explain the misfit. No strength is reported from it."""
 
     variable: str = Field(description="what the strength is made a function of")
@@ -237,7 +237,7 @@ class UnknownCurve(Part):
     ln_evidence: dict[str, float] = Field(description="variable -> gain over the model before")
 
 
-class NextMeasurement(Part):
+class NextMeasurement(StrictDocument):
     """A measurement that would tell the surviving explanations apart."""
 
     name: str = Field(description="name of the number")
@@ -245,7 +245,7 @@ class NextMeasurement(Part):
     gain: float = Field(description="expected separation, in squared standard deviations")
 
 
-class ValidationCase(Part):
+class ValidationCase(StrictDocument):
     """The answer on a second section or event, which no fit has seen."""
 
     case: str = Field(description="name of the other case")
@@ -254,7 +254,7 @@ class ValidationCase(Part):
     chi2_final: float = Field(description="by the model of the answer")
 
 
-class Runs(Part):
+class Runs(StrictDocument):
     """Forward runs."""
 
     asked: int = Field(description="all that the diagnosis needed, kept ones included")
@@ -266,7 +266,7 @@ class Runs(Part):
     cut_short: list[str] = Field(description="what was left out because the allowance ran out")
 
 
-class CompareDocument(Part):
+class CompareDocument(StrictDocument):
     """`compare.json`: is the base model adequate, and where does it fail?"""
 
     case: str = Field(description="name of the case")
@@ -284,7 +284,7 @@ class CompareDocument(Part):
     runs: Runs = Field(description="forward runs")
 
 
-class ExplainDocument(Part):
+class ExplainDocument(StrictDocument):
     """`explain.json`: ranked candidates, what looks alike, what could hide."""
 
     case: str = Field(description="name of the case")
@@ -303,7 +303,7 @@ class ExplainDocument(Part):
     runs: Runs = Field(description="forward runs")
 
 
-class Verdict(Part):
+class Verdict(StrictDocument):
     """The whole of `verdict.json`."""
 
     case: str = Field(description="name of the case")
@@ -353,7 +353,7 @@ def load_verdict(path: str | Path) -> Verdict:
     return validate_settings(Verdict, read_json(path), origin=str(path))
 
 
-def save_document(document: Part, path: str | Path) -> Path:
+def save_document(document: StrictDocument, path: str | Path) -> Path:
     """Write a verdict, a comparison or an explanation; the file appears when whole."""
     write_json(Path(path), document.model_dump(mode="json"))
     return Path(path)

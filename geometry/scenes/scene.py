@@ -21,9 +21,9 @@ from pydantic import ConfigDict, Field, ValidationError, field_validator, model_
 from geometry.scenes.limits import check_density, check_level, extent
 from geometry.scenes.polygon_checks import check_ground, check_zones
 from pipeline.cli import InputError
+from pipeline.documents import StrictDocument
 from pipeline.files import read_json, read_yaml, write_text, yaml_text
 from pipeline.places import CASES, resolve
-from pipeline.strict_numbers import StrictNumbers
 
 Point = tuple[float, float]
 
@@ -31,12 +31,10 @@ Point = tuple[float, float]
 _PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
 
 
-class Document(StrictNumbers):
-    """Base of every part of a scene: unknown keys and numbers that are not finite are refused."""
+class Document(StrictDocument):
+    """Base of every part of a case's files, in which a name such as 1 may look like a number."""
 
-    model_config = ConfigDict(
-        extra="forbid", allow_inf_nan=False, frozen=True, coerce_numbers_to_str=True
-    )
+    model_config = ConfigDict(coerce_numbers_to_str=True)
 
 
 class Strength(Document):

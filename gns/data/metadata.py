@@ -9,15 +9,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from gns.data.scene_facts import CONTACTS, NUMBERS, PROPERTIES
 from gns.data.shard import LAYOUT_VERSION
 from gns.data.statistics import SLOWEST, Moments
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import describe_error
+from pipeline.documents import StrictDocument
 from pipeline.files import content_hash, read_json, write_json
-from pipeline.strict_numbers import StrictNumbers
 
 METADATA_FILE = "metadata.json"
 
@@ -35,13 +35,7 @@ UNITS = {
 }
 
 
-class Document(StrictNumbers):
-    """Base of the parts of the file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class RunEntry(Document):
+class RunEntry(StrictDocument):
     """One run."""
 
     run: int
@@ -50,7 +44,7 @@ class RunEntry(Document):
     frames: int
 
 
-class ShardEntry(Document):
+class ShardEntry(StrictDocument):
     """One file and its runs, in the order in which they lie there."""
 
     file: str
@@ -58,14 +52,14 @@ class ShardEntry(Document):
     runs: list[RunEntry]
 
 
-class LeftOut(Document):
+class LeftOut(StrictDocument):
     """A run that is not in the data, and why."""
 
     run: int
     reason: str
 
 
-class Statistics(Document):
+class Statistics(StrictDocument):
     """Of the moving points of the training runs; x and y."""
 
     count: int
@@ -94,7 +88,7 @@ class Statistics(Document):
         )
 
 
-class Metadata(Document):
+class Metadata(StrictDocument):
     """The whole file."""
 
     layout_version: Literal[1] = LAYOUT_VERSION

@@ -11,14 +11,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from gns.evaluation.evaluate import Evaluated
 from gns.evaluation.score_tables import by_template, quantile, worst
 from pipeline.config import validate_settings
+from pipeline.documents import StrictDocument, document_schema
 from pipeline.files import read_yaml, write_text, yaml_text
-from pipeline.schemas import document_schema
-from pipeline.strict_numbers import StrictNumbers
 
 CARD_FILE = "card.yaml"
 FAR = 10.0
@@ -27,13 +26,7 @@ FAR = 10.0
 Table = dict[str, dict[str, float | None]]
 
 
-class Part(StrictNumbers):
-    """Base of every part: unknown keys and numbers that are not finite are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Training(Part):
+class Training(StrictDocument):
     """How the model was made."""
 
     step: int = Field(description="step of the training that was kept")
@@ -45,7 +38,7 @@ class Training(Part):
     validation: dict[str, float] = Field(description="of the runs by which it was chosen")
 
 
-class Worst(Part):
+class Worst(StrictDocument):
     """A run with a large error of the runout."""
 
     run: int = Field(description="number of the run")
@@ -54,7 +47,7 @@ class Worst(Part):
     runout_error_spacings: float | None = Field(description="positive: too far; null: it failed")
 
 
-class Accuracy(Part):
+class Accuracy(StrictDocument):
     """Held-out rollouts; what has no meaning is null."""
 
     split: str = Field(description="of the packed data")
@@ -70,7 +63,7 @@ class Accuracy(Part):
     mpm_seconds_a_run: float | None = Field(description="of the material point method")
 
 
-class Card(Part):
+class Card(StrictDocument):
     """The whole document."""
 
     name: str = Field(description="of the model")

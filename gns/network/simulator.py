@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 from torch import Tensor, nn
 
 from gns.data.metadata import Metadata
@@ -38,8 +38,8 @@ from gns.network.network import Network
 from gns.network.units import ScaledScene, scaled
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, describe_error
+from pipeline.documents import StrictDocument
 from pipeline.files import atomic_path
-from pipeline.strict_numbers import StrictNumbers
 
 FORMAT_VERSION = 1
 SINKING = 0.975
@@ -49,10 +49,8 @@ SAME_INTERVAL = 1e-3
 """Relative difference of two frame intervals that are taken for the same."""
 
 
-class SimulatorConfig(StrictNumbers):
+class SimulatorConfig(StrictDocument):
     """What makes a simulator what it is, beside its weights; kept with them."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     width: int = Field(128, ge=1, description="of latents and hidden layers")
     message_passing_steps: int = Field(10, ge=1)

@@ -12,26 +12,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from inversion.back_analysis.result_checks import check_whole
 from inversion.estimation.data import Role, Targets
 from inversion.problem.question import Question
 from pipeline.config import validate_settings
+from pipeline.documents import StrictDocument, document_schema
 from pipeline.files import read_json, write_json
-from pipeline.schemas import document_schema
-from pipeline.strict_numbers import StrictNumbers
 
 FILE_NAME = "result.json"
 
 
-class Part(StrictNumbers):
-    """Base of every part: unknown keys and numbers that are not finite are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class ParameterAnswer(Part):
+class ParameterAnswer(StrictDocument):
     """One sought number."""
 
     name: str = Field(description="name in the question")
@@ -71,14 +64,14 @@ class ParameterAnswer(Part):
     )
 
 
-class Correlation(Part):
+class Correlation(StrictDocument):
     """Correlation of the parameters' errors given the data."""
 
     names: list[str] = Field(description="parameters, in the order of rows and columns")
     matrix: list[list[float]] = Field(description="1 on the diagonal")
 
 
-class Undetermined(Part):
+class Undetermined(StrictDocument):
     """A direction in which the parameters can move without the data noticing."""
 
     direction: dict[str, float] = Field(
@@ -90,7 +83,7 @@ class Undetermined(Part):
     )
 
 
-class EquallyGood(Part):
+class EquallyGood(StrictDocument):
     """Another set of values that fits as well."""
 
     along: int = Field(description="number of the direction in `undetermined` it was found along")
@@ -100,7 +93,7 @@ class EquallyGood(Part):
     at_bound: list[str] = Field(description="parameters that rest on a bound there")
 
 
-class FittedTo(Part):
+class FittedTo(StrictDocument):
     """The question that an answer is to: what was fitted, with which covariance."""
 
     measurements: list[str] = Field(description="those with a number that entered the fit")
@@ -126,7 +119,7 @@ def fitted_to(targets: Targets, fitted: np.ndarray, errors: Sequence[str]) -> Fi
     return FittedTo(measurements=names, covariance=list(errors))
 
 
-class Answer(Part):
+class Answer(StrictDocument):
     """What was found."""
 
     fitted_to: FittedTo | None = Field(
@@ -153,7 +146,7 @@ class Answer(Part):
     steps: dict[str, float] = Field(description="parameter -> finite-difference step, outside unit")
 
 
-class Iteration(Part):
+class Iteration(StrictDocument):
     """One look at the engine: a forward run with its derivative, or a run of the scan."""
 
     iteration: int = Field(description="0: the start, and the scan where there was one")
@@ -168,7 +161,7 @@ class Iteration(Part):
     seconds: float = Field(description="since the beginning; near 0 where runs were kept")
 
 
-class Start(Part):
+class Start(StrictDocument):
     """The same question from another first guess."""
 
     start: dict[str, float] = Field(description="first guess")
@@ -180,7 +173,7 @@ class Start(Part):
     words: str = Field(description="how the search ended")
 
 
-class VariantAnswer(Part):
+class VariantAnswer(StrictDocument):
     """The answer under another reading of the question."""
 
     name: str = Field(description="as in the question")
@@ -195,7 +188,7 @@ class VariantAnswer(Part):
     words_end: str = Field(description="how its search ended")
 
 
-class Side(Part):
+class Side(StrictDocument):
     """One of the changes of a sensitivity, and the answer with it."""
 
     words: str = Field(description="what was changed, and by how much")
@@ -212,7 +205,7 @@ class Side(Part):
     reached: bool = Field(description="False: only the linear estimate is known")
 
 
-class SensitivityAnswer(Part):
+class SensitivityAnswer(StrictDocument):
     """What one assumption does to the answer."""
 
     name: str = Field(description="as in the question")
@@ -223,7 +216,7 @@ class SensitivityAnswer(Part):
     sides: list[Side] = Field(description="each of the changes")
 
 
-class MeasurementAnswer(Part):
+class MeasurementAnswer(StrictDocument):
     """Measured against predicted, one number."""
 
     name: str = Field(description="as in the engine; a profile has one line for each place")
@@ -245,7 +238,7 @@ class MeasurementAnswer(Part):
     by_eye: float | None = Field(description="the toe by the naked eye, for a toe")
 
 
-class SeedAnswer(Part):
+class SeedAnswer(StrictDocument):
     """The answer on points that were jittered with another seed."""
 
     seed: int = Field(description="of the jitter")
@@ -255,7 +248,7 @@ class SeedAnswer(Part):
     reached: bool = Field(description="the loss is below the tolerance")
 
 
-class Noise(Part):
+class Noise(StrictDocument):
     """How much the numbers depend on where exactly the material points lie."""
 
     jitter: float = Field(description="each point moved by up to jitter x spacing / 2")
@@ -266,7 +259,7 @@ class Noise(Part):
     answer_std: dict[str, float] = Field(description="scatter of the re-solved answers")
 
 
-class EngineAnswer(Part):
+class EngineAnswer(StrictDocument):
     """The answer to the same question as one engine gives it, for comparison."""
 
     name: str = Field(description="in words")
@@ -279,7 +272,7 @@ class EngineAnswer(Part):
     loss: float | None = Field(description="at `values`; null: the run failed")
 
 
-class SurrogatePair(Part):
+class SurrogatePair(StrictDocument):
     """One state at which both engines ran."""
 
     values: dict[str, float] = Field(description="parameters by name")
@@ -287,7 +280,7 @@ class SurrogatePair(Part):
     mpm: dict[str, float] = Field(description="material point method, by name")
 
 
-class Surrogate(Part):
+class Surrogate(StrictDocument):
     """What the learned simulator's error is, and what was done about it."""
 
     model: str = Field(description="name of the model's folder")
@@ -307,7 +300,7 @@ class Surrogate(Part):
     runs_mpm: int = Field(description="runs of the material point method, cached ones included")
 
 
-class Result(Part):
+class Result(StrictDocument):
     """The whole of `result.json`."""
 
     case: str = Field(description="name of the folder")

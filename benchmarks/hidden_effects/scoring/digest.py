@@ -7,8 +7,8 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from diagnosis.verdict.verdict import FittedModelSummary, Verdict, Verdicts
-from inversion.back_analysis.result import Part
 from pipeline.config import validate_settings
+from pipeline.documents import StrictDocument
 from pipeline.files import read_json
 
 #: Significant digits that are kept.
@@ -17,7 +17,7 @@ DIGITS = 5
 METHOD = "method"
 
 
-class StageDigest(Part):
+class StageDigest(StrictDocument):
     """One calibrated model."""
 
     values: dict[str, float] = Field(description="parameters by name, outside units")
@@ -29,7 +29,7 @@ class StageDigest(Part):
     held_out_n: int = Field(description="how many they are")
 
 
-class CurveDigest(Part):
+class CurveDigest(StrictDocument):
     """The curve of an unknown effect."""
 
     variable: str = Field(description="what the strength hangs on")
@@ -43,7 +43,7 @@ class CurveDigest(Part):
         return self
 
 
-class Digest(Part):
+class Digest(StrictDocument):
     """A verdict, short."""
 
     case: str = Field(description="name of the case")
