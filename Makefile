@@ -1,6 +1,6 @@
 # make lsfd     back-analyse the Lower San Fernando dam: S_r, how sure, and what the other methods say
 # make test     the fast tests, under 5 minutes on two processor cores
-# make test-all every test, the slow ones too, and the property tests with more examples
+# make test-all the rest: the slow tests, and the property tests with more examples
 # make verify   the whole verification suite, with its pictures
 # make docs     the documentation as a site with search: results/site/html/index.html
 # make lint     the linters

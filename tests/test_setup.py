@@ -12,6 +12,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests import budget
+
 ROOT = Path(__file__).resolve().parent.parent
 PINS = {
     canonicalize_name(line.split("==")[0]): line.split("==")[1].strip()
@@ -47,6 +49,42 @@ def test_make_installs_every_extra():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     listed = re.search(r"^EXTRAS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert listed[1].split(",") == list(extras["optional-dependencies"])
+
+
+def recipe(target):
+    """The commands of a target of the Makefile."""
+    makefile = (ROOT / "Makefile").read_text()
+    (found,) = re.findall(rf"^{target}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
+    return found.splitlines()
+
+
+def test_make_test_is_the_fast_tests_and_test_all_the_rest():
+    options = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]
+    assert "-m 'not slow'" in options["addopts"]
+    (fast,) = recipe("test")
+    slow, large = recipe("test-all")
+    assert slow == f"{fast} -m slow", "what the fast tests leave out"
+    assert "HYPOTHESIS_PROFILE=large" in large and large.endswith("-m property")
+
+
+def test_continuous_integration_runs_every_test_before_the_rest():
+    commands = re.findall(r"^make (.*)$", (ROOT / ".ci" / "run").read_text(), re.MULTILINE)
+    assert commands[:2] == ["test", "test-all"]
+
+
+def test_the_head_of_the_makefile_lists_its_targets():
+    makefile = (ROOT / "Makefile").read_text()
+    listed = re.findall(r"^# make ([a-z-]+) ", makefile, re.MULTILINE)
+    targets = re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)[1].split()
+    assert set(targets) - {"format", "install"} == set(listed)
+
+
+def test_property_tests_have_a_small_and_a_large_budget(monkeypatch):
+    monkeypatch.setattr(budget, "LARGE", False)
+    small = [budget.examples(number) for number in (5, 30, 100, 300)]
+    monkeypatch.setattr(budget, "LARGE", True)
+    large = [budget.examples(number) for number in (5, 30, 100, 300)]
+    assert small == [10, 10, 33, 100] and large == [20, 120, 400, 1200]
 
 
 def test_files_name_no_package_index():

@@ -40,6 +40,7 @@ def names(verdict: Verdict) -> tuple[str, ...]:
     return tuple(effect.name for effect in verdict.answer.effects)
 
 
+@pytest.mark.slow
 def test_silence_where_there_is_nothing():
     found = [verdict_on(seed, {}) for seed in range(60)]
     # At rates of 3 % and 8 % more than these would happen once in 100 times.

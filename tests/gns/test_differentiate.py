@@ -90,6 +90,7 @@ def test_gradient_is_that_of_finite_differences(case, mode, cutoff, monkeypatch)
     assert np.allclose(again, found, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_jacobian_of_many_readings(case):
     """Rows are the gradients of the readings one by one, by reverse mode."""
     model, scene_of, window, _ = case

@@ -60,6 +60,7 @@ def test_derivative_of_every_measurement_by_every_parameter_is_that_of_differenc
     assert np.allclose(derivative / largest, expected / largest, rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_reverse_mode_gives_the_same_rows_of_what_is_fitted(smooth):
     asked, forward, _ = smooth
     derivative = engine(mode="reverse").derivative(VALUES, STEPS)[1]
@@ -114,6 +115,7 @@ def test_frames_are_those_of_the_model_whatever_the_settings_say():
     assert np.array_equal(asked.predict([VALUES])[0].values, same.values)
 
 
+@pytest.mark.slow
 def test_at_rest_a_rollout_ends_and_so_does_its_derivative():
     """A block that falls, and lies where the floor stops it: nothing pulls or pushes."""
     falling = model(acceleration_mean=(0.0, 0.0), acceleration_std=(1e-12, 1e-12))
@@ -306,6 +308,7 @@ def test_a_card_must_belong_to_the_weights(tmp_path):
         load_model(tmp_path)
 
 
+@pytest.mark.slow
 def test_single_precision_is_good_enough(smooth):
     """A shipped model is in single precision: its derivative to a thousandth, positions to mm."""
     prediction, derivative, _ = engine(of=model(torch.float32)).derivative(VALUES, STEPS)

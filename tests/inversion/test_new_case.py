@@ -73,6 +73,7 @@ def test_the_folder_is_whole_and_checks(made, capsys):
     assert "| loose_sand | S_r 10 kPa, a first guess; sought" in (made / "README.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_strength_of_the_example_is_found(made, tmp_path):
     """A deposit made on other points, at 0.4 m, from its surveyed toe alone, at 1 m."""
     out = tmp_path / "out"

@@ -36,6 +36,7 @@ def folder(tmp_path):
     registry._users.clear()
 
 
+@pytest.mark.slow
 def test_a_users_measurement_from_the_file_to_the_tables(folder, tmp_path, capsys):
     out = tmp_path / "out"
     arguments = ["invert", str(folder), "--spacing", "4", "--quick", "--report", "none",

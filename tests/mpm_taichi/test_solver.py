@@ -31,6 +31,7 @@ def slump(**changes):
 SHORT = SimulationSettings(duration_s=3.0, early_stop=False)
 
 
+@pytest.mark.slow
 def test_open_domain_is_bit_for_bit_a_wide_one():
     narrow = {"x_min": 16, "x_max": 44, "y_max": 20, "walls": "open"}
     wide = {"x_min": -40, "x_max": 100, "y_max": 20, "walls": "closed"}
@@ -222,6 +223,7 @@ def test_energy_account_closes():
     assert run.energy["kinetic"][-1] < 0.01 * run.energy["kinetic"].max()
 
 
+@pytest.mark.slow
 def test_opening_soil_creates_no_energy():
     """Opened points within F-bar cells once fed energy to frictional scenes of the small scale."""
     config = load_config(None)

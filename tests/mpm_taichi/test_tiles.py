@@ -148,6 +148,7 @@ def test_tiles_do_what_points_do(averaged: bool, corrected: bool):
         assert (plastic[:, 1] < 0).sum() > 5
 
 
+@pytest.mark.slow
 def test_bits_of_a_point_hang_on_its_place_in_no_tile():
     by_tiles, _ = kernels(True, True)
     before = state(64, seed=11)

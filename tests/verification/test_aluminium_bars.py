@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.verification import aluminium_bars
 
 
+@pytest.mark.slow
 def test_quick_version_is_within_tolerance_but_for_the_toe():
     surface, toe, failure_line = aluminium_bars.run(None, quick=True)
     assert surface.passed, surface

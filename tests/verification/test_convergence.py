@@ -1,8 +1,11 @@
 """Halving the time step or the cell does not change the runout (quick version)."""
 
+import pytest
+
 from benchmarks.verification import convergence
 
 
+@pytest.mark.slow
 def test_convergence():
     rows = convergence.run(None, quick=True)
     assert len(rows) == 4
