@@ -439,12 +439,13 @@ def write_report(
     """
     folder = Path(folder)
     if (folder / "verdict.json").is_file():
-        from report.diagnosis.page import write_report as write_diagnosis
+        from report.diagnosis import write_report as write_diagnosis
 
         return write_diagnosis(folder)
-    from report.back_analysis.page import write_report as write_back_analysis
+    from report.back_analysis import write_report as write_back_analysis
+    from report.data.back_analysis import load_back_analysis
 
-    return write_back_analysis(folder, case, film=film)
+    return write_back_analysis(load_back_analysis(folder, case), film=film)
 
 
 @contextmanager

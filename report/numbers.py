@@ -1,14 +1,16 @@
-"""Numbers as text, for pages and pictures: few digits, true minus signs, no powers of ten."""
+"""Numbers as text, for pages, pictures and terminals: few digits, signs, units."""
 
 from __future__ import annotations
 
 import math
 
-MINUS, SPACE = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
+MINUS = "\N{MINUS SIGN}"
+UNITS = {"deg": "°", "kg/m3": "kg/m³", "m2": "m²", "m/s2": "m/s²"}
+"""Units as they are written, where that is not as they are stored."""
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number in few digits, with a true minus sign and without powers of ten."""
+    """A number in few digits, without powers of ten."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else str(value)
     places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
@@ -18,37 +20,63 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", MINUS)
 
 
-def chance(p: float) -> str:
-    """A probability of noise in words: p = 0.03, or p < 0.001."""
-    text = "p < 0.001" if p < 0.001 else f"p = {p:.2g}" if p < 0.1 else f"p = {p:.2f}"
-    return text.replace(" ", SPACE)
+def fixed(value: float | None, places: int = 1) -> str | None:
+    """A number with so many decimal places; None stays None."""
+    return None if value is None else _without_sign_of_zero(f"{value:.{places}f}")
 
 
-def with_unit(value: float, unit: str, digits: int = 3) -> str:
-    """A number and its unit."""
-    text = number(value, digits)
-    return _joined(text, unit)
+def signed(value: float | None, places: int = 1) -> str | None:
+    """A change with its sign; zero has none. None stays None."""
+    return None if value is None else _without_sign_of_zero(f"{value:+.{places}f}")
 
 
-def plus_minus(value: float, std: float, unit: str) -> str:
-    """A value with its standard deviation, to the digits the latter has."""
-    places = max(0, 1 - math.floor(math.log10(std))) if std > 0 else 2
-    places = min(places, 3)
-    text = f"{value:.{places}f} ± {std:.{places}f}".replace("-", MINUS)
-    return _joined(text, unit)
-
-
-def root_mean_square(chi2: float, n: float) -> float:
-    """How far off a model is, in standard deviations; noise alone gives 1."""
-    return math.sqrt(max(chi2, 0.0) / n) if n > 0 else math.nan
+def percent(share: float) -> str:
+    """A share as a percentage."""
+    return f"{100 * share:.0f} %"
 
 
 def signed_percent(change: float) -> str:
-    """A change with its sign."""
-    return f"{change:+.0f}{SPACE}%".replace("-", MINUS)
+    """A change [%] with its sign."""
+    return f"{change:+.0f} %".replace("-", MINUS)
 
 
-def _joined(text: str, unit: str) -> str:
-    """A number and its unit, kept on one line."""
-    text = text if not unit else f"{text}°" if unit == "deg" else f"{text} {unit}"
-    return text.replace(" ", SPACE)
+def chance(p: float) -> str:
+    """A probability that noise alone gives this: p = 0.03, or p < 0.001."""
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}" if p < 0.1 else f"p = {p:.2f}"
+
+
+def unit_of(name: str) -> str:
+    """A unit as it is written."""
+    return UNITS.get(name, name)
+
+
+def with_unit(value: float | str, unit: str, digits: int = 3) -> str:
+    """A number, or one that is text already, and its unit."""
+    text = value if isinstance(value, str) else number(value, digits)
+    written = unit_of(unit)
+    return f"{text}{'' if written in ('', '°') else ' '}{written}"
+
+
+def plus_minus(value: float, std: float, unit: str = "") -> str:
+    """A value with its standard deviation, to two digits of the latter."""
+    places = min(max(0, 1 - math.floor(math.log10(std))), 3) if std > 0 else 2
+    return with_unit(f"{fixed(value, places)} ± {std:.{places}f}", unit)
+
+
+def span(low: float | None, high: float | None) -> str | None:
+    """A range; None where it has no ends."""
+    return None if low is None or high is None else f"{fixed(low)} to {fixed(high)}"
+
+
+def plural(count: int, noun: str) -> str:
+    """A count and its noun: 1 step, 2 steps."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def root_mean_square(chi2: float, n: float) -> float:
+    """How far a model is from the data, in standard deviations; noise alone gives 1."""
+    return math.sqrt(max(chi2, 0.0) / n) if n > 0 else math.nan
+
+
+def _without_sign_of_zero(text: str) -> str:
+    return text.lstrip("+-") if not float(text) else text.replace("-", MINUS)

@@ -1,4 +1,4 @@
-"""One HTML page that holds everything it shows: text, tables, pictures, films.
+"""One self-contained HTML page: text, tables, pictures, films.
 
 The page needs no network and no other file, so it can be mailed, archived and printed. It follows
 the reader's choice of light or dark, and fits a phone.
@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import base64
 import html
-import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pipeline.cli import InputError
 from pipeline.files import write_text
+from report.table import Table, text
 
 MEDIA_TYPES = {
     ".png": "image/png",
@@ -26,59 +27,30 @@ MEDIA_TYPES = {
     ".mp4": "video/mp4",
 }
 
-Cell = str | int | float | None
-
-#: Characters of a cell that are kept on one line, and from which on it is given room.
-SHORT, LONG = 14, 45
-
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Plain text; what looks like HTML in it is shown, not obeyed."""
+    """Plain text; HTML in it is shown, not interpreted."""
 
     text: str
 
     def html(self) -> str:
         """The element as HTML."""
-        return f"<p>{html.escape(self.text)}</p>"
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table; numbers are aligned to the right, None and NaN are shown as a dash."""
-
-    header: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    caption: str = ""
-
-    def html(self) -> str:
-        """The element as HTML."""
-        for row in self.rows:
-            if len(row) != len(self.header):
-                raise ValueError(f"a row has {len(row)} cells, the header has {len(self.header)}")
-        head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in self.header)
-        body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in self.rows)
-        caption = f"<caption>{html.escape(self.caption)}</caption>" if self.caption else ""
-        return (
-            f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead>'
-            f"<tbody>\n{body}\n</tbody></table></div>"
-        )
+        return f"<p>{text(self.text)}</p>"
 
 
 @dataclass(frozen=True)
 class Picture:
     """A picture or film from a file (png, jpg, gif, svg, mp4), copied into the page.
 
-    `description` says what there is to see, for readers who cannot see it. `least_width_px`: on a
-    narrower screen the picture is moved sideways instead of being shrunk further; 0: it is shrunk.
-    `most_width_px`: it is not enlarged beyond this; 0: as wide as the page lets it be.
+    `description` says what it shows, for readers who cannot see it. `least_width_px`: on a
+    narrower screen the picture scrolls sideways instead of shrinking further; 0: it shrinks.
     """
 
     path: str | os.PathLike[str]
     description: str
     caption: str = ""
     least_width_px: int = 0
-    most_width_px: int = 0
 
     def html(self) -> str:
         """The element as HTML."""
@@ -96,12 +68,11 @@ class Picture:
         if media_type.startswith("video"):
             shown = f'<video controls loop muted playsinline aria-label="{words}" {source}></video>'
         else:
-            most = f' style="max-width: min(100%, {self.most_width_px}px)"'
-            shown = f'<img alt="{words}"{most * bool(self.most_width_px)} {source}>'
+            shown = f'<img alt="{words}" {source}>'
         if self.least_width_px:
             least = f'<div class="wide picture" style="--least: {self.least_width_px}px">'
             shown = f"{least}{shown}</div>"
-        caption = f"<figcaption>{html.escape(self.caption)}</figcaption>" if self.caption else ""
+        caption = f"<figcaption>{text(self.caption)}</figcaption>" if self.caption else ""
         return f"<figure>{shown}{caption}</figure>"
 
 
@@ -126,7 +97,7 @@ class Folded:
     """Details under a line that opens them; in print they are open."""
 
     title: str
-    parts: Sequence[Paragraph | Table | Picture]
+    parts: Sequence[Part]
 
     def html(self) -> str:
         """The element as HTML."""
@@ -134,14 +105,36 @@ class Folded:
         return f"<details>\n<summary>{html.escape(self.title)}</summary>\n{inner}\n</details>"
 
 
+Part = Paragraph | Table | Picture | KeyNumbers | Folded
+
+
+def said(sentences: Iterable[str]) -> list[Part]:
+    """A paragraph for each sentence; empty ones are left out."""
+    return [Paragraph(sentence) for sentence in sentences if sentence]
+
+
+def shown(path: Path | None, description: str, *sentences: str, **more: Any) -> list[Part]:
+    """A picture under the sentences that explain it; nothing where there is no picture."""
+    return [] if path is None else [*said(sentences), Picture(path, description, **more)]
+
+
+def tabulated(*tables: Table | None) -> list[Part]:
+    """The tables that have rows."""
+    return [table.without_empty_columns() for table in tables if table is not None and table.rows]
+
+
+def folded(title: str, *tables: Table | None) -> list[Part]:
+    """The tables that have rows, under a line that opens them; nothing where there are none."""
+    found = tabulated(*tables)
+    return [Folded(title, found)] if found else []
+
+
 @dataclass(frozen=True)
 class Section:
     """A part of the page under its own heading."""
 
     title: str
-    parts: Sequence[Paragraph | Table | Picture | KeyNumbers | Folded] = field(
-        default_factory=tuple
-    )
+    parts: Sequence[Part] = field(default_factory=tuple)
 
     def html(self) -> str:
         """The element as HTML."""
@@ -157,7 +150,7 @@ def render_page(title: str, sections: Sequence[Section], *, lead: str = "") -> s
         sections: what it shows, in order.
         lead: a sentence or two under the title: the answer, before the details.
     """
-    opening = f'<p class="lead">{html.escape(lead)}</p>' if lead else ""
+    opening = f'<p class="lead">{text(lead)}</p>' if lead else ""
     body = "\n".join(section.html() for section in sections)
     return _PAGE.format(title=html.escape(title), style=_STYLE, lead=opening, body=body)
 
@@ -167,16 +160,6 @@ def write_page(
 ) -> None:
     """Write the page to `path`, atomically."""
     write_text(path, render_page(title, sections, lead=lead))
-
-
-def _cell(value: Cell) -> str:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return "<td>&ndash;</td>"
-    if isinstance(value, str):
-        kind = ' class="short"' if len(value) <= SHORT else ' class="long"' * (len(value) >= LONG)
-        return f"<td{kind}>{html.escape(value)}</td>"
-    text = f"{value:.4g}" if isinstance(value, float) else f"{value}"
-    return f'<td class="number">{text}</td>'
 
 
 _PAGE = """<!DOCTYPE html>
@@ -233,7 +216,7 @@ summary { cursor: pointer; color: var(--soft); }
 details[open] > summary { margin-bottom: .6rem; }
 figure { margin: 1rem 0; }
 img, video { max-width: 100%; height: auto; background: #ffffff; border-radius: 4px; }
-img[src^="data:image/svg"] { width: min(100%, 44rem); }
+img[src^="data:image/svg"] { width: min(100%, 41rem); }
 .picture img, .picture video { width: 100%; min-width: var(--least); max-width: none; }
 figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
 @media print {

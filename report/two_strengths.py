@@ -6,8 +6,7 @@ with the model's own error in their covariance. Where the model can explain ever
 two agree; where it cannot, they differ, and a reader of either report must see both and why.
 
 In: the folder of one of the results, `results/<case>/inversion` or `results/<case>/diagnosis`; the
-other is looked for next to it. Out: lines of a table and a paragraph, nothing where there is only
-one of the two.
+other is looked for next to it. Out: a table and a paragraph, empty where there is only one.
 """
 
 from __future__ import annotations
@@ -28,8 +27,9 @@ from inversion.engines.registry import engines
 from pipeline.cli import InputError
 from pipeline.config import validate_settings
 from pipeline.files import read_json
-from pipeline.table import aligned
-from report.page import Paragraph, Table
+from report.numbers import plus_minus
+from report.page import Part, said, tabulated
+from report.table import Table, plain
 
 DIAGNOSIS = "diagnosis"
 TITLE = "Two questions, two strengths"
@@ -45,23 +45,24 @@ class TwoStrengths:
     """The strengths of one case by the two questions.
 
     Attributes:
-        rows: who answers, the strength with its standard deviation, the question.
+        table: who answers, the strength with its standard deviation, the question.
         reason: why there are two, and what their difference says.
     """
 
-    rows: list[tuple[str, str, str]]
-    reason: str
+    table: Table
+    reason: str = ""
 
-    @property
     def text(self) -> str:
-        """For a terminal."""
-        return (
-            f"{TITLE}\n{aligned([list(HEAD), *map(list, self.rows)], left={0, 2})}\n{self.reason}"
-        )
+        """For a terminal; empty where only one of the two questions was asked."""
+        return f"{self.table.text()}\n{plain(self.reason)}" if self.reason else ""
+
+    def parts(self) -> list[Part]:
+        """For a page; empty where only one of the two questions was asked."""
+        return [*tabulated(self.table), *said([self.reason])]
 
 
-def two_strengths(folder: str | Path) -> TwoStrengths | None:
-    """The strengths of a case by the two questions; None: only one of the two was asked.
+def two_strengths(folder: str | Path) -> TwoStrengths:
+    """The strengths of a case by the two questions; empty: only one of the two was asked.
 
     Args:
         folder: of a back-analysis or of a diagnosis.
@@ -69,7 +70,7 @@ def two_strengths(folder: str | Path) -> TwoStrengths | None:
     results = Path(folder).resolve().parent
     answer, document = _back_analysis(results), _diagnosis(results)
     if answer is None or document is None or answer.case != document.case:
-        return None
+        return TwoStrengths(Table(HEAD, []))
     words = {p.name: p for p in document.parameters if p.strength}
     shared = [p for p in answer.answer.parameters if p.name in words]
     rows, differences = [], []
@@ -77,11 +78,8 @@ def two_strengths(folder: str | Path) -> TwoStrengths | None:
         name, unit = parameter.name, parameter.unit
         of = f", {parameter.label}" if len(shared) > 1 else ""
         base = document.base
-        rows.append((
-            f"back-analysis{of}",
-            f"{parameter.value:.1f} ± {parameter.std_total:.1f} {unit}",
-            _question(answer.answer.fitted_to),
-        ))  # fmt: skip
+        value = plus_minus(parameter.value, parameter.std_total, unit)
+        rows.append((f"back-analysis{of}", value, _question(answer.answer.fitted_to)))
         rows.append(_of_stage(f"diagnosis, base model{of}", base, name, unit, document))
         final = document.final if isinstance(document, Verdict) else base
         if final.effects:
@@ -90,21 +88,14 @@ def two_strengths(folder: str | Path) -> TwoStrengths | None:
         apart = abs(parameter.value - base.values[name])
         width = (parameter.std_total**2 + base.std[name] ** 2) ** 0.5
         differences.append((apart, apart / max(width, 1e-12), unit))
-    return TwoStrengths(rows, _reason(differences, document.base)) if rows else None
-
-
-def two_strengths_parts(folder: str | Path) -> list[Paragraph | Table]:
-    """The same for a page; empty where only one of the two questions was asked."""
-    both = two_strengths(folder)
-    if both is None:
-        return []
-    return [Table(HEAD, both.rows, TITLE), Paragraph(both.reason)]
+    reason = _reason(differences, document.base) if rows else ""
+    return TwoStrengths(Table(HEAD, rows, TITLE), reason)
 
 
 def _of_stage(
     who: str, stage: FittedModelSummary, name: str, unit: str, document: Verdict | CompareDocument
 ) -> tuple[str, str, str]:
-    value = f"{stage.values[name]:.1f} ± {stage.std[name]:.1f} {unit}"
+    value = plus_minus(stage.values[name], stage.std[name], unit)
     return who, value, _question(document.fitted_to)
 
 

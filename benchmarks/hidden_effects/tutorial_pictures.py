@@ -22,7 +22,7 @@ from report.charts.fingerprints import draw_fingerprints
 from report.charts.profile import draw_profile
 from report.charts.residuals import draw_groups, draw_residuals, draw_singles
 from report.charts.strength import draw_hidden, draw_strength
-from report.diagnosis.data import load_report
+from report.data.diagnosis import load_diagnosis
 
 CASE = Path("docs/examples/hidden_effect")
 OUT = Path("docs/images/diagnosis")
@@ -50,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments: argparse.Namespace = parser.parse_args(argv)
     if not (arguments.folder / FILE_NAME).is_file():
         diagnose(["run", str(CASE), "--out", str(arguments.folder), "--page", "no"])
-    data = load_report(arguments.folder)
+    data = load_diagnosis(arguments.folder)
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name, draw in DRAWN.items():
         draw(data, arguments.out / f"{name}.png")

@@ -65,8 +65,8 @@ def run(arguments: argparse.Namespace) -> None:
     from inversion.back_analysis.engine_choice import chosen_engine
     from pipeline.config import load_config
     from pipeline.progress import Progress
-    from report.back_analysis.summary import summary
-    from report.two_strengths import two_strengths
+    from report.back_analysis import summary, write_report
+    from report.data.back_analysis import load_back_analysis
 
     settings = load_config(arguments.config, arguments.overrides)
     case = inversion_case(
@@ -92,11 +92,9 @@ def run(arguments: argparse.Namespace) -> None:
             threads=arguments.threads,
             progress=bar.report,
         )
+        data = load_back_analysis(folder, case, result)
         if arguments.report != "none":
             bar.report(bar.done, bar.total, "writing the report")
-            api.write_report(folder, case=case.folder, film=arguments.report == "film")
+            write_report(data, film=arguments.report == "film")
         bar.say(f"wrote {folder}")
-    print(summary(result))
-    both = two_strengths(folder)
-    if both is not None:
-        print(f"\n{both.text}")
+    print(summary(data))

@@ -48,18 +48,17 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the tables; write the page."""
     from inversion.back_analysis.result import load_result
     from pipeline.config import load_config
-    from report.back_analysis.summary import summary
+    from report.back_analysis import summary, write_report
+    from report.data.back_analysis import load_back_analysis
 
     results = load_config(arguments.config, arguments.overrides).results_folder
     folder, case = folders(arguments.case, results)
-    result = load_result(folder)
     if arguments.case_folder is not None:
-        check_case(arguments.case_folder, result)
-    print(summary(result))
+        check_case(arguments.case_folder, load_result(folder))
+    data = load_back_analysis(folder, arguments.case_folder or case)
+    print(summary(data))
     if arguments.report != "none":
-        from report.back_analysis.page import write_report  # matplotlib takes its time
-
-        page = write_report(folder, arguments.case_folder or case, film=arguments.report == "film")
+        page = write_report(data, film=arguments.report == "film")
         if not arguments.quiet:
             print(f"wrote {page}")
     return 0

@@ -31,8 +31,7 @@ def save_all(analysis: BackAnalysis, result: Result, folder: Path) -> Result:
     save_answer_run(analysis, folder / RUN)
     timings = {**result.timings, "final run": round(time.perf_counter() - began, 3)}
     timings["in all"] = round(sum(timings.values()), 3)
-    beside = {"classical": classical_beside(folder), "engines": side_by_side(result, folder)}
-    result = result.model_copy(update={"timings": timings, **beside})
+    result = with_neighbours(result.model_copy(update={"timings": timings}), folder)
     save_result(result, folder)
     return result
 
@@ -106,6 +105,16 @@ def save_answer_run(analysis: BackAnalysis, path: Path) -> None:
         device=analysis.store.device,
         threads=analysis.store.threads,
     )
+
+
+def with_neighbours(result: Result, folder: Path) -> Result:
+    """The result with what the classical methods and another engine have left next to its folder.
+
+    Raises:
+        InputError: a file of theirs is damaged, or of an unknown form.
+    """
+    found = {"classical": classical_beside(folder), "engines": side_by_side(result, folder)}
+    return result.model_copy(update={key: value for key, value in found.items() if value})
 
 
 def classical_beside(folder: Path) -> list[dict]:

@@ -1,7 +1,7 @@
 """The catalogue in one picture: strength ratio against blow count, correlations, our answers.
 
-In: the catalogue and our answers. Out: a picture (png, svg or pdf). Whatever is only recalled is
-hollow or dashed and the legend says so.
+In: the catalogue and our answers. Out: a picture (png, svg or pdf). What is only quoted from memory
+is hollow or dashed, and the legend says so.
 """
 
 from __future__ import annotations
@@ -30,18 +30,16 @@ from inversion.catalogue.correlations import (
     OLSON_STARK_LARGEST,
     olson_stark_2002,
 )
-from pipeline.cli import InputError
-from pipeline.files import atomic_path
-from report.pictures.scene import HALO, SUFFIXES, TEXT_COLOUR
+from report.style import HALO, HELD_OUT, TEXT_COLOUR, new_figure, save_figure, tell, tidy
 
 # Colours that keep apart for every kind of colour vision (Okabe and Ito).
 LINE_COLOURS = ("#0072b2", "#009e73", "#8a5a00")
-CASE_COLOUR, OUR_COLOUR = "#444444", "#d55e00"
+CASE_COLOUR, OUR_COLOUR = "#444444", HELD_OUT
 STRESSES_KPA = (50.0, 100.0, 300.0)
 LARGEST_COUNT, LARGEST_RATIO = 15.5, 0.36
-#: Where the answers of cases without a blow count stand.
+#: Place of the answers of cases without a blow count.
 NO_COUNT = 14.0
-#: Our answers that share a blow count stand this far apart, so that no bar hides another.
+#: Distance between our answers at one blow count, so that no bar hides another.
 APART = 0.25
 LABEL_SIZE = 7.5
 #: Height of a line of words about our answers [points].
@@ -49,10 +47,10 @@ LINE = 12.0
 #: Width and height of a character of a label, in its size.
 CHARACTER = (0.56, 1.25)
 Box = tuple[float, float, float, float]
-#: Words of a case's name that the picture does without.
+#: Words of a case's name that the picture omits.
 DISPENSABLE = (" Dam", " Roadway", " Highway", " Railway", " Embankment", "North Dike of ")
 NOTE = (
-    "Hollow: strength, stress or blow count is recalled from the literature and unverified. "
+    "Hollow: strength, stress or blow count is quoted from memory and unverified. "
     "Bars: stated range; one standard deviation for ours.\n"
     "Blow counts are (N1)60 as tabulated; Idriss and Boulanger ask for the clean-sand equivalent. "
     "Our ratios use the stress of our sections."
@@ -72,12 +70,8 @@ def draw_catalogue(
     Raises:
         InputError: another suffix, or a catalogue that cannot be read.
     """
-    path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path}: pictures end in {', '.join(SUFFIXES)}")
     figure = catalogue_figure(load_catalogue(folder), load_strengths(folder), answers)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+    save_figure(figure, path, dpi=150)
 
 
 def catalogue_figure(
@@ -85,26 +79,18 @@ def catalogue_figure(
 ) -> Figure:
     """The figure itself; for tests and for reports."""
     width, height, share = 8.6, 6.6, 0.70
-    figure = Figure(figsize=(width, height), facecolor="white")
+    figure = new_figure(height, width)
     ax = figure.add_axes((0.085, 0.27, 0.89, share))
+    tidy(ax)
     top = _top(strengths, answers, share * height * 72.0)
     ax.set(xlim=(0.0, LARGEST_COUNT), ylim=(0.0, top))
     ax.set_xlabel("blow count (N$_1$)$_{60}$")
     ax.set_ylabel("strength ratio S$_r$ / σ'$_{v0}$")
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
     handles = _draw_correlations(ax)
     _draw_cases(ax, strengths, _draw_answers(ax, entries, strengths, answers))
     handles += _marker_handles(strengths, bool(answers))
-    figure.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(0.07, 0.065),
-        ncols=2,
-        frameon=False,
-        fontsize=8,
-        columnspacing=2.0,
-    )
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.07, 0.065), ncols=2,
+                  frameon=False, fontsize=8, columnspacing=2.0)  # fmt: skip
     figure.text(0.085, 0.015, NOTE, fontsize=7.5, color=TEXT_COLOUR, linespacing=1.4)
     return figure
 
@@ -133,10 +119,7 @@ def _draw_correlations(ax: Axes) -> list[Line2D | Patch]:
             ratio = correlation.ratio(count, stress)
             ax.plot(count, ratio, color=colour, linestyle=style, linewidth=1.6, zorder=2)
             if correlation.by_stress:
-                ax.annotate(
-                    f"{stress:g} kPa", (count[-1], ratio[-1]), xytext=(3, 0),
-                    textcoords="offset points", fontsize=7.5, color=colour, va="center",
-                )  # fmt: skip
+                tell(ax, count[-1], ratio[-1], f"{stress:g} kPa", away=(3, 0), color=colour)
         words = correlation.label
         if correlation.by_stress:
             words += f", σ'$_{{v0}}$ {', '.join(f'{s:g}' for s in stresses)} kPa"
@@ -169,12 +152,12 @@ def _draw_answers(
 ) -> list[Box]:
     """Our answers, each with a letter and its words above the data; returns what they cover."""
     taken: list[Box] = []
-    beside: dict[float, int] = {}
+    shared: dict[float, int] = {}
     for number, answer in enumerate(answers):
         row = blow_count(answer, strengths, entries)
         x = NO_COUNT if row is None else row.n1_60
-        beside[x] = beside.get(x, 0) + 1
-        x += beside[x] * APART
+        shared[x] = shared.get(x, 0) + 1
+        x += shared[x] * APART
         low = min(answer.ratio_std, answer.ratio)
         ax.errorbar(
             [x], [answer.ratio], yerr=[[low], [answer.ratio_std]], fmt="none",
@@ -192,7 +175,7 @@ def _draw_answers(
         ax.annotate(words, (0.0, 1.0), xycoords="axes fraction", xytext=(8, -6 - LINE * number),
                     textcoords="offset points", va="top", fontsize=8, color=OUR_COLOUR,
                     path_effects=HALO, zorder=9)  # fmt: skip
-    if NO_COUNT in beside:
+    if NO_COUNT in shared:
         ax.axvline(NO_COUNT - 0.1, color="#999999", linewidth=0.7, linestyle=":")
         ax.text(NO_COUNT, ax.get_ylim()[1], "blow count\nunknown", fontsize=LABEL_SIZE,
                 color="#666666", va="top")  # fmt: skip
@@ -200,7 +183,7 @@ def _draw_answers(
 
 
 def _place_label(ax: Axes, words: str, x: float, y: float, taken: list[Box]) -> None:
-    """Write a label beside a point where it covers nothing; the first place if all are taken."""
+    """Write a label next to a point where it covers nothing, else at the first place."""
     width, height = (LABEL_SIZE * part for part in CHARACTER)
     width *= len(words)
     half = 0.5 * height

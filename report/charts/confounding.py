@@ -1,6 +1,6 @@
-"""Which effects look alike to these measurements: a map of |cos| between their fingerprints.
+"""Which effects have similar signatures in these measurements: |cos| between each pair.
 
-In: a `ReportData`. Out: a triangle of cells. Effects that look alike stand next to each other.
+In: a `DiagnosisData`. Out: a triangle of cells, with similar effects next to each other.
 """
 
 from __future__ import annotations
@@ -10,18 +10,27 @@ from pathlib import Path
 import numpy as np
 from matplotlib.patches import Patch, Rectangle
 
-from report.charts.diagnosis_style import SMALL, TEXT, WIDTH, legend
-from report.charts.style import OURS, new_figure, save_figure, words
-from report.diagnosis.data import ReportData
-from report.diagnosis.sentences import NOT_SEPARABLE, WEAKLY, shortened
-from report.pictures.scene import TEXT_COLOUR
+from report.data.diagnosis import DiagnosisData
+from report.sentences.diagnosis import NOT_SEPARABLE, WEAKLY, shortened
+from report.style import (
+    OURS,
+    SMALL,
+    TEXT,
+    TEXT_COLOUR,
+    WIDTH,
+    legend,
+    new_figure,
+    panel,
+    save_figure,
+    words,
+)
 
-LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.0, 0.8, 0.35
+LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.15, 0.8, 0.35
 DARK, MIDDLE, LIGHT = "#003a5d", OURS, "#d9e6f0"
 
 
 def order(cosine: np.ndarray) -> list[int]:
-    """Places of the effects so that like stands beside like (single linkage, (k, k) -> k)."""
+    """Order of the effects that puts similar ones together (single linkage, (k, k) -> k)."""
     from scipy.cluster.hierarchy import leaves_list, linkage
     from scipy.spatial.distance import squareform
 
@@ -31,7 +40,7 @@ def order(cosine: np.ndarray) -> list[int]:
     return [int(place) for place in leaves_list(linkage(squareform(apart), optimal_ordering=True))]
 
 
-def draw_confounding(data: ReportData, path: Path) -> Path | None:
+def draw_confounding(data: DiagnosisData, path: Path) -> Path | None:
     """Save the map; None where fewer than two effects can be compared."""
     found = data.confounding
     if found is None:
@@ -43,8 +52,8 @@ def draw_confounding(data: ReportData, path: Path) -> Path | None:
     cell = min(0.42, (WIDTH - LEFT - RIGHT) / (count - 1))
     height = cell * (count - 1)
     total = ABOVE + height + FOOT
-    figure = new_figure(total, WIDTH)
-    ax = figure.add_axes((LEFT / WIDTH, FOOT / total, height / WIDTH, height / total))
+    figure = new_figure(total)
+    ax = panel(figure, LEFT, FOOT, height, height)
     ax.set(xlim=(0, count - 1), ylim=(count - 1, 0))
     ax.axis("off")
     for row in range(1, count):
@@ -64,13 +73,7 @@ def draw_confounding(data: ReportData, path: Path) -> Path | None:
         ax.text(column + 0.28, column - 0.08, words(names[column]), ha="left", va="bottom",
                 fontsize=TEXT, color=TEXT_COLOUR, rotation=32, rotation_mode="anchor",
                 clip_on=False)  # fmt: skip
-    legend(
-        figure,
-        [
-            Patch(facecolor=DARK, label=f"{NOT_SEPARABLE:g} or more: not separable"),
-            Patch(facecolor=MIDDLE, label=f"{WEAKLY:g} to {NOT_SEPARABLE:g}: weakly"),
-        ],
-        columns=2,
-        y=0.08,
-    )
+    dark = Patch(facecolor=DARK, label=f"{NOT_SEPARABLE:g} or more: not separable")
+    middle = Patch(facecolor=MIDDLE, label=f"{WEAKLY:g} to {NOT_SEPARABLE:g}: weakly")
+    legend(figure, [dark, middle], columns=2)
     return save_figure(figure, path)

@@ -1,8 +1,8 @@
-"""The fall of the error over the steps: fitted and held-out data against the noise.
+"""How the error falls step by step: fitted and held-out data against the noise.
 
 In: the steps of a verdict, or of a track. Out: a chart with a row for each model. The scale is the
-root mean square residual in standard deviations; noise alone gives 1, with the grey band for 95 of
-100 data sets.
+root mean square residual in standard deviations; noise alone gives 1, with a grey band for 95 % of
+data sets.
 """
 
 from __future__ import annotations
@@ -15,52 +15,26 @@ from matplotlib.patches import Patch
 from scipy.stats import chi2 as chi2_law
 
 from diagnosis.verdict.verdict import WaterfallStep
-from report.charts.diagnosis_style import (
+from report.numbers import number, root_mean_square
+from report.sentences.diagnosis import follows, is_by_hand, step_words
+from report.style import (
     AFTER,
+    DASHED,
+    HELD_OUT,
+    LINE,
     PALE_AFTER,
-    SMALL,
+    TEXT_COLOUR,
     chart,
-    label_x,
+    labels,
     legend,
     quiet,
     rows,
+    save_figure,
+    tell,
 )
-from report.charts.style import HELD_OUT, LINE, save_figure
-from report.diagnosis.sentences import spoken
-from report.numbers import MINUS, number, root_mean_square
-from report.pictures.scene import HALO, TEXT_COLOUR
 
-ROW, BELOW, LEFT, FOOT = 0.66, 0.52, 1.5, 0.32
-BY_HAND = "by hand"
-"""Beginning of the note of a step that a person has taken."""
+ROW, LEFT, FOOT = 0.64, 1.5, 0.28
 HUMAN = "#8a5a00"
-
-
-def is_by_hand(step: WaterfallStep, by_hand: Collection[str] = ()) -> bool:
-    """A person has added this model, not the loop."""
-    return step.hypothesis in by_hand or step.note.startswith(BY_HAND)
-
-
-def follows(number_: int, steps: Sequence[WaterfallStep]) -> bool:
-    """A step adds to, or takes from, the one before; else it stands beside it."""
-    if not number_:
-        return False
-    own, before = set(steps[number_].effects), set(steps[number_ - 1].effects)
-    return own >= before or own < before
-
-
-def step_words(number_: int, steps: Sequence[WaterfallStep], by_hand: Collection[str] = ()) -> str:
-    """The name of a row: what this step has changed in the one before, or all its effects."""
-    step = steps[number_]
-    before = steps[number_ - 1].effects if follows(number_, steps) else {}
-    added = [f"+ {spoken(name)}" for name in step.effects if name not in before]
-    dropped = [f"{MINUS} {spoken(name)}" for name in before if name not in step.effects]
-    told = ", ".join([*added, *dropped])
-    if not told:
-        told = spoken(step.hypothesis.lstrip("0123456789_")) if number_ else "base model"
-    elif number_ and not follows(number_, steps):
-        told = f"base {told}"
-    return f"{told} (by hand)" if is_by_hand(step, by_hand) else told
 
 
 def draw_steps(
@@ -69,7 +43,7 @@ def draw_steps(
     """Save the chart; None where there is no step."""
     if not steps:
         return None
-    figure, (ax,) = chart([ROW * len(steps)], above=0.12, below=BELOW, left=LEFT, foot=FOOT)
+    figure, (ax,) = chart([ROW * len(steps)], left=LEFT, foot=FOOT)
     quiet(ax, grid="x", left=False)
     rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=20, lines=3)
     fitted = [root_mean_square(s.chi2, max(s.dof, 1)) for s in steps]
@@ -83,7 +57,7 @@ def draw_steps(
     dof = max(1, steps[-1].dof)
     low, high = ((chi2_law.ppf(share, dof) / dof) ** 0.5 for share in (0.025, 0.975))
     ax.axvspan(low, high, color=LINE, alpha=0.8, linewidth=0, zorder=0)
-    ax.axvline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=4)
+    ax.axvline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED, zorder=4)
     for place, step in enumerate(steps):
         colour = HUMAN if is_by_hand(step, by_hand) else AFTER
         if follows(place, steps):
@@ -92,22 +66,17 @@ def draw_steps(
             ax.plot([fitted[place - 1]] * 2, [place - 1.0, place + 0.03], color="#8aa9bd",
                     linewidth=0.9, linestyle=(0, (2, 2)), zorder=2)  # fmt: skip
         ax.barh(place - 0.14, fitted[place], height=0.34, color=colour, linewidth=0, zorder=3)
-        _tell(ax, fitted[place], place - 0.14, f"{number(fitted[place], 2)}", TEXT_COLOUR)
+        tell(ax, fitted[place], place - 0.14, number(fitted[place], 2))
         if held[place] is not None:
             ax.plot([held[place]], [place + 0.24], marker="D", color=HELD_OUT, markersize=7,
                     markeredgecolor="white", zorder=5)  # fmt: skip
-            _tell(ax, held[place], place + 0.24, f"{number(held[place], 2)}", HELD_OUT, away=8)
+            tell(ax, held[place], place + 0.24, number(held[place], 2), away=(8, 0), color=HELD_OUT)
             if follows(place, steps) and held[place - 1] is not None:
                 ax.plot([held[place - 1], held[place]], [place - 0.76, place + 0.24],
                         color=HELD_OUT, linewidth=0.8, alpha=0.6, zorder=2)  # fmt: skip
-    label_x(ax, "root mean square residual, in std")
-    legend(figure, _handles(held, steps, by_hand), columns=4, y=0.06)
+    labels(ax, "root mean square residual, in std")
+    legend(figure, _handles(held, steps, by_hand), columns=4)
     return save_figure(figure, path)
-
-
-def _tell(ax, x: float, y: float, text: str, colour: str, *, away: float = 5) -> None:  # noqa: ANN001
-    ax.annotate(text, (x, y), xytext=(away, 0), textcoords="offset points", va="center",
-                fontsize=SMALL, color=colour, path_effects=HALO, zorder=6)  # fmt: skip
 
 
 def _handles(
@@ -119,6 +88,6 @@ def _handles(
     if any(value is not None for value in held):
         made.append(Line2D([], [], marker="D", color=HELD_OUT, linestyle="none", markersize=6,
                            label="held out"))  # fmt: skip
-    made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
+    made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED,
                        label="noise"))  # fmt: skip
     return made

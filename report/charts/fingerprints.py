@@ -1,8 +1,7 @@
-"""Fingerprints: what each effect changes in each measurement, with the residual on top.
+"""Signatures: what each effect changes in each measurement, with the residual on top.
 
-In: a `ReportData`. Out: a heat map. Each row is brought to its own largest value, so it shows a
-shape and no size; the parameters have already imitated what they can. The effect whose row looks
-like the residual's is the one that explains it.
+In: a `DiagnosisData`. Out: a heat map. Each row is scaled to its largest value, so it shows shape,
+not size, after refitting the parameters. The effect whose row resembles the residual explains it.
 """
 
 from __future__ import annotations
@@ -17,12 +16,20 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Normalize
 
 from diagnosis.verdict.verdict import Signature
-from report.charts.diagnosis_style import SIGNED, SMALL, TEXT, WIDTH
-from report.charts.style import new_figure, save_figure, wrapped
-from report.diagnosis.data import ReportData
-from report.diagnosis.sentences import spoken
-from report.numbers import MINUS
-from report.pictures.scene import TEXT_COLOUR
+from report.data.diagnosis import DiagnosisData
+from report.numbers import fixed
+from report.sentences.diagnosis import spoken
+from report.style import (
+    SIGNED,
+    SMALL,
+    TEXT,
+    TEXT_COLOUR,
+    WIDTH,
+    new_figure,
+    panel,
+    save_figure,
+    wrapped,
+)
 
 ROW, TOP_ROW, LEFT, RIGHT = 0.3, 0.36, 1.45, 0.5
 ABOVE, BELOW, GAP = 0.25, 1.55, 0.06
@@ -35,12 +42,12 @@ TIGHT = 7.5
 
 @dataclass(frozen=True)
 class Block:
-    """The numbers of one measurement, side by side.
+    """The numbers of one measurement.
 
     Attributes:
         name: of the measurement.
         columns: places of its numbers in the lists of a signature.
-        ends: where the first and the last one lie, in words; empty for single numbers.
+        ends: where the first and the last one are, as text; None for single numbers.
     """
 
     name: str
@@ -48,14 +55,14 @@ class Block:
     ends: tuple[str, str] | None
 
 
-def blocks(data: ReportData) -> list[Block]:
+def blocks(data: DiagnosisData) -> list[Block]:
     """Columns of the map: measurements in order, constructed numbers left out."""
     names = data.signatures.measurements
     known = {line.name: line for line in data.measurements}
     found: dict[str, list[int]] = {}
     for column, name in enumerate(names):
         line = known.get(name)
-        if line is None:  # an explanation has no list of measurements: its names must do
+        if line is None:  # an explanation lists no measurements: use the names
             found.setdefault(name.split(" at ")[0].removesuffix(" dx").removesuffix(" dy"),
                              []).append(column)  # fmt: skip
         elif line.role != "constructed":
@@ -71,8 +78,8 @@ def blocks(data: ReportData) -> list[Block]:
     return made
 
 
-def fingerprints(data: ReportData) -> list[Signature]:
-    """One signature for each candidate, best score first: that nearest to its amplitude."""
+def fingerprints(data: DiagnosisData) -> list[Signature]:
+    """One signature for each candidate, best score first: the one nearest to its amplitude."""
     order = [c.name for c in data.candidates if c.z is not None] or data.signatures.names
     wanted = {c.name: c.amplitude_by_score for c in data.candidates}
     chosen = []
@@ -87,7 +94,7 @@ def fingerprints(data: ReportData) -> list[Signature]:
     return chosen[:MOST]
 
 
-def draw_fingerprints(data: ReportData, path: Path) -> Path | None:
+def draw_fingerprints(data: DiagnosisData, path: Path) -> Path | None:
     """Save the map; None where there are no signatures."""
     if data.signatures is None:
         return None
@@ -99,19 +106,17 @@ def draw_fingerprints(data: ReportData, path: Path) -> Path | None:
     with_residual = any(known.get(n) is not None for n in data.signatures.measurements)
     head = TOP_ROW + 0.1 if with_residual else 0.0
     total = ABOVE + head + ROW * len(shown) + BELOW
-    figure = new_figure(total, WIDTH)
+    figure = new_figure(total)
     widths = _widths(parts)
     left = LEFT
     for place, (block, width) in enumerate(zip(parts, widths, strict=True)):
-        box = (left / WIDTH, BELOW / total, width / WIDTH, ROW * len(shown) / total)
-        ax = figure.add_axes(box)
+        ax = panel(figure, left, BELOW, width, ROW * len(shown))
         _draw_block(ax, np.array([_shape(e.left_after_refit, block, parts) for e in shown]))
         _name_block(ax, block, width)
         if place == 0:
             _name_rows(ax, [spoken(e.name) for e in shown])
         if with_residual:
-            top = (BELOW + ROW * len(shown) + 0.1) / total
-            ax = figure.add_axes((left / WIDTH, top, width / WIDTH, TOP_ROW / total))
+            ax = panel(figure, left, BELOW + ROW * len(shown) + 0.1, width, TOP_ROW)
             _draw_block(ax, _shape(residual, block, parts)[None])
             if place == 0:
                 _name_rows(ax, ["RESIDUAL"], bold=True)
@@ -173,14 +178,13 @@ def _name_block(ax: Axes, block: Block, width: float) -> None:
         first, last = block.ends
         ax.text(0.0, -down, first, ha="left", **style)
         ax.text(1.0, -down, last, ha="right", **style)
-        ax.text(
-            0.5, -4 * down, wrapped(block.name, 30, 1), ha="center", **{**style, "fontsize": TEXT}
-        )
+        style["fontsize"] = TEXT
+        ax.text(0.5, -4 * down, wrapped(block.name, 30, 1), ha="center", **style)
         return
     ax.text(0.5, -down, wrapped(block.name, 18, 1), ha="center", rotation=90, **style)
 
 
-def _likeness(figure, data: ReportData, shown, residual, parts, total: float) -> None:  # noqa: ANN001
+def _likeness(figure, data: DiagnosisData, shown, residual, parts, total: float) -> None:  # noqa: ANN001
     """The cosine of each row to the residual over the fitted numbers, at the right."""
     known = {line.name: line for line in data.measurements}
     names = data.signatures.measurements
@@ -195,6 +199,5 @@ def _likeness(figure, data: ReportData, shown, residual, parts, total: float) ->
         size = float(np.linalg.norm(s) * np.linalg.norm(r))
         cosine = float(s @ r) / size if size else 0.0
         y = (BELOW + ROW * (len(shown) - place - 0.5)) / total
-        text = f"{round(cosine, 2) + 0.0:.2f}".replace("-", MINUS)
-        figure.text(x, y, text, ha="right", va="center", fontsize=SMALL, color=TEXT_COLOUR,
-                    fontweight="bold" if cosine > 0.7 else "normal")  # fmt: skip
+        figure.text(x, y, fixed(cosine, 2), ha="right", va="center", fontsize=SMALL,
+                    color=TEXT_COLOUR, fontweight="bold" if cosine > 0.7 else "normal")  # fmt: skip

@@ -1,7 +1,7 @@
-"""The way to the answer: the simulated section at each iteration, and loss, values and toes.
+"""How the answer was found: the simulated section at each iteration, and loss, values and toes.
 
-In: a `ReportData`. Out: a picture of sections one below the other, as the paper's figures have it,
-and a chart of the history. A long search is shown by its most telling looks, the last one always.
+In: a `BackAnalysisData`. Out: a picture of sections one below the other, as in the paper's figures,
+and a chart of the history. A long search is thinned; its last evaluation is always shown.
 """
 
 from __future__ import annotations
@@ -16,32 +16,41 @@ from matplotlib.ticker import MaxNLocator
 from geometry.survey.measured import Measured
 from inversion.back_analysis.result import Iteration
 from mpm_taichi.trajectory import Run
-from report.back_analysis.data import ReportData
-from report.charts.style import (
-    HELD_OUT,
-    OURS,
-    clean,
-    new_figure,
-    save_figure,
-    words,
-    wrapped,
-)
+from report.data.back_analysis import BackAnalysisData
+from report.numbers import fixed, unit_of, with_unit
+from report.numbers import number as number_of
 from report.pictures.case_history import line_overlay
 from report.pictures.colouring import colouring_of
 from report.pictures.frame import LAYER, Overlay, draw_frame, overlays, view_limits
-from report.pictures.scene import HALO, TEXT_COLOUR
+from report.style import (
+    CLASSICAL,
+    HELD_OUT,
+    OURS,
+    TEXT_COLOUR,
+    apart,
+    chart,
+    labels,
+    new_figure,
+    panel,
+    quiet,
+    save_figure,
+    tell,
+    title,
+    words,
+    wrapped,
+)
 
 MOST = 8
-"""Sections in the picture; a search with more looks leaves some in the middle out."""
-WIDTH, LEFT, RIGHT, BOTTOM, GAP = 9.5, 0.55, 0.15, 0.5, 0.34
+"""Sections in the picture; a longer search leaves some in the middle out."""
+WIDE, LEFT, RIGHT, BOTTOM, GAP = 9.5, 0.55, 0.15, 0.5, 0.34
 LONGEST = 120
-"""Characters of a heading that fit beside each other; longer ones take two lines."""
+"""Characters of a heading that fit on one line."""
 LINES = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 2, 1.2, 2)))
-COLOURS = (OURS, HELD_OUT, "#009e73", "#8a5a00")
+COLOURS = (OURS, HELD_OUT, CLASSICAL, "#8a5a00")
 
 
-def draw_iterations(data: ReportData, path: Path) -> Path | None:
-    """Save the sections; None where they, or the section before, are not at hand."""
+def draw_iterations(data: BackAnalysisData, path: Path) -> Path | None:
+    """Save the sections; None where they, or the section before the slide, are not known."""
     kept, run = data.sections, data.run
     if kept is None or run is None or kept.final.shape[1:] != run.positions.shape[1:]:
         return None
@@ -49,17 +58,15 @@ def draw_iterations(data: ReportData, path: Path) -> Path | None:
     shown = _as_run(run, np.concatenate([kept.initial[None], kept.final[looks]]))
     marks = overlays(*_marks(data)) if data.case is not None else None
     limits = view_limits(shown, marks)
-    width = WIDTH - LEFT - RIGHT
-    panel = width * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
+    width = WIDE - LEFT - RIGHT
+    height = width * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
     headings = [_heading(data, look) for look in looks]
     gap = GAP + (0.14 if any("\n" in heading for heading in headings) else 0.0)
-    total = len(looks) * (panel + gap) + BOTTOM
-    figure = new_figure(total, WIDTH)
+    total = len(looks) * (height + gap) + BOTTOM
+    figure = new_figure(total, WIDE)
     colouring = colouring_of(shown, "material")
     for number, look in enumerate(looks):
-        bottom = total - (number + 1) * (panel + gap)
-        box = (LEFT / WIDTH, bottom / total, width / WIDTH, panel / total)
-        ax = figure.add_axes(box)
+        ax = panel(figure, LEFT, total - (number + 1) * (height + gap), width, height)
         draw_frame(ax, shown, number + 1, colouring=colouring, overlay=marks, limits=limits)
         _predicted_toes(ax, data, data.result.iterations[look])
         ax.set_title(headings[number], loc="left", fontsize=8.2, color=TEXT_COLOUR, pad=3)
@@ -70,12 +77,12 @@ def draw_iterations(data: ReportData, path: Path) -> Path | None:
 
 
 def shown_looks(whole: np.ndarray, accepted: np.ndarray, answer: int) -> list[int]:
-    """At most `MOST` looks: the first and the answer, and evenly from what lies between.
+    """At most `MOST` evaluations: the first, the answer, and evenly spread ones between.
 
     Args:
         whole: (K,) the run finished.
         accepted: (K,) the step was kept.
-        answer: the look that is the answer; nothing after it is shown.
+        answer: the evaluation that is the answer; nothing after it is shown.
     """
     usable = [k for k in range(answer + 1) if k == answer or (whole[k] and accepted[k])]
     if len(usable) <= MOST:
@@ -85,16 +92,16 @@ def shown_looks(whole: np.ndarray, accepted: np.ndarray, answer: int) -> list[in
 
 
 def _as_run(run: Run, positions: np.ndarray) -> Run:
-    """The looks as if they were the frames of a run (T, N, 2)."""
+    """The evaluations as if they were the frames of a run (T, N, 2)."""
     return replace(run, positions=positions, time=np.arange(float(len(positions))))
 
 
-def _marks(data: ReportData) -> list[Overlay]:
+def _marks(data: BackAnalysisData) -> list[Overlay]:
     """The measured surface, the measured toe and its stated range."""
     return [line_overlay(data.case), *(_toe(data, toe) for toe in data.toes)]
 
 
-def _toe(data: ReportData, toe: Measured) -> Overlay:
+def _toe(data: BackAnalysisData, toe: Measured) -> Overlay:
     def draw(ax: Axes) -> None:
         x = data.toe_place(toe.toe_side, toe.values[0])
         y = float(data.case.scene.ground.height(x))
@@ -109,7 +116,7 @@ def _toe(data: ReportData, toe: Measured) -> Overlay:
     return draw
 
 
-def _predicted_toes(ax: Axes, data: ReportData, line: Iteration) -> None:
+def _predicted_toes(ax: Axes, data: BackAnalysisData, line: Iteration) -> None:
     for toe in data.toes:
         runout = line.predicted.get(toe.name)
         if runout is not None:
@@ -119,11 +126,11 @@ def _predicted_toes(ax: Axes, data: ReportData, line: Iteration) -> None:
                     linestyle="none", zorder=LAYER["overlay"] + 3)  # fmt: skip
 
 
-def _heading(data: ReportData, look: int) -> str:
+def _heading(data: BackAnalysisData, look: int) -> str:
     line = data.result.iterations[look]
     kind = {"start": "start", "scan": "scan"}.get(line.kind, f"iteration {line.iteration}")
     values = ", ".join(
-        f"{_where(p.zones)}: {line.values[p.name]:.3g} {p.unit.replace('deg', '°')}"
+        f"{_where(p.zones)}: {with_unit(line.values[p.name], p.unit)}"
         for p in data.result.answer.parameters
     )
     toes = ", ".join(
@@ -133,94 +140,79 @@ def _heading(data: ReportData, look: int) -> str:
     )
     last = " (the answer)" if data.sections is not None and look == data.sections.answer else ""
     first = f"{kind.capitalize()}{last}   {values}"
-    apart = "   " if len(first) + len(toes) < LONGEST else "\n"
-    return words(f"{first}{apart}{toes}")
+    between = "   " if len(first) + len(toes) < LONGEST else "\n"
+    return words(f"{first}{between}{toes}")
 
 
-def draw_history(data: ReportData, path: Path) -> Path:
-    """Save the history: loss, values and fitted quantities by the number of the look."""
+def draw_history(data: BackAnalysisData, path: Path) -> Path:
+    """Save the history: loss, values and fitted quantities by the number of the evaluation."""
     result = data.result
-    fitted = [m for m in result.measurements if m.role == "fitted"][:4]
+    fitted = data.fitted[:4]
     parameters = (data.strengths or result.answer.parameters)[:4]
-    figure = new_figure(1.75 * 3 + 0.45)
-    axes = figure.subplots(3, 1, sharex=True)
-    figure.subplots_adjust(left=0.12, right=0.68, top=0.94, bottom=0.09, hspace=0.34)
-    _draw_loss(axes[0], data)
+    figure, (loss, values, simulated) = chart([1.3] * 3, above=0.3, below=0.35, left=0.6, right=1.6,
+                                              foot=0.15)  # fmt: skip
+    _draw_loss(loss, data)
     kept = [line for line in result.iterations if line.accepted]
     places = [number for number, line in enumerate(result.iterations) if line.accepted]
     for number, p in enumerate(parameters):
-        _line(axes[1], places, [line.values[p.name] for line in kept], number)
-    axes[1].set_title("Values sought", **_title())
-    axes[1].set_ylabel(parameters[0].unit, fontsize=8.5)
-    axes[1].set_ylim(bottom=0)
-    told = [f"{p.label}: {p.value:.3g} {p.unit}" for p in parameters]
-    _end_labels(axes[1], [p.value for p in parameters], told, axes[1].get_ylim())
-    series = [[line.predicted.get(m.name, np.nan) for line in kept] for m in fitted]
-    for number, (m, y) in enumerate(zip(fitted, series, strict=True)):
-        _line(axes[2], places, y, number)
-        axes[2].axhline(m.measured, color=COLOURS[number], linewidth=0.8, zorder=1)
-        ends_of = (m.measured - m.std, m.measured + m.std) if m.low is None else (m.low, m.high)
-        axes[2].axhspan(*ends_of, color=COLOURS[number], alpha=0.1, linewidth=0, zorder=0)
-    axes[2].set_title("Simulated; line and band: measured, with its range", **_title())
-    axes[2].set_ylabel("m", fontsize=8.5)
-    told = [f"{m.name}: {m.predicted:.1f}, measured {m.measured:g} {m.unit}" for m in fitted]
-    _end_labels(axes[2], [m.predicted for m in fitted], told, axes[2].get_ylim())
-    axes[2].set_xlabel("step of the search (0: the first guess)", fontsize=8.5)
-    axes[2].xaxis.set_major_locator(MaxNLocator(integer=True))
+        _line(values, places, [line.values[p.name] for line in kept], number)
+    title(values, "Values")
+    labels(values, "", unit_of(parameters[0].unit))
+    values.set_ylim(bottom=0)
+    names = [f"{p.label}: {with_unit(p.value, p.unit)}" for p in parameters]
+    _end_labels(values, [p.value for p in parameters], names)
+    for number, m in enumerate(fitted):
+        _line(simulated, places, [line.predicted.get(m.name, np.nan) for line in kept], number)
+        simulated.axhline(m.measured, color=COLOURS[number], linewidth=0.8, zorder=1)
+        ends = (m.measured - m.std, m.measured + m.std) if m.low is None else (m.low, m.high)
+        simulated.axhspan(*ends, color=COLOURS[number], alpha=0.1, linewidth=0, zorder=0)
+    title(simulated, "Simulated; line and band: measured, with its range")
+    names = [f"{m.name}: {fixed(m.predicted)}, measured {m.measured:g} {m.unit}" for m in fitted]
+    _end_labels(simulated, [m.predicted for m in fitted], names)
+    labels(simulated, "evaluation (0: the first guess)", fitted[0].unit if fitted else "")
+    for ax in (loss, values, simulated):
+        ax.set_xlim(-0.04 * len(result.iterations), 1.04 * len(result.iterations) - 1)
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     return save_figure(figure, path)
 
 
-def _draw_loss(ax: Axes, data: ReportData) -> None:
+def _draw_loss(ax: Axes, data: BackAnalysisData) -> None:
     answer = data.result.answer
+    unit = "m²" if answer.loss_unit == "m2" else ""
     for number, line in enumerate(data.result.iterations):
         if line.loss is not None and line.loss > 0:
             ax.plot([number], [line.loss], marker="o" if line.accepted else "x", color=OURS,
                     markersize=5.5, zorder=3)  # fmt: skip
     pairs = [(n, it.loss) for n, it in enumerate(data.result.iterations) if it.accepted and it.loss]
-    ax.plot(*zip(*pairs, strict=True), color=OURS, linewidth=1.4, zorder=2) if pairs else None
-    ax.set_yscale("log")
-    ax.axhline(answer.tolerance, color=HELD_OUT, linewidth=1.1, linestyle="--", zorder=1)
-    unit = "m²" if answer.loss_unit == "m2" else ""
-    ax.annotate(f"tolerance {answer.tolerance:g} {unit}", (1.0, answer.tolerance),
-                xycoords=("axes fraction", "data"), xytext=(6, 0), textcoords="offset points",
-                va="center", fontsize=8.5, color=HELD_OUT)  # fmt: skip
     if pairs:
-        ax.annotate(f"answer {answer.loss:.2g} {unit}", (1.0, pairs[-1][1]),
-                    xycoords=("axes fraction", "data"), xytext=(6, 0), va="center",
-                    textcoords="offset points", fontsize=8.5, color=OURS)  # fmt: skip
-    ax.set_ylabel(f"loss ({unit})" if unit else "loss", fontsize=8.5)
-    told = "squared error of the runouts" if unit else "standardised misfit"
-    ax.set_title(f"Loss: {told}; crosses were taken back", **_title())
-    clean(ax, grid="y", left=True)
+        ax.plot(*zip(*pairs, strict=True), color=OURS, linewidth=1.4, zorder=2)
+    ax.set_yscale("log")
+    quiet(ax, grid="y")
+    ax.axhline(answer.tolerance, color=HELD_OUT, linewidth=1.1, linestyle="--", zorder=1)
+    ends = [(answer.tolerance, f"tolerance {answer.tolerance:g} {unit}", HELD_OUT)]
+    ends += [(loss, f"answer {number_of(loss, 2)} {unit}", OURS) for _, loss in pairs[-1:]]
+    low, high = np.log10(ax.get_ylim())
+    heights = apart([np.log10(y) for y, *_ in ends], 0.13 * (high - low), high)
+    for height, (_, text, colour) in zip(heights, ends, strict=True):
+        tell(ax, 1.0, 10.0**height, text, xycoords=("axes fraction", "data"), color=colour)
+    words_ = "squared error of the runouts" if unit else "standardised misfit"
+    title(ax, f"Loss: {words_}; crosses were rejected")
+    labels(ax, "", f"loss ({unit})" if unit else "loss")
 
 
 def _line(ax: Axes, x: list[int], y: list[float], number: int) -> None:
+    quiet(ax, grid="y")
     ax.plot(x, y, color=COLOURS[number], linestyle=LINES[number], marker="o", markersize=4,
             linewidth=1.5, zorder=3)  # fmt: skip
-    clean(ax, grid="y", left=True)
 
 
-def _title() -> dict:
-    return {"loc": "left", "fontsize": 9, "color": TEXT_COLOUR}
-
-
-def _end_labels(
-    ax: Axes, ends: list[float], labels: list[str], limits: tuple[float, float]
-) -> None:
-    """Name the lines at their right ends, moved apart where they would cover each other."""
-    apart = 0.3 * (limits[1] - limits[0])
-    order = np.argsort(ends)
-    places: dict[int, float] = {}
-    last = -np.inf
-    for number in order:
-        last = max(ends[number], last + apart)
-        places[int(number)] = last
-    excess = max(last - limits[1], 0.0) if len(ends) else 0.0
-    for number, label in enumerate(labels):
-        ax.annotate(wrapped(label, 26, 4), (1.0, places[number] - excess),
-                    xycoords=("axes fraction", "data"), xytext=(6, 0), annotation_clip=False,
-                    textcoords="offset points", va="center", fontsize=8, linespacing=1.1,
-                    color=COLOURS[number], path_effects=HALO)  # fmt: skip
+def _end_labels(ax: Axes, ends: list[float], names: list[str]) -> None:
+    """Name the lines at their right ends, moved apart where they would overlap."""
+    low, high = ax.get_ylim()
+    heights = apart(ends, 0.3 * (high - low), high)
+    for number, (height, name) in enumerate(zip(heights, names, strict=True)):
+        tell(ax, 1.0, height, wrapped(name, 25, 4), xycoords=("axes fraction", "data"),
+             linespacing=1.1, color=COLOURS[number])  # fmt: skip
 
 
 def _where(zones: list[str]) -> str:

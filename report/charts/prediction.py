@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from geometry.scenes.scene import Scene
-from pipeline.files import atomic_path
 from report.pictures.scene import draw_section
+from report.style import LINE, labels, new_figure, panel, save_figure, tidy
 
 TOES = ("#0072b2", "#cc79a7")
 BAND, MEDIAN, MEASURED = "#222222", "#111111", "#009e73"
@@ -30,22 +28,18 @@ def save_prediction_picture(scene: Scene, document: dict[str, Any], path: str | 
     width = 10.0
     section = (width - 1.0) * (top - scene.ground.lowest + 0.06 * top) / (right - left)
     total = section + 4.9
-    figure = Figure(figsize=(width, total), facecolor="white")
-    FigureCanvasAgg(figure)
-    ax = figure.add_axes((0.075, 4.0 / total, 0.91, section / total))
-    draw_section(ax, scene, labels=False)
+    figure = new_figure(total, width)
+    ax = panel(figure, 0.75, 4.0, 9.1, section)
+    draw_section(ax, scene, names=False)
     ax.set(xlim=(left, right), ylim=(scene.ground.lowest - 0.05 * top, top))
     _draw_band(ax, document["sections"])
-    ax.set_xlabel("x (m)", fontsize=9)
-    ax.set_ylabel("y (m)", fontsize=9)
+    labels(ax, "x (m)", "y (m)")
     words = "; ".join(strength["words"] for strength in document["strengths"])
     figure.text(0.075, 1 - 0.3 / total, document["case"].replace("_", " "), fontsize=12,
                 weight="bold", va="center")  # fmt: skip
     figure.text(0.075, 1 - 0.55 / total, f"S_r = {words}", fontsize=9, va="center")
-    curve = figure.add_axes((0.075, 0.55 / total, 0.91, 2.75 / total))
-    _draw_curves(curve, document)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+    _draw_curves(panel(figure, 0.75, 0.55, 9.1, 2.75), document)
+    save_figure(figure, path, dpi=150)
 
 
 def _extent(scene: Scene, document: dict[str, Any]) -> tuple[float, float, float]:
@@ -83,9 +77,7 @@ def _draw_curves(ax: Axes, document: dict[str, Any]) -> None:
             ax.axvline(entry["measured"], color=colour, linestyle="--", linewidth=1.2,
                        label=f"measured: {entry['measured']:g} m")  # fmt: skip
     ax.set(ylim=(0, 100))
-    ax.set_xlabel("runout of the toe (m)", fontsize=9)
-    ax.set_ylabel("probability to run farther (%)", fontsize=9)
-    ax.grid(color="#dddddd", linewidth=0.6)
-    ax.tick_params(labelsize=8)
-    ax.spines[["top", "right"]].set_visible(False)
+    labels(ax, "runout of the toe (m)", "probability of a longer runout (%)")
+    ax.grid(color=LINE, linewidth=0.6)
+    tidy(ax)
     ax.legend(fontsize=8, frameon=False, loc="upper right")

@@ -1,8 +1,8 @@
 """Measured against modelled: the surface of the deposit, and what was measured in time.
 
-In: a `ReportData`. Out: a chart with a panel before (base model) and one after (model of the
-answer) for each series. The band is two total standard deviations (survey and model) to either side
-of the model: of the marks, 95 in 100 lie within it when the model lacks nothing.
+In: a `DiagnosisData`. Out: a chart with a panel before (base model) and one after (model of the
+answer) for each series. The band is two total standard deviations (survey and model) on either side
+of the model: 95 % of the marks lie within it if the model is adequate.
 """
 
 from __future__ import annotations
@@ -15,57 +15,56 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from diagnosis.verdict.verdict import MeasurementVerdict
-from report.charts.diagnosis_style import (
+from report.data.diagnosis import DiagnosisData, Series
+from report.sentences.diagnosis import explanation
+from report.style import (
     AFTER,
     BEFORE,
-    CONSTRUCTED_MARKER,
-    FITTED_MARKER,
-    HELD_MARKER,
+    DASHED,
+    GROUND_COLOUR,
+    GROUND_LINE,
     PALE_AFTER,
     PALE_BEFORE,
+    ROLES,
+    TEXT_COLOUR,
     chart,
-    label_x,
-    label_y,
+    labels,
     legend,
     quiet,
+    save_figure,
     title,
+    wrapped,
 )
-from report.charts.style import HELD_OUT, save_figure, wrapped
-from report.diagnosis.data import ReportData, Series
-from report.diagnosis.sentences import explanation
-from report.pictures.scene import GROUND_COLOUR, GROUND_LINE, TEXT_COLOUR
 
-ABOVE, BELOW, LEFT = 0.3, 0.5, 0.6
-HEIGHT, FOOT = 1.75, 0.5
+ABOVE, LEFT, HEIGHT, FOOT = 0.3, 0.6, 1.75, 0.45
 LONGEST = 50
 """Characters of a heading."""
-MARKS = {
-    "fitted": (FITTED_MARKER, TEXT_COLOUR),
-    "held out": (HELD_MARKER, HELD_OUT),
-    "compared": ("s", TEXT_COLOUR),
-    "constructed": (CONSTRUCTED_MARKER, "#888888"),
-}
-"""Mark and colour of a measured number by its role."""
 
 
-def draw_profile(data: ReportData, path: Path, *, axis: str = "x_m") -> Path | None:
+def draw_profile(data: DiagnosisData, path: Path, *, axis: str = "x_m") -> Path | None:
     """Save the chart of the series along an axis, x_m or time_s; None where there is none."""
     chosen = [series for series in data.series if series.axis == axis]
     shown = [(series, after) for series in chosen for after in _models(data)]
     shown = [(s, after) for s, after in shown if any(_predicted(m, after) for m in s.lines)]
     if not shown:
         return None
-    figure, panels = chart([HEIGHT] * len(shown), above=ABOVE, below=BELOW, left=LEFT, foot=FOOT)
+    figure, panels = chart([HEIGHT] * len(shown), above=ABOVE, left=LEFT, foot=FOOT)
     for ax, (series, after) in zip(panels, shown, strict=True):
         _draw(ax, data, series, after)
     for first, second in zip(panels, panels[1:], strict=False):
         if len(_models(data)) > 1 and panels.index(first) % 2 == 0:
             _same_limits(first, second)
-    legend(figure, _handles(data, chosen), columns=3, y=0.06)
+    legend(figure, _handles(data, chosen), columns=3)
     return save_figure(figure, path)
 
 
-def _models(data: ReportData) -> list[bool]:
+def mark_of(line: MeasurementVerdict) -> tuple[str, str]:
+    """Mark and colour of a measured number; black where the model next to it has a colour."""
+    mark, colour = ROLES[line.role]
+    return mark, TEXT_COLOUR if line.role in ("fitted", "compared") else colour
+
+
+def _models(data: DiagnosisData) -> list[bool]:
     """The base model alone, or before and after."""
     return [False] if data.final is None else [False, True]
 
@@ -74,7 +73,7 @@ def _predicted(line: MeasurementVerdict, after: bool) -> bool:
     return (line.predicted_final if after else line.predicted_base) is not None
 
 
-def heading(data: ReportData, series: Series, after: bool) -> str:
+def heading(data: DiagnosisData, series: Series, after: bool) -> str:
     """What a panel shows; several effects are counted where there is no room for their names."""
     if not after:
         return f"{series.name}: base model"
@@ -83,7 +82,7 @@ def heading(data: ReportData, series: Series, after: bool) -> str:
     return named if len(named) <= LONGEST else f"{series.name}: after, with {len(effects)} effects"
 
 
-def _draw(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
+def _draw(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
     quiet(ax)
     if series.axis == "x_m" and series.unit == "m" and data.sections is not None:
         _draw_section(ax, data, series, after)
@@ -96,17 +95,16 @@ def _draw(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
                     zorder=4)  # fmt: skip
     ax.plot(place, model, color=colour, linewidth=2.0, zorder=5)
     for line in series.lines:
-        mark, ink = MARKS[line.role]
+        mark, ink = mark_of(line)
         edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
         ax.plot([line.place], [line.measured], marker=mark, color=ink, markersize=5.5, zorder=6,
-                **(edge if mark != CONSTRUCTED_MARKER else {}))  # fmt: skip
+                **(edge if mark != "x" else {}))  # fmt: skip
     title(ax, wrapped(heading(data, series, after), 52, 1), colour=colour if after else "#50575e")
-    label_x(ax, series.axis_words)
     quantity = "elevation" if series.axis == "x_m" and series.unit == "m" else "value"
-    label_y(ax, f"{quantity} ({series.unit})")
+    labels(ax, series.axis_label, f"{quantity} ({series.unit})")
 
 
-def _draw_section(ax: Axes, data: ReportData, series: Series, after: bool) -> None:
+def _draw_section(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
     """Ground, the surface before the slide, and the simulated one beyond what was measured."""
     section = data.sections
     surface = section.final if after else section.base
@@ -125,12 +123,12 @@ def _draw_section(ax: Axes, data: ReportData, series: Series, after: bool) -> No
     ax.fill_between(section.x, low - 3 * room, section.ground, color=GROUND_COLOUR, linewidth=0,
                     zorder=3)  # fmt: skip
     ax.plot(section.x, section.ground, color=GROUND_LINE, linewidth=0.8, zorder=3)
-    ax.plot(section.x, section.initial, color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
+    ax.plot(section.x, section.initial, color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED,
             zorder=3)  # fmt: skip
     ax.plot(section.x, surface, color=AFTER if after else BEFORE, linewidth=0.9, zorder=4)
     for line, place in toes:
         height = float(np.interp(place, section.x, section.ground))
-        ax.plot([place], [height], marker="^", markersize=9, color=MARKS[line.role][1],
+        ax.plot([place], [height], marker="^", markersize=9, color=mark_of(line)[1],
                 markeredgecolor="white", zorder=7, clip_on=False)  # fmt: skip
 
 
@@ -142,22 +140,19 @@ def _same_limits(first: Axes, second: Axes) -> None:
             getattr(ax, put)(low, high)
 
 
-def _handles(data: ReportData, chosen: list[Series]) -> list[Line2D | Patch]:
-    roles = {line.role for series in chosen for line in series.lines}
-    names = {"fitted": "measured", "held out": "held out", "compared": "compared",
-             "constructed": "constructed"}  # fmt: skip
-    made: list[Line2D | Patch] = [
-        Line2D([], [], marker=MARKS[role][0], color=MARKS[role][1], linestyle="none",
-               markersize=5.5, label=names[role])
-        for role in MARKS
-        if role in roles
-    ]  # fmt: skip
+def _handles(data: DiagnosisData, chosen: list[Series]) -> list[Line2D | Patch]:
+    first = {line.role: line for series in chosen for line in series.lines}
+    made: list[Line2D | Patch] = []
+    for role in (role for role in ROLES if role in first):
+        mark, colour = mark_of(first[role])
+        made.append(Line2D([], [], marker=mark, color=colour, linestyle="none", markersize=5.5,
+                           label="measured" if role == "fitted" else role))  # fmt: skip
     pale = [(PALE_BEFORE, BEFORE)] if data.final is None else [
         (PALE_BEFORE, BEFORE), (PALE_AFTER, AFTER)]  # fmt: skip
     for (band, line), label in zip(pale, ("model ± 2 std", "after ± 2 std"), strict=False):
         made.append(Patch(facecolor=band, edgecolor=line, label=label))
     if data.sections is not None and chosen[0].axis == "x_m":
-        made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=(0, (4, 2)),
+        made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED,
                            label="before the slide"))  # fmt: skip
         if data.sections.toes:
             made.append(Line2D([], [], marker="^", color=TEXT_COLOUR, linestyle="none",

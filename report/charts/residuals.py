@@ -1,9 +1,8 @@
 """Where a model fails: standardised residuals number by number, and by measurement.
 
-In: a `ReportData`. Out: three charts. The first has a panel for each series with its residuals
-(measured minus modelled) in total standard deviations, the worst stretch of the base model on
-yellow. The second has a row for each single number, the third a bar for each measurement as a
-whole.
+In: a `DiagnosisData`. Out: three charts. The first has a panel for each series with its residuals
+(measured minus modelled) in total standard deviations, the worst stretch of the base model in
+yellow; the second a row for each single number; the third a bar for each measurement.
 """
 
 from __future__ import annotations
@@ -16,32 +15,36 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from diagnosis.verdict.verdict import Group, MeasurementVerdict, Window
-from report.charts.diagnosis_style import (
+from report.charts.profile import mark_of
+from report.data.diagnosis import DiagnosisData, Series
+from report.numbers import chance, number
+from report.style import (
     AFTER,
     BEFORE,
+    GREY,
+    HALO,
+    LINE,
     SMALL,
+    TEXT_COLOUR,
     WINDOW,
     chart,
-    label_x,
-    label_y,
+    labels,
     legend,
     quiet,
     rows,
+    save_figure,
+    tell,
     title,
+    wrapped,
 )
-from report.charts.profile import MARKS
-from report.charts.style import LINE, save_figure, wrapped
-from report.diagnosis.data import ReportData, Series
-from report.numbers import chance, number
-from report.pictures.scene import HALO, TEXT_COLOUR
 
-ABOVE, BELOW, LEFT, FOOT = 0.3, 0.52, 0.6, 0.32
+ABOVE, LEFT, FOOT = 0.3, 0.6, 0.3
 HEIGHT, ROW = 1.55, 0.36
 LONG_LEFT = 1.4
 """Room for the names of rows [inches]."""
 
 
-def draw_residuals(data: ReportData, path: Path) -> Path | None:
+def draw_residuals(data: DiagnosisData, path: Path) -> Path | None:
     """Save the residuals of all surveyed series; None where there is none."""
     shown = [
         series
@@ -50,14 +53,14 @@ def draw_residuals(data: ReportData, path: Path) -> Path | None:
     ]
     if not shown:
         return None
-    figure, panels = chart([HEIGHT] * len(shown), above=ABOVE, below=BELOW, left=LEFT, foot=FOOT)
+    figure, panels = chart([HEIGHT] * len(shown), above=ABOVE, left=LEFT, foot=FOOT)
     for ax, series in zip(panels, shown, strict=True):
         _draw_series(ax, data, series)
-    legend(figure, _handles(data, window=True), columns=4, y=0.06)
+    legend(figure, _handles(data, window=True), columns=4)
     return save_figure(figure, path)
 
 
-def _draw_series(ax: Axes, data: ReportData, series: Series) -> None:
+def _draw_series(ax: Axes, data: DiagnosisData, series: Series) -> None:
     quiet(ax, grid="x")
     ax.axhspan(-2, 2, color=LINE, alpha=0.55, linewidth=0, zorder=0)
     ax.axhline(0, color=TEXT_COLOUR, linewidth=0.9, zorder=2)
@@ -65,9 +68,9 @@ def _draw_series(ax: Axes, data: ReportData, series: Series) -> None:
     for line in series.lines:
         if line.residual_base is None:
             continue
-        mark, _ = MARKS[line.role]
+        mark, _ = mark_of(line)
         if mark == "x":
-            ax.plot([line.place], [line.residual_base], marker="x", color="#888888", markersize=5)
+            ax.plot([line.place], [line.residual_base], marker="x", color=GREY, markersize=5)
             continue
         ax.plot([line.place] * 2, [0, line.residual_base], color=BEFORE, linewidth=1.2, zorder=3)
         ax.plot([line.place], [line.residual_base], marker=mark, color=BEFORE, markersize=5.5,
@@ -80,18 +83,17 @@ def _draw_series(ax: Axes, data: ReportData, series: Series) -> None:
     ax.set_ylim(-1.15 * reach, (1.45 if _shaded(data, series) else 1.15) * reach)
     _shade_window(ax, data, series)
     title(ax, wrapped(series.name, 52, 1))
-    label_x(ax, series.axis_words)
-    label_y(ax, "residual (std)")
+    labels(ax, series.axis_label, "residual (std)")
 
 
-def _shaded(data: ReportData, series: Series) -> Window | None:
+def _shaded(data: DiagnosisData, series: Series) -> Window | None:
     """The worst stretch of the base model, where it lies in this series."""
     window = data.base.window
     here = window is not None and window.measurement == series.name and window.x_from is not None
     return window if here else None
 
 
-def _shade_window(ax: Axes, data: ReportData, series: Series) -> None:
+def _shade_window(ax: Axes, data: DiagnosisData, series: Series) -> None:
     window = _shaded(data, series)
     if window is None:
         return
@@ -107,34 +109,32 @@ def _shade_window(ax: Axes, data: ReportData, series: Series) -> None:
             transform=ax.get_xaxis_transform(), path_effects=HALO, zorder=6)  # fmt: skip
 
 
-def draw_singles(data: ReportData, path: Path) -> Path | None:
+def draw_singles(data: DiagnosisData, path: Path) -> Path | None:
     """Save single numbers before and after, a row each; None where there are none."""
     shown = [m for m in data.singles if m.residual_base is not None]
     if not shown:
         return None
-    figure, (ax,) = chart(
-        [ROW * len(shown)], above=0.08, below=BELOW, left=LONG_LEFT, foot=FOOT
-    )  # fmt: skip
+    figure, (ax,) = chart([ROW * len(shown)], left=LONG_LEFT, foot=FOOT)
     quiet(ax, grid="x", left=False)
     rows(ax, [_named(m) for m in shown], width=20)
     ax.axvspan(-2, 2, color=LINE, alpha=0.55, linewidth=0, zorder=0)
     ax.axvline(0, color=TEXT_COLOUR, linewidth=0.9, zorder=1)
     reach = 3.0
     for place, line in enumerate(shown):
-        mark, _ = MARKS[line.role]
+        mark, _ = mark_of(line)
         known = [line.residual_base]
         if data.final is not None and line.residual_final is not None:
             known.append(line.residual_final)
             ax.annotate("", (line.residual_final, place), (line.residual_base, place), zorder=2,
                         arrowprops={"arrowstyle": "-", "color": "#aab4bc", "lw": 1.4})  # fmt: skip
         for value, colour in zip(known, (BEFORE, AFTER), strict=False):
-            colour = "#888888" if mark == "x" else colour
+            colour = GREY if mark == "x" else colour
             edge = {} if mark == "x" else {"markeredgecolor": "white"}
             ax.plot([value], [place], marker=mark, color=colour, markersize=8, zorder=3, **edge)
         reach = max(reach, *map(abs, known))
     ax.set_xlim(-1.12 * reach, 1.12 * reach)
-    label_x(ax, "residual in std (shaded: within 2)")
-    legend(figure, _handles(data, window=False), columns=3, y=0.06)
+    labels(ax, "residual in std (shaded: within 2)")
+    legend(figure, _handles(data, window=False), columns=3)
     return save_figure(figure, path)
 
 
@@ -142,14 +142,14 @@ def _named(line: MeasurementVerdict) -> str:
     return line.name if line.role == "fitted" else f"{line.name} ({line.role})"
 
 
-def draw_groups(data: ReportData, path: Path) -> Path | None:
+def draw_groups(data: DiagnosisData, path: Path) -> Path | None:
     """Save a bar for each measurement as a whole; None where the document has no groups."""
     before = data.base.groups
     if not before:
         return None
     after = {} if data.final is None else {g.name: g for g in data.final.groups}
     row = 0.5 if after else ROW
-    figure, (ax,) = chart([row * len(before)], above=0.08, below=BELOW, left=LONG_LEFT, foot=FOOT)
+    figure, (ax,) = chart([row * len(before)], left=LONG_LEFT, foot=FOOT)
     quiet(ax, grid="x", left=False)
     rows(ax, [f"{g.name} ({g.n})" for g in before], width=20)
     reach = max(3.0, *(abs(g.z) for g in [*before, *after.values()]))
@@ -163,15 +163,13 @@ def draw_groups(data: ReportData, path: Path) -> Path | None:
             pair.append((after[group.name], AFTER, 0.2))
         for one, colour, shift in pair:
             ax.barh(place + shift, one.z, height=0.36, color=colour, linewidth=0, zorder=3)
-            ax.annotate(number(one.z, 2), (max(one.z, 0), place + shift),
-                        xytext=(4, 0), textcoords="offset points", va="center", fontsize=SMALL,
-                        path_effects=HALO, zorder=5)  # fmt: skip
-    label_x(ax, "excess of squares, in std (shaded: noise)")
-    legend(figure, _handles(data, window=False, bars=True), columns=3, y=0.06)
+            tell(ax, max(one.z, 0), place + shift, number(one.z, 2), away=(4, 0))
+    labels(ax, "excess of squares, in std (shaded: noise)")
+    legend(figure, _handles(data, window=False, bars=True), columns=3)
     return save_figure(figure, path)
 
 
-def _handles(data: ReportData, *, window: bool, bars: bool = False) -> list[Line2D | Patch]:
+def _handles(data: DiagnosisData, *, window: bool, bars: bool = False) -> list[Line2D | Patch]:
     def one(colour: str, label: str, mark: str = "o") -> Line2D | Patch:
         if bars:
             return Patch(facecolor=colour, label=label)

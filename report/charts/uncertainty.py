@@ -1,7 +1,7 @@
-"""How sure the answer is: what moves it (a tornado chart), and what was known before and after.
+"""How certain the answer is: what moves it (a tornado chart), and what the data have added.
 
-In: a `ReportData`. Out: two charts. The tornado has a bar for each change of an assumption, the
-strongest on top; the other one shows what the data have and have not added.
+In: a `BackAnalysisData`. Out: two charts. The tornado has a bar for each changed assumption, the
+strongest on top; the other compares each parameter before and after the data.
 """
 
 from __future__ import annotations
@@ -14,21 +14,26 @@ from matplotlib.axes import Axes
 
 from inversion.back_analysis.result import ParameterAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
-from report.back_analysis.data import ReportData
-from report.charts.style import (
+from report.data.back_analysis import BackAnalysisData
+from report.numbers import MINUS, fixed, plus_minus, unit_of, with_unit
+from report.style import (
     HELD_OUT,
     NOTE,
     OURS,
     PALE,
-    clean,
-    new_figure,
-    row_labels,
+    SMALL,
+    TEXT_COLOUR,
+    chart,
+    labels,
+    quiet,
+    rows,
     save_figure,
+    tell,
+    title,
     words,
 )
-from report.pictures.scene import HALO, TEXT_COLOUR
 
-ROW, ABOVE, BELOW, LEFT, RIGHT = 0.3, 0.42, 0.6, 1.95, 0.3
+ROW, ABOVE, LEFT, RIGHT = 0.3, 0.36, 1.95, 0.3
 MOVED = 1e-3
 """A parameter that no assumption moves by this share of its value has no chart."""
 
@@ -40,7 +45,7 @@ class Bar:
     Attributes:
         label: of the row.
         changes: signed changes, one for each side tried.
-        std: its contribution to the total; None: it is told, not added.
+        std: its contribution to the total; None: reported, not added.
     """
 
     label: str
@@ -48,7 +53,7 @@ class Bar:
     std: float | None
 
 
-def bars(data: ReportData, parameter: ParameterAnswer) -> list[Bar]:
+def bars(data: BackAnalysisData, parameter: ParameterAnswer) -> list[Bar]:
     """The sources for one parameter, the strongest first."""
     name = parameter.name
     found = [Bar("survey", (-parameter.std_data, parameter.std_data), parameter.std_data)]
@@ -62,8 +67,8 @@ def bars(data: ReportData, parameter: ParameterAnswer) -> list[Bar]:
     return sorted(found, key=lambda bar: -max(map(abs, bar.changes), default=0.0))
 
 
-def tornado_parameters(data: ReportData) -> list[ParameterAnswer]:
-    """The parameters that have something to show: those that an assumption moves."""
+def tornado_parameters(data: BackAnalysisData) -> list[ParameterAnswer]:
+    """The parameters that an assumption moves."""
     if not data.result.sensitivities:
         return []
     return [
@@ -77,57 +82,47 @@ def tornado_parameters(data: ReportData) -> list[ParameterAnswer]:
     ]
 
 
-def draw_tornado(data: ReportData, path: Path) -> Path | None:
+def draw_tornado(data: BackAnalysisData, path: Path) -> Path | None:
     """Save the tornado chart; None where no assumption was changed or none moves anything."""
     shown = tornado_parameters(data)
     if not shown:
         return None
     panels = [bars(data, p) for p in shown]
     heights = [ROW * len(panel) for panel in panels]
-    total = sum(heights) + len(panels) * (ABOVE + BELOW)
-    figure = new_figure(total)
-    width, top = figure.get_figwidth(), total
-    for p, panel, height in zip(shown, panels, heights, strict=True):
-        top -= ABOVE + height
-        box = (LEFT / width, top / total, (width - LEFT - RIGHT) / width, height / total)
-        _draw_tornado(figure.add_axes(box), p, panel)
-        top -= BELOW
+    figure, axes = chart(heights, above=ABOVE, below=0.55, left=LEFT, right=RIGHT)
+    for ax, p, panel in zip(axes, shown, panels, strict=True):
+        _draw_tornado(ax, p, panel)
     return save_figure(figure, path)
 
 
 def _draw_tornado(ax: Axes, p: ParameterAnswer, panel: Sequence[Bar]) -> None:
+    quiet(ax, grid="x", left=False)
+    rows(ax, [bar.label for bar in panel], width=30)
     reach = 1.45 * max(abs(change) for bar in panel for change in bar.changes)
     ax.set_xlim(p.value - reach, p.value + reach)
     ax.axvspan(p.value - p.std_total, p.value + p.std_total, color=OURS, alpha=0.08, linewidth=0)
     ax.axvline(p.value, color=TEXT_COLOUR, linewidth=1.0, zorder=4)
-    row_labels(ax, [bar.label for bar in panel], width=30)
-    clean(ax)
     for number, bar in enumerate(panel):
         low, high = min(0.0, *bar.changes), max(0.0, *bar.changes)
         style = {"height": 0.62, "linewidth": 0, "zorder": 3}
         ax.barh(number, low, left=p.value, color=OURS, **style)
         ax.barh(number, high, left=p.value, color=HELD_OUT, **style)
-        for change, side in ((low, "right"), (high, "left")):
+        for change, side in ((low, -4), (high, 4)):
             if round(abs(change), 2) > 0:
-                ax.annotate(f"{change:+.2g}".replace("-", "\N{MINUS SIGN}"),
-                            (p.value + change, number), xytext=(-4 if side == "right" else 4, 0),
-                            textcoords="offset points", va="center", ha=side, fontsize=8,
-                            color=TEXT_COLOUR, path_effects=HALO, zorder=5)  # fmt: skip
-    unit = p.unit.replace("deg", "°")
-    ax.set_xlabel(words(f"{p.label} ({unit})"), fontsize=8.5)
-    title = f"{p.label}: {p.value:.1f} ± {p.std_total:.1f} {unit} (shaded)"
-    ax.set_title(words(title), x=1.0, ha="right", fontsize=9, color=TEXT_COLOUR, fontweight="bold")
+                tell(ax, p.value + change, number, f"{change:+.2g}".replace("-", MINUS),
+                     away=(side, 0))  # fmt: skip
+    labels(ax, words(f"{p.label} ({unit_of(p.unit)})"))
+    heading = f"{p.label}: {plus_minus(p.value, p.std_total, p.unit)} (shaded)"
+    title(ax, words(heading), loc="right")
 
 
-def draw_before_after(data: ReportData, path: Path) -> Path:
+def draw_before_after(data: BackAnalysisData, path: Path) -> Path:
     """Save what was known of each parameter before the data and what is known after."""
     parameters = data.result.answer.parameters
-    total = 0.62 * len(parameters) + 0.62
-    figure = new_figure(total)
-    ax = figure.add_axes((0.35, 0.42 / total, 0.6, (total - 0.5) / total))
-    row_labels(ax, [p.label for p in parameters], width=26)
+    figure, (ax,) = chart([0.62 * len(parameters)], left=1.85, right=0.3, below=0.42)
+    rows(ax, [p.label for p in parameters], width=26)
     ax.set_xlim(-0.02, 1.02)
-    ax.set_xticks([0, 1], ["lower bound", "upper bound"], fontsize=8)
+    ax.set_xticks([0, 1], ["lower bound", "upper bound"], fontsize=SMALL)
     ax.spines[["top", "right", "left", "bottom"]].set_visible(False)
     for number, p in enumerate(parameters):
         _draw_before_after(ax, number, p, data.prior_mean(p))
@@ -138,7 +133,7 @@ def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer, prior_mean: fl
     def share(value: float) -> float:
         return min(max((value - p.low) / (p.high - p.low), 0.0), 1.0)
 
-    ax.plot([0, 1], [number + 0.12] * 2, color="#888888", linewidth=0.8, zorder=1)
+    ax.plot([0, 1], [number + 0.12] * 2, color=NOTE, linewidth=0.8, zorder=1)
     before = (0.0, 1.0)
     if prior_mean is not None:
         before = share(prior_mean - p.prior_std), share(prior_mean + p.prior_std)
@@ -152,11 +147,12 @@ def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer, prior_mean: fl
             linewidth=0, zorder=3)  # fmt: skip
     ax.plot([share(p.value)] * 2, [number - 0.1, number + 0.34], color=TEXT_COLOUR, linewidth=1.6,
             zorder=4)  # fmt: skip
-    unit = "°" if p.unit == "deg" else f" {p.unit}"
     before_words = "" if prior_mean is None else f" (before ± {p.prior_std:.2g})"
-    known = f"± {p.std_data:.2g} from the data" if p.determined else "as wide as before"
-    text = f"{p.value:.1f}{unit}, {known} {before_words}"
+    known = f"± {p.std_data:.2g} from the data" if p.determined else "no narrower than before"
+    text = f"{with_unit(fixed(p.value), p.unit)}, {known} {before_words}"
     place, side = (0.0, "left") if share(p.value) < 0.6 else (1.0, "right")
-    ax.text(place, number - 0.28, words(text), fontsize=8.5, color=colour, ha=side, va="center")
+    ax.text(place, number - 0.28, words(text), fontsize=SMALL, color=colour, ha=side, va="center")
     for x, value in ((0, p.low), (1, p.high)):
-        ax.text(x, number + 0.41, f"{value:g}", fontsize=7.5, color=NOTE, ha="center", va="center")
+        ax.text(
+            x, number + 0.41, f"{value:g}", fontsize=SMALL, color=NOTE, ha="center", va="center"
+        )

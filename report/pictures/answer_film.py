@@ -1,6 +1,6 @@
 """The answer as a film, through the pictures of `mpm_taichi`.
 
-In: a `ReportData`. Out: `runout.mp4`, or `runout.gif` where the extra for mp4 is missing.
+In: a `BackAnalysisData`. Out: `runout.mp4`, or `runout.gif` where the extra for mp4 is missing.
 """
 
 from __future__ import annotations
@@ -8,14 +8,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.cli import InputError
-from report.back_analysis.data import ReportData
+from report.data.back_analysis import BackAnalysisData
 
 NAME = "runout"
 LARGEST_BYTES = 3_000_000
 """A film up to this size is put into the page; a larger one lies beside it."""
 
 
-def save_film(data: ReportData) -> Path | None:
+def save_film(data: BackAnalysisData) -> Path | None:
     """Save the film of the answer beside the page; None where there is no trajectory or case."""
     if data.run is None or data.case is None:
         return None

@@ -21,19 +21,18 @@ from geometry.case import Case
 from geometry.survey.marks import Distance, Line
 from mpm_taichi.comparison import Reading, label
 from mpm_taichi.trajectory import Run
-from pipeline.files import atomic_path
+from report.numbers import MINUS
 from report.pictures.colouring import colouring_of, material_colours
 from report.pictures.frame import (
-    HALO,
     LAYER,
-    TEXT_COLOUR,
     Overlay,
     draw_frame,
     overlays,
     toe_overlay,
     view_limits,
 )
-from report.pictures.simulated_run import DPI, WIDTH_IN, save_animation, strength
+from report.pictures.simulated_run import WIDTH_IN, save_animation, strength
+from report.style import HALO, TEXT_COLOUR, legend, new_figure, save_figure, tell
 
 MEASURED, SIMULATED = "#000000", "#0b3c8c"
 CONSTRUCTED_LINE = {"linestyle": (0, (0.2, 1.7)), "dash_capstyle": "round", "linewidth": 2.4}
@@ -53,8 +52,8 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
     limits = _limits(case, run, after)
     bottom = case.scene.ground.lowest
     width = WIDTH_IN - LEFT - RIGHT
-    panel = width * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
-    figure = Figure(figsize=(WIDTH_IN, 6.0), dpi=DPI, facecolor="white")
+    high = width * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
+    figure = new_figure(6.0, WIDTH_IN)
     axes = [figure.add_axes((0, 0, 1, 1)) for _ in range(2)]
     colouring = colouring_of(run, "material")
     parts = [(0, _zone_names(case)), (-1, after)]
@@ -63,41 +62,21 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
         draw_frame(ax, run, frame, colouring=colouring, overlay=overlay, limits=limits)
         lowest = max(bottom - 5, limits[1][0])  # a tick below the limits would move them
         ax.set_yticks([tick for tick in ax.get_yticks() if lowest < tick < limits[1][1]])
-        ax.text(
-            0.0,
-            1.0,
-            stamp,
-            transform=ax.transAxes,
-            ha="left",
-            va="bottom",
-            fontsize=10,
-            color=TEXT_COLOUR,
-        )
+        ax.text(0.0, 1.0, stamp, transform=ax.transAxes, va="bottom", fontsize=10,
+                color=TEXT_COLOUR)  # fmt: skip
     axes[0].set_xlabel("")
     handles = [*_material_handles(case), *axes[1].get_legend_handles_labels()[0]]
     top = _head_room(case, readings)
-    height = top + 2 * panel + GAP + BOTTOM + LEGEND_ROW * -(-len(handles) // 3) + 0.08
+    height = top + 2 * high + GAP + BOTTOM + LEGEND_ROW * -(-len(handles) // 3) + 0.08
     figure.set_size_inches(WIDTH_IN, height)
     for number, ax in enumerate(axes):
-        edge = height - top - (number + 1) * panel - number * GAP
-        ax.set_position((LEFT / WIDTH_IN, edge / height, width / WIDTH_IN, panel / height))
+        edge = height - top - (number + 1) * high - number * GAP
+        ax.set_position((LEFT / WIDTH_IN, edge / height, width / WIDTH_IN, high / height))
     _draw_heading(figure, case, run, height)
     _draw_table(figure, readings, height)
-    figure.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / height),
-        ncols=3,
-        frameon=False,
-        fontsize=8,
-        borderaxespad=0,
-        borderpad=0,
-        handlelength=1.8,
-        columnspacing=1.4,
-        labelspacing=0.35,
-    )
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=DPI)
+    legend(figure, handles, columns=3, loc="lower left", labelspacing=0.35,
+           bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / height))  # fmt: skip
+    save_figure(figure, path)
 
 
 def save_case_film(case: Case, run: Run, path: Path) -> None:
@@ -199,18 +178,7 @@ def _dimension(
     ax.plot([toe], [base], marker="^", markersize=7, color=colour, markeredgecolor="white",
             markeredgewidth=0.7, linestyle="none", zorder=order + 1)  # fmt: skip
     inward = -np.sign(runout) or 1.0
-    ax.annotate(
-        words,
-        xy=(foot, y),
-        xytext=(5 * inward, 0),
-        textcoords="offset points",
-        ha="left" if inward > 0 else "right",
-        va="center",
-        fontsize=8.5,
-        color=colour,
-        fontweight="bold",
-        zorder=order,
-    )
+    tell(ax, foot, y, words, away=(5 * inward, 0), color=colour, fontweight="bold", zorder=order)
 
 
 def _zone_names(case: Case) -> Overlay:
@@ -219,18 +187,9 @@ def _zone_names(case: Case) -> Overlay:
     def draw(ax: Axes) -> None:
         for zone in case.scene.zones:
             inside = polylabel(Polygon(zone.polygon), tolerance=0.5 * case.scene.spacing)
-            ax.text(
-                inside.x,
-                inside.y,
-                zone.name,
-                ha="center",
-                va="center",
-                fontsize=8,
-                fontweight="bold",
-                color=TEXT_COLOUR,
-                path_effects=HALO,
-                zorder=LAYER["overlay"],
-            )
+            ax.text(inside.x, inside.y, zone.name, ha="center", va="center", fontsize=8,
+                    fontweight="bold", color=TEXT_COLOUR, path_effects=HALO,
+                    zorder=LAYER["overlay"])  # fmt: skip
 
     return draw
 
@@ -289,7 +248,7 @@ def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> N
             figure.text(
                 columns[column] / WIDTH_IN,
                 y,
-                text.replace("-", "−"),
+                text.replace("-", MINUS),
                 ha="left" if column == 0 else "right",
                 va="top",
                 fontsize=9 if line else 8,

@@ -10,26 +10,31 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from inversion.classical.analysis import Analysis
-from inversion.classical.document import labels, published
+from inversion.classical.document import labels as notes
+from inversion.classical.document import published
 from inversion.classical.morph import Stage
 from inversion.classical.sections_of_case import CaseSections
-from pipeline.files import atomic_path
-from report.pictures.scene import (
+from report.pictures.scene import material_colour
+from report.style import (
     GROUND_COLOUR,
     GROUND_LINE,
-    HALO,
+    LINE,
     TEXT_COLOUR,
     WATER_COLOUR,
     WATER_LINE,
-    material_colour,
+    labels,
+    new_figure,
+    panel,
+    save_figure,
+    tell,
+    tidy,
+    title,
 )
 
-WIDTH, DPI = 11.0, 130
+WIDTH = 11.0
 SLIP, CENTRE = "#8c0b3c", "#000000"
 #: Apart for every kind of colour vision, and by line style as well.
 COLOURS = {"kinetics": "#0b3c8c", "zif": "#d55e00", "imm": "#00796b"}
@@ -41,36 +46,30 @@ def save_picture(case: CaseSections, analysis: Analysis, path: Path) -> None:
     """Save the picture of one slide; the suffix chooses the format."""
     limits = _limits(analysis)
     inner = WIDTH - 0.75 - 0.2
-    panel = inner * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
-    panel = min(max(panel, 1.2), 3.4)
+    height = inner * (limits[1][1] - limits[1][0]) / (limits[0][1] - limits[0][0])
+    height = min(max(height, 1.2), 3.4)
     options = max(len(answer.options) for answer in analysis.answers)
     lower = max(2.4, 0.17 * options)
-    total = 0.95 + 2 * (panel + 0.62) + lower + 0.75
-    figure = Figure(figsize=(WIDTH, total), facecolor="white")
-    FigureCanvasAgg(figure)
-    left, width = 0.75 / WIDTH, inner / WIDTH
-    y = total - 0.95
-    axes = []
+    total = 0.95 + 2 * (height + 0.62) + lower + 0.75
+    figure = new_figure(total, WIDTH)
+    left, y, axes = 0.75, total - 0.95, []
     for _ in range(2):
-        y -= panel
-        axes.append(figure.add_axes((left, y / total, width, panel / total)))
+        y -= height
+        axes.append(panel(figure, left, y, inner, height))
         y -= 0.62
     y -= lower
-    half, names = 0.34 * inner / WIDTH, 2.6 / WIDTH
-    motion = figure.add_axes((left, y / total, half, (lower - 0.1) / total))
-    values = figure.add_axes(
-        (left + half + names, y / total, width - half - names, (lower - 0.1) / total)
-    )
+    half, names = 0.34 * inner, 2.6
+    motion = panel(figure, left, y, half, lower - 0.1)
+    values = panel(figure, left + half + names, y, inner - half - names, lower - 0.1)
     _draw_sections(axes[0], case, analysis, limits)
     _draw_zif(axes[1], case, analysis, limits)
     _draw_motion(motion, analysis)
     _draw_values(values, case, analysis)
-    title = f"{case.title}, {analysis.judgement.name} slide"
-    figure.text(left, 1 - 0.22 / total, title, fontsize=13, weight="bold", va="center")
-    words = textwrap.fill("; ".join(labels(analysis)), 135)
-    figure.text(left, 1 - 0.38 / total, words, fontsize=8.5, va="top", color=TEXT_COLOUR)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=DPI)
+    heading = f"{case.title}, {analysis.judgement.name} slide"
+    x, words = left / WIDTH, textwrap.fill("; ".join(notes(analysis)), 135)
+    figure.text(x, 1 - 0.22 / total, heading, fontsize=13, weight="bold", va="center")
+    figure.text(x, 1 - 0.38 / total, words, fontsize=8.5, va="top", color=TEXT_COLOUR)
+    save_figure(figure, path)
 
 
 def _limits(analysis: Analysis) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -98,9 +97,8 @@ def _background(ax: Axes, analysis: Analysis, stage: Stage | None, limits: tuple
         shown = np.where(level > ground + 1e-6, level, np.nan)
         ax.plot(x, shown, color=WATER_LINE, lw=0.9, ls=(0, (6, 2)), zorder=4, label="water line")
     ax.set(xlim=limits[0], ylim=limits[1], aspect="equal")
-    ax.set_ylabel("y (m)", fontsize=8.5)
-    ax.tick_params(labelsize=8)
-    ax.spines[["top", "right"]].set_visible(False)
+    labels(ax, "", "y (m)")
+    tidy(ax)
 
 
 def _zones(ax: Axes, case: CaseSections, stage: Stage | None) -> None:
@@ -150,7 +148,7 @@ def _draw_sections(ax: Axes, case: CaseSections, analysis: Analysis, limits: tup
     ax.plot(
         *centres.T, "o", color="white", mec=CENTRE, ms=4, lw=0, zorder=7, label="centres of IMM"
     )
-    ax.set_title("Section before the slide", fontsize=9.5, loc="left", color=TEXT_COLOUR)
+    title(ax, "Section before the slide", fontweight="normal")
     _legend(ax)
 
 
@@ -170,8 +168,8 @@ def _draw_zif(ax: Axes, case: CaseSections, analysis: Analysis, limits: tuple) -
         x = np.where(slices.liquefied == liquefied, slices.x, np.nan)
         ax.plot(x, slices.base, color=colour, lw=2.6, zorder=6, label=words)
     words = f"Section at f = {stage.share:g} of the displacement (ZIF), some of its slices"
-    ax.set_title(words, fontsize=9.5, loc="left", color=TEXT_COLOUR)
-    ax.set_xlabel("x (m)", fontsize=8.5)
+    title(ax, words, fontweight="normal")
+    labels(ax, "x (m)", "y (m)")
     _legend(ax)
 
 
@@ -205,14 +203,12 @@ def _draw_motion(ax: Axes, analysis: Analysis) -> None:
             ms=3,
             label=f"{SHORT[answer.method]}, S_r {answer.strength / 1e3:.1f} kPa",
         )
-    ax.set_xlabel("time (s)", fontsize=8.5)
-    ax.set_ylabel("velocity of the centre (m/s)", fontsize=8.5)
+    labels(ax, "time (s)", "velocity of the centre (m/s)")
+    tidy(ax)
     top = ax.get_ylim()[1]
     ax.set(xlim=(0, None), ylim=(0, 1.3 * top))
     if any(answer.motion is not None for answer in analysis.answers):
         ax.legend(fontsize=7.5, frameon=False, loc="upper left")
-    ax.tick_params(labelsize=8)
-    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
@@ -230,20 +226,8 @@ def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
                 face = colour if each.option.in_range else "white"
                 ax.plot(each.strength / 1e3, number, "o", mec=colour, mfc=face, ms=4, zorder=3)
         ax.plot(answer.strength / 1e3, number, "D", color=colour, mec="white", ms=9, zorder=4)
-        ax.annotate(
-            f"{answer.strength / 1e3:.1f} ({span[0] / 1e3:.1f}-{span[1] / 1e3:.1f}) kPa".replace(
-                "-", "\N{EN DASH}"
-            ),
-            (answer.strength / 1e3, number),
-            xytext=(0, 8),
-            textcoords="offset points",
-            ha="center",
-            fontsize=8.5,
-            color=colour,
-            weight="bold",
-            path_effects=HALO,
-            zorder=5,
-        )
+        words = f"{answer.strength / 1e3:.1f} ({span[0] / 1e3:.1f} to {span[1] / 1e3:.1f}) kPa"
+        tell(ax, answer.strength / 1e3, number, words, away=(0, 8), color=colour, weight="bold")
     for key, entry in published(case.measurements, analysis).items():
         number = len(rows)
         rows.append((f"{key.replace('_', ' ')} ({entry.get('confidence', '')})", "#555555"))
@@ -255,8 +239,8 @@ def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
         tick.set_color(colour)
     ax.tick_params(axis="y", length=0)
     ax.set(ylim=(len(rows) - 0.3, -0.8), xlim=(0, None))
-    ax.set_xlabel("S_r (kPa): value, other judgements; open: not in the range", fontsize=8.5)
-    ax.tick_params(axis="x", labelsize=8)
-    ax.grid(axis="x", color="#dddddd", lw=0.6)
+    labels(ax, "S_r (kPa): value, other judgements; open: not in the range")
+    tidy(ax)
+    ax.grid(axis="x", color=LINE, lw=0.6)
     ax.set_axisbelow(True)
-    ax.spines[["top", "right", "left"]].set_visible(False)
+    ax.spines["left"].set_visible(False)

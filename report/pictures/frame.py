@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from matplotlib.patheffects import Normal, Stroke
 from matplotlib.transforms import ScaledTranslation
 from scipy.ndimage import distance_transform_edt
 from shapely.geometry import Polygon
@@ -23,6 +22,15 @@ from shapely.ops import unary_union
 from geometry.scenes.scene import Scene
 from mpm_taichi.trajectory import Run, refuse_empty
 from report.pictures.colouring import Colouring, colouring_of
+from report.style import (
+    GROUND_COLOUR,
+    GROUND_LINE,
+    HALO,
+    WATER_COLOUR,
+    WATER_LINE,
+    labels,
+    tidy,
+)
 
 Overlay = Callable[[Axes], None]
 
@@ -32,12 +40,6 @@ DISC = 1.45
 # is soil, not water, and it is painted; what flies alone stays alone, and the outline where it is.
 REACH = 1.3
 PIXELS_PER_SPACING = 3
-
-GROUND_COLOUR, GROUND_LINE = "#a39b8f", "#4d4842"
-WATER_COLOUR, WATER_LINE = "#d3e6f5", "#2a6fa8"
-TEXT_COLOUR = "#222222"
-# Thin lines must be seen on dark points and on white.
-HALO = [Stroke(linewidth=2.4, foreground="white", alpha=0.75), Normal()]
 
 LAYER = {"water": 1, "soil": 2.1, "points": 2.2, "ground": 3, "lines": 4, "overlay": 6, "stamp": 8}
 
@@ -133,9 +135,9 @@ def draw_frame(
     refuse_empty(run)
     colouring = colouring or colouring_of(run, colour)
     x_limits, y_limits = limits or view_limits(run, overlay)
-    ax.set(xlim=x_limits, ylim=y_limits, aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    ax.tick_params(labelsize=8, colors=TEXT_COLOUR)
-    ax.spines[["top", "right"]].set_visible(False)
+    ax.set(xlim=x_limits, ylim=y_limits, aspect="equal")
+    labels(ax, "x (m)", "y (m)")
+    tidy(ax)
     _draw_water(ax, run.scene, x_limits)
     soil = _draw_soil(ax, run, colouring)
     soil.show(frame % run.frames)

@@ -11,25 +11,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
 
 from gns.data.scene_facts import KINEMATIC, SOIL, SceneFacts
 from gns.data.shard import SPLITS, PackedRun
 from gns.evaluation.metrics import energy_history, farther_side
-from pipeline.cli import InputError
-from pipeline.files import atomic_path
+from report.style import GROUND_COLOUR, WATER_LINE, new_figure, save_figure, tidy
 
 if TYPE_CHECKING:
     from gns.rollout.rollout import Rollout
 
-SUFFIXES = (".png", ".svg", ".pdf")
 SPLIT_COLOURS = {"train": "#2f6f9f", "valid": "#e69f00", "test": "#c8553d"}
-GROUND_COLOUR, WATER_LINE, KINEMATIC_COLOUR = "#a39b8f", "#2a6fa8", "#222222"
+KINEMATIC_COLOUR = "#222222"
 LEAST_COHESION = 1e-3
 """Smallest cohesion on the logarithmic scale [rho g d]."""
 
@@ -64,8 +59,7 @@ def save_run_picture(run: PackedRun | Rollout, path: str | Path, title: str) -> 
     Raises:
         InputError: unknown suffix.
     """
-    figure = Figure(figsize=(12.0, 9.0), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(9.0, 12.0, layout="constrained")
     axes = figure.subplots(3, 2)
     facts, positions = run.facts, run.positions
     unit = facts.properties[:, 2] * facts.gravity * facts.spacing
@@ -86,7 +80,7 @@ def save_run_picture(run: PackedRun | Rollout, path: str | Path, title: str) -> 
     _energy(axes[2, 0], positions, facts)
     _steps(axes[2, 1], positions, facts)
     figure.suptitle(title, fontsize=12, x=0.01, ha="left", weight="bold")
-    save(figure, path)
+    save_figure(figure, path, dpi=110)
 
 
 def save_overview(runs: Sequence[RunNumbers], path: str | Path, title: str) -> None:
@@ -95,8 +89,7 @@ def save_overview(runs: Sequence[RunNumbers], path: str | Path, title: str) -> N
     Raises:
         InputError: unknown suffix.
     """
-    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(7.5, 11.0, layout="constrained")
     (shares, travels), (strengths, sizes) = figure.subplots(2, 2)
     splits = [split for split in SPLITS if any(run.split == split for run in runs)]
     letters = sorted({run.template for run in runs})
@@ -128,7 +121,7 @@ def save_overview(runs: Sequence[RunNumbers], path: str | Path, title: str) -> N
     for ax in (shares, travels, strengths, sizes):
         tidy(ax)
     figure.suptitle(title, fontsize=12, x=0.01, ha="left", weight="bold")
-    save(figure, path)
+    save_figure(figure, path, dpi=110)
 
 
 def _points(
@@ -194,22 +187,3 @@ def _steps(ax: Axes, positions: np.ndarray, facts: SceneFacts) -> None:
     ax.set_ylim(0.0, 1.3 * max(float(step.max()), 0.1))  # room for the legend
     ax.legend(fontsize=8, frameon=False)
     tidy(ax)
-
-
-def tidy(ax: Axes) -> None:
-    """Small figures, no frame above and on the right."""
-    ax.tick_params(labelsize=8)
-    ax.spines[["top", "right"]].set_visible(False)
-
-
-def save(figure: Figure, path: str | Path) -> None:
-    """Write a picture; the file appears when whole.
-
-    Raises:
-        InputError: unknown suffix.
-    """
-    path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path}: suffix {path.suffix!r}; allowed are {', '.join(SUFFIXES)}")
-    with matplotlib.rc_context({"svg.hashsalt": "flowslide"}), atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110)

@@ -1,4 +1,4 @@
-"""Pictures of rollouts beside their simulations, and of how a model learned."""
+"""Pictures of rollouts compared with their simulations, and of how a model was trained."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 
 from geometry.survey.surface_profile import surface_profile
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.evaluation.metrics import energy_history
-from report.pictures.packed_data import GROUND_COLOUR, KINEMATIC_COLOUR, limits_of, save, tidy
+from report.pictures.packed_data import KINEMATIC_COLOUR, limits_of
+from report.style import GROUND_COLOUR, new_figure, save_figure, tidy
 
 MODEL_COLOUR, SIMULATION_COLOUR = "#c8553d", "#2f6f9f"
 
@@ -37,8 +36,7 @@ def save_pairs(pairs: Sequence[Pair], path: str | Path, title: str) -> None:
     Raises:
         InputError: unknown suffix.
     """
-    figure = Figure(figsize=(15.0, 2.6 * len(pairs) + 0.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(2.6 * len(pairs) + 0.6, 15.0, layout="constrained")
     rows = figure.subplots(len(pairs), 4, squeeze=False)
     for axes, pair in zip(rows, pairs, strict=True):
         both = np.concatenate([pair.simulated, pair.predicted])
@@ -57,7 +55,7 @@ def save_pairs(pairs: Sequence[Pair], path: str | Path, title: str) -> None:
         _energies(axes[3], pair)
     rows[0, 2].legend(fontsize=8, frameon=False)
     figure.suptitle(title, fontsize=12, x=0.01, ha="left", weight="bold")
-    save(figure, path)
+    save_figure(figure, path, dpi=110)
 
 
 def save_history(lines: Sequence[dict[str, Any]], path: str | Path, title: str) -> None:
@@ -73,8 +71,7 @@ def save_history(lines: Sequence[dict[str, Any]], path: str | Path, title: str) 
     """
     losses = [(line["step"], line["loss"]) for line in lines if "loss" in line]
     held = [(line["step"], line["validation"]) for line in lines if "validation" in line]
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(4.2, 11.0, layout="constrained")
     left, right = figure.subplots(1, 2)
     if losses:
         steps, values = np.array(losses).T
@@ -99,7 +96,7 @@ def save_history(lines: Sequence[dict[str, Any]], path: str | Path, title: str) 
     for ax in (left, right):
         tidy(ax)
     figure.suptitle(title, fontsize=12, x=0.01, ha="left", weight="bold")
-    save(figure, path)
+    save_figure(figure, path, dpi=110)
 
 
 def _final(

@@ -10,15 +10,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
-from matplotlib.patheffects import Normal, Stroke
 from shapely import maximum_inscribed_circle
 from shapely.geometry import LineString
 from shapely.geometry import Polygon as Shape
@@ -27,15 +24,24 @@ from geometry.random_scenes.sketch import signed_area
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Material, Scene
 from pipeline.cli import InputError
-from pipeline.files import atomic_path
+from report.style import (
+    GROUND_COLOUR,
+    GROUND_LINE,
+    HALO,
+    SMALL,
+    TEXT_COLOUR,
+    WATER_COLOUR,
+    WATER_LINE,
+    labels,
+    legend,
+    new_figure,
+    panel,
+    save_figure,
+    tidy,
+    title,
+)
 
-SUFFIXES = (".png", ".svg", ".pdf")
-GROUND_COLOUR, GROUND_LINE = "#a39b8f", "#4d4842"
-WATER_COLOUR, WATER_LINE = "#d3e6f5", "#2a6fa8"
-TEXT_COLOUR = "#222222"
 LABEL_SIZE = 7.5
-HALO = [Stroke(linewidth=2.2, foreground="white", alpha=0.8), Normal()]
-
 LIQUEFIED, CLAY = "#d55e00", "#ddaa77"
 FRICTIONAL = ("#dde5c9", "#5f7f4a")
 COHESIVE = ("#cfd8e3", "#4f6f93")
@@ -54,13 +60,13 @@ def material_colour(material: Material) -> str | tuple[float, float, float]:
     return tuple(float(part) for part in mixed)
 
 
-def draw_section(ax: Axes, scene: Scene, *, labels: bool = True, whole_domain: bool = True) -> None:
+def draw_section(ax: Axes, scene: Scene, *, names: bool = True, whole_domain: bool = True) -> None:
     """Draw one scene on axes: water, zones, base, walls, velocities.
 
     Args:
         ax: gets equal scales and the limits of the scene, in metres.
         scene: the scene.
-        labels: write name and strength of each zone into it, where there is room.
+        names: write name and strength of each zone into it, where there is room.
         whole_domain: show the domain from wall to wall, not only where the soil is.
     """
     x_limits, y_limits = _limits(scene, whole_domain)
@@ -76,17 +82,16 @@ def draw_section(ax: Axes, scene: Scene, *, labels: bool = True, whole_domain: b
                 facecolor=material_colour(material),
                 edgecolor="#333333",
                 linewidth=0.7,
-                hatch="////" if material.liquefied else None,
                 zorder=2,
+                hatch="////" if material.liquefied else None,
             )
         )
-        if labels:
+        if names:
             _label(ax, zone.polygon, [zone.name.replace("_", " "), _strength(material)])
         _draw_velocity(ax, scene, zone.polygon, zone.initial_velocity)
     _draw_water_line(ax, scene, x_limits)
     _draw_ground(ax, scene, x_limits, y_limits)
-    ax.tick_params(labelsize=8, colors=TEXT_COLOUR)
-    ax.spines[["top", "right"]].set_visible(False)
+    tidy(ax)
 
 
 def save_scene_picture(scene: Scene, path: str | Path, *, points: bool = False) -> None:
@@ -96,21 +101,16 @@ def save_scene_picture(scene: Scene, path: str | Path, *, points: bool = False) 
     height = (width - 1.2) * (y_limits[1] - y_limits[0]) / (x_limits[1] - x_limits[0])
     table = 0.2 * (len(scene.materials) + 1) + 0.25
     total = height + table + 1.35
-    with matplotlib.rc_context({"hatch.linewidth": 0.5, "svg.hashsalt": "flowslide"}):
-        figure = _figure(width, total)
-        bottom = (table + 0.65) / total
-        ax = figure.add_axes((0.065, bottom, 0.92, height / total))
-        draw_section(ax, scene)
-        if points:
-            _draw_points(ax, scene)
-        ax.set_xlabel("x (m)", fontsize=9)
-        ax.set_ylabel("y (m)", fontsize=9)
-        figure.text(
-            0.065, 1.0 - 0.3 / total, _title(scene), fontsize=12, weight="bold", va="center"
-        )
-        figure.text(0.065, 1.0 - 0.53 / total, _subtitle(scene), fontsize=9, va="center")
-        _material_table(figure, scene, total)
-        _save(figure, path)
+    figure = new_figure(total, width)
+    ax = figure.add_axes((0.065, (table + 0.65) / total, 0.92, height / total))
+    draw_section(ax, scene)
+    if points:
+        _draw_points(ax, scene)
+    labels(ax, "x (m)", "y (m)")
+    figure.text(0.065, 1.0 - 0.3 / total, _title(scene), fontsize=12, weight="bold", va="center")
+    figure.text(0.065, 1.0 - 0.53 / total, _subtitle(scene), fontsize=9, va="center")
+    _material_table(figure, scene, total)
+    save_figure(figure, path, dpi=150)
 
 
 def save_gallery(scenes: Sequence[Scene], path: str | Path, *, columns: int = 5) -> None:
@@ -124,37 +124,20 @@ def save_gallery(scenes: Sequence[Scene], path: str | Path, *, columns: int = 5)
     cell_width = 13.0 / columns if columns > 2 else 5.5
     cell_height = (cell_width - 0.25) * tallest / widest + 0.34
     width, total = columns * cell_width + 0.2, rows * cell_height + 0.62
-    with matplotlib.rc_context({"hatch.linewidth": 0.4, "svg.hashsalt": "flowslide"}):
-        figure = _figure(width, total)
-        for number, scene in enumerate(scenes):
-            row, column = divmod(number, columns)
-            left = (0.15 + column * cell_width) / width
-            bottom = 1.0 - ((row + 1) * cell_height) / total
-            box = (left, bottom, (cell_width - 0.2) / width, (cell_height - 0.3) / total)
-            ax = figure.add_axes(box)
-            draw_section(ax, scene, labels=False)
-            bottom_y = ax.get_ylim()[0]
-            ax.set_ylim(bottom_y, bottom_y + tallest)
-            ax.set_anchor("SW")
-            ax.set_title(_title(scene), fontsize=7.5, loc="left", pad=2.0, color=TEXT_COLOUR)
-            _scale_bar(ax, scene)
-        _legend(figure, total)
-        _save(figure, path)
-
-
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Figure, path: str | Path) -> None:
-    path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path}: pictures end in {', '.join(SUFFIXES)}")
-    dated = {"metadata": {"Date": None}} if path.suffix.lower() == ".svg" else {}
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=150, **dated)
+    figure = new_figure(total, width)
+    for number, scene in enumerate(scenes):
+        row, column = divmod(number, columns)
+        bottom = total - (row + 1) * cell_height
+        left = 0.15 + column * cell_width
+        ax = panel(figure, left, bottom, cell_width - 0.2, cell_height - 0.3)
+        draw_section(ax, scene, names=False)
+        bottom_y = ax.get_ylim()[0]
+        ax.set_ylim(bottom_y, bottom_y + tallest)
+        ax.set_anchor("SW")
+        title(ax, _title(scene), fontsize=7.5, pad=2.0, fontweight="normal")
+        _scale_bar(ax, scene)
+    _legend(figure)
+    save_figure(figure, path, dpi=150)
 
 
 def _limits(scene: Scene, whole_domain: bool) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -291,7 +274,7 @@ def _material_table(figure: Figure, scene: Scene, total: float) -> None:
     step = 0.2 / total
     y = (0.2 * (len(scene.materials) + 1)) / total
     for x, head in zip(columns, heads, strict=True):
-        figure.text(x, y, head, fontsize=8, color="#555555", va="center")
+        figure.text(x, y, head, fontsize=SMALL, color="#555555", va="center")
     for name, material in scene.materials.items():
         y -= step
         figure.add_artist(
@@ -332,7 +315,7 @@ def _scale_bar(ax: Axes, scene: Scene) -> None:
     ax.text(end - 0.5 * length, y, label, fontsize=6.5, ha="center", va="top", zorder=8)
 
 
-def _legend(figure: Figure, total: float) -> None:
+def _legend(figure: Figure) -> None:
     edge = {"edgecolor": "#333333", "linewidth": 0.6}
     handles = [
         Patch(facecolor=LIQUEFIED, hatch="//////", label="cohesion alone, liquefied", **edge),
@@ -345,13 +328,4 @@ def _legend(figure: Figure, total: float) -> None:
         Line2D([], [], color=WATER_LINE, lw=1.1, ls=(0, (6, 2)), label="water table"),
         Line2D([], [], color="black", lw=1.2, marker=">", markersize=4, label="initial velocity"),
     ]
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        ncols=len(handles),
-        fontsize=7.5,
-        frameon=False,
-        handlelength=1.8,
-        columnspacing=1.2,
-        bbox_to_anchor=(0.5, 0.04 / total),
-    )
+    legend(figure, handles, columns=len(handles), fontsize=7.5)

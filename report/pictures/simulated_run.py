@@ -13,45 +13,20 @@ from pathlib import Path
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 from geometry.scenes.scene import Material, Scene
 from mpm_taichi.trajectory import Run, nearest_frame, refuse_empty
-from pipeline.cli import InputError
 from pipeline.files import atomic_path
-from report.pictures.colouring import COLOURS, colouring_of, material_colours
-from report.pictures.frame import (
-    LAYER,
-    TEXT_COLOUR,
-    Overlay,
-    draw_frame,
-    overlays,
-    profile_overlay,
-    toe_overlay,
-    view_limits,
-)
+from report.pictures.colouring import colouring_of, material_colours
+from report.pictures.frame import LAYER, Overlay, draw_frame, view_limits
 from report.pictures.video import SUFFIXES as VIDEO_SUFFIXES
 from report.pictures.video import check_video, write_video
+from report.style import TEXT_COLOUR, check_suffix, legend, new_figure, save_figure
 
-__all__ = [
-    "COLOURS",
-    "Overlay",
-    "draw_frame",
-    "overlays",
-    "profile_overlay",
-    "save_animation",
-    "save_picture",
-    "toe_overlay",
-    "view_limits",
-]
-
-PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 WIDTH_IN = 11.0
-DPI = 130
 # Inches around and between the panels.
 LEFT, RIGHT, TOP, BOTTOM, GAP, LEGEND_ROW = 0.62, 0.2, 0.86, 0.5, 0.52, 0.2
 
@@ -78,11 +53,10 @@ def save_picture(
     Raises:
         InputError: unknown suffix or colour, or a run without frames.
     """
-    path = _checked(path, PICTURE_SUFFIXES)
+    check_suffix(path)
     frames = [run.frames - 1] if times is None else [nearest_frame(run, time) for time in times]
     sheet = _Sheet(run, frames, colour=colour, overlay=overlay, title=title)
-    with atomic_path(path) as temporary:
-        sheet.figure.savefig(temporary, dpi=DPI)
+    save_figure(sheet.figure, path)
 
 
 def save_animation(
@@ -111,7 +85,7 @@ def save_animation(
     Raises:
         InputError: unknown suffix or colour, a run without frames, or the extra is missing.
     """
-    path = _checked(path, VIDEO_SUFFIXES)
+    path = check_suffix(path, VIDEO_SUFFIXES)
     check_video(path)
     sheet = _Sheet(run, [0], colour=colour, overlay=overlay, title=title)
     chosen = np.unique(np.linspace(0, run.frames - 1, frames).round().astype(int))
@@ -140,8 +114,8 @@ class _Sheet:
         self.width = WIDTH_IN - LEFT - RIGHT
         panel = self.width * (y_limits[1] - y_limits[0]) / (x_limits[1] - x_limits[0])
         above = TOP + len(frames) * panel + (len(frames) - 1) * GAP + BOTTOM
-        self.figure = Figure(figsize=(WIDTH_IN, above), dpi=DPI, facecolor="white")
-        self.canvas = FigureCanvasAgg(self.figure)
+        self.figure = new_figure(above, WIDTH_IN)
+        self.canvas = self.figure.canvas
         self.axes = [self.figure.add_axes((0, 0, 1, 1)) for _ in frames]
         for ax, frame in zip(self.axes, frames, strict=True):
             self.soil = draw_frame(ax, run, frame, colouring=self.colouring, overlay=overlay)
@@ -157,19 +131,8 @@ class _Sheet:
             ax.set_position(self._box(LEFT, bottom, self.width, panel))
         self._draw_heading(title or default_title(run.scene))
         self._draw_colour_bar()
-        self.figure.legend(
-            handles=handles,
-            loc="lower left",
-            bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / self.height),
-            ncols=columns,
-            frameon=False,
-            fontsize=8,
-            borderaxespad=0,
-            borderpad=0,
-            handlelength=1.6,
-            columnspacing=1.4,
-            labelspacing=0.35,
-        )
+        legend(self.figure, handles, columns=columns, loc="lower left", labelspacing=0.35,
+               bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / self.height))  # fmt: skip
 
     def images(self, frames: Sequence[int]) -> Iterator[np.ndarray]:
         """The sheet at each frame as RGBA (height, width, 4) uint8; only what moves is redrawn."""
@@ -248,17 +211,8 @@ def strength(material: Material) -> str:
 
 
 def _draw_stamp(ax: Axes, time: float) -> Text:
-    return ax.text(
-        0.0,
-        1.0,
-        _stamp_text(time),
-        transform=ax.transAxes,
-        ha="left",
-        va="bottom",
-        fontsize=10,
-        color=TEXT_COLOUR,
-        zorder=LAYER["stamp"],
-    )
+    return ax.text(0.0, 1.0, _stamp_text(time), transform=ax.transAxes, va="bottom", fontsize=10,
+                   color=TEXT_COLOUR, zorder=LAYER["stamp"])  # fmt: skip
 
 
 def _stamp_text(time: float) -> str:
@@ -275,10 +229,3 @@ def _above_the_background(ax: Axes) -> list[Artist]:
     """The soil and all that lies over it."""
     drawn = [*ax.images, *ax.collections, *ax.lines, *ax.patches, *ax.texts]
     return [artist for artist in drawn if artist.zorder >= LAYER["soil"]]
-
-
-def _checked(path: str | Path, suffixes: tuple[str, ...]) -> Path:
-    path = Path(path)
-    if path.suffix not in suffixes:
-        raise InputError(f"{path}: the suffix must be one of {', '.join(suffixes)}")
-    return path

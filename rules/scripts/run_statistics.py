@@ -16,7 +16,8 @@ import matplotlib
 
 from pipeline.cli import InputError, base_parser, main_exit
 from pipeline.files import atomic_path, write_text
-from report.page import Paragraph, Picture, Section, Table, write_page
+from report.page import Paragraph, Picture, Section, write_page
+from report.table import Table
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402

@@ -83,7 +83,8 @@ def test_compare(folder, out, verdict_text, capsys):
     text = capsys.readouterr().out
     asked, most, computed = runs_told(text)
     assert 10 < asked <= most == 70 and computed == 0, "the run had made them already"
-    assert "S_r of the loose sand" in text and "held_out" in text and "toe in time at 7 s" in text
+    assert "S_r of the loose sand" in text and "the held-out data" in text
+    assert "toe in time at 7 s" in text
     document = CompareDocument.model_validate(json.loads((out / "compare.json").read_text()))
     assert document.runs.asked <= asked and document.runs.computed is None
     assert document.case == "embankment" and document.base.effects == {}
@@ -94,8 +95,8 @@ def test_explain(folder, out, verdict_text, capsys):
     ask("explain", folder, out)
     text = capsys.readouterr().out
     assert runs_told(text)[2] == 0
-    assert "strain_softening: ruled out by the engineer: a test says so" in text
-    assert "pore_pressure: can do nothing here: there is no water" in text
+    assert re.search(r"strain softening .* ruled out by the engineer: a test says so", text)
+    assert re.search(r"pore pressure .* can do nothing here: there is no water", text)
     document = ExplainDocument.model_validate(json.loads((out / "explain.json").read_text()))
     assert [c.name for c in document.candidates if not c.left_out] == document.confounding.names
     assert set(document.confounding.names) == {"overburden_strength", "weak_base"}

@@ -39,7 +39,7 @@ def test_every_room_has_its_line_in_the_architecture(root):
 
 
 def test_every_picture_is_explained(text, root):
-    page = (root / "report/diagnosis/page.py").read_text("utf-8")
+    page = (root / "report/diagnosis.py").read_text("utf-8")
     made = set(re.findall(r'"([a-z_]+\.svg)"', page))
     assert len(made) > 8
     assert {name for name in made if f"`{name}`" not in text} == set()

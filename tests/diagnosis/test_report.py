@@ -14,13 +14,12 @@ from diagnosis.verdict.verdict import ValidationCase, Verdict, save_document
 from pipeline.cli import InputError
 from report.charts.confounding import order
 from report.charts.effects import ranked
-from report.charts.error_steps import is_by_hand, step_words
 from report.charts.fingerprints import blocks, fingerprints
 from report.charts.profile import heading
 from report.charts.strength import hidden_bars
 from report.charts.strength_curve import plain_knots
-from report.diagnosis.data import ReportData, load_report
-from report.diagnosis.page import (
+from report.data.diagnosis import DiagnosisData, load_diagnosis
+from report.diagnosis import (
     COMPARE_PAGE,
     EXPLAIN_PAGE,
     TRACK_PAGE,
@@ -29,20 +28,22 @@ from report.diagnosis.page import (
     write_report,
     write_track,
 )
-from report.diagnosis.sentences import (
+from report.numbers import chance, number, plus_minus
+from report.sentences.diagnosis import (
     alarm_sentence,
     answer_sentences,
     candidate_sentence,
     confounded,
     fall_sentence,
+    is_by_hand,
     lead,
     role_sentence,
     shortened,
     spoken,
-    transfer_sentence,
+    step_words,
+    validation_sentence,
     window_sentence,
 )
-from report.numbers import chance, number, plus_minus
 from tests.diagnosis.verdict_case import (
     NASTY,
     adequate,
@@ -92,8 +93,8 @@ def pictures(folder: Path) -> set[str]:
     return {path.name for path in folder.glob("*.svg")}
 
 
-def data_of(verdict: Verdict) -> ReportData:
-    return ReportData(Path(), verdict)
+def data_of(verdict: Verdict) -> DiagnosisData:
+    return DiagnosisData(Path(), verdict)
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +116,7 @@ def test_every_part_is_there_in_order(whole):
         "How far the error falls",
         "Which effects would explain it",
         "Fingerprints",
-        "What cannot be told apart",
+        "What cannot be distinguished",
         "The strength before and after",
         "What could be hidden in it",
         "How this was made",
@@ -134,7 +135,7 @@ def test_an_unknown_effect_shows_its_curve_and_no_result(tmp_path):
     assert "curve.svg" in pictures(tmp_path) and "steps.svg" not in pictures(tmp_path)
     assert "What the unknown effect looks like" in headings(text)
     read = told(text)
-    assert "carries the error: no result" in read
+    assert "includes the model error: not a result" in read
     assert "no residual strength is reported from it" in read
 
 
@@ -188,8 +189,8 @@ def test_explain_has_a_smaller_page(tmp_path):
     path = write_explain(tmp_path)
     assert path.name == EXPLAIN_PAGE
     assert headings(checked(path)) == [
-        "In short", "Which effects would explain it", "Fingerprints", "What cannot be told apart",
-        "What could be hidden in it", "How this was made",
+        "In short", "Which effects would explain it", "Fingerprints",
+        "What cannot be distinguished", "What could be hidden in it", "How this was made",
     ]  # fmt: skip
 
 
@@ -198,7 +199,7 @@ def test_track_marks_the_steps_of_a_person(tmp_path):
     path = write_track(tmp_path, "A dam", steps, by_hand=["with_strain_softening"])
     assert path.name == TRACK_PAGE
     read = told(checked(path))
-    assert "2 models so far" in read and "1.9 standard deviations by the first, 1.1" in read
+    assert "2 models so far" in read and "1.9 standard deviations with the first, 1.1" in read
     assert step_words(1, steps, ["with_strain_softening"]) == "+ strain softening (by hand)"
     beside = [*steps, steps[1].model_copy(update={"effects": {"weak_base": 0.3}})]
     assert step_words(2, beside) == "base + weak base"
@@ -227,7 +228,7 @@ def test_what_cannot_be_read_is_named(tmp_path):
     save_document(least(), tmp_path / "verdict.json")
     (tmp_path / FILE_NAME).write_bytes(b"no archive")
     with pytest.raises(InputError, match=r"sections\.npz: cannot be read"):
-        load_report(tmp_path)
+        load_diagnosis(tmp_path)
 
 
 # --- what it says ---
@@ -246,21 +247,21 @@ def test_synthetic_measurements_are_called_constructed():
     made = identified()
     manifest = {**made.manifest, "settings": {"synthetic": True}}
     sentence = lead(data_of(made.model_copy(update={"manifest": manifest})))
-    assert sentence.endswith("The measurements are constructed by a simulation.")
-    assert "constructed" not in lead(data_of(made))
+    assert sentence.endswith("The measurements are synthetic, made by a simulation.")
+    assert "synthetic" not in lead(data_of(made))
 
 
 def test_held_out_and_constructed_data_are_told():
     assert role_sentence(data_of(identified())) == (
-        "Held out, seen by no fit: profile from x 80 to 95 m, toe history. Constructed, not "
-        "surveyed: drawn crest; drawn only, in no fit and no score."
+        "Held out, not fitted: profile from x 80 to 95 m, toe history. Constructed, not surveyed: "
+        "drawn crest; shown only, not part of a fit or score."
     )
 
 
 def test_the_fall_is_told_on_both_kinds_of_data():
     sentence = fall_sentence(data_of(identified()))
     assert "1.9 standard deviations before, 1.1 after" in sentence
-    assert "Of the 10 held-out data, which no fit has seen: 3.1 before, 1.2 after" in sentence
+    assert "On the 10 held-out data, which were not fitted: 3.1 before, 1.2 after" in sentence
     assert fall_sentence(data_of(adequate())) == ""
 
 
@@ -268,15 +269,15 @@ def test_a_second_section_judges_the_answer(tmp_path):
     check = ValidationCase(case="second_dam", n=12, chi2_base=108.0, chi2_final=12.0)
     read = told(page_of(identified().model_copy(update={"validation_case": check}), tmp_path))
     assert "misfit, second dam 3.0 → 1.0 " in read
-    assert "On second dam, which no fit has seen (12 numbers" in read
-    assert transfer_sentence(data_of(identified())) == ""
+    assert "On second dam, which was not fitted (12 numbers" in read
+    assert validation_sentence(data_of(identified())) == ""
 
 
 def test_where_and_how_it_fails_is_told():
     verdict = identified()
     sentence = alarm_sentence(data_of(verdict)).replace("\N{NO-BREAK SPACE}", " ")
     assert "chi² 99.7 on 28 degrees of freedom" in sentence
-    assert "all together p < 0.001" in sentence
+    assert "all combined p < 0.001" in sentence
     sentence = window_sentence(verdict.base.window, "base model")
     assert sentence.startswith("Worst stretch of the base model: profile from x 85 to 105 m, 5 ")
     assert window_sentence(None, "base model") == ""
@@ -291,9 +292,9 @@ def test_rivals_are_told():
 
 def test_what_promises_most_is_told():
     sentence = candidate_sentence(data_of(identified())).replace("\N{NO-BREAK SPACE}", " ")
-    assert sentence.startswith("Most is promised, among the effects tested, by strain softening")
+    assert sentence.startswith("The highest score among the effects tested has strain softening")
     assert "chi² would fall by 64" in sentence
-    assert "any of the 10 a score as large with p < 0.001" in sentence
+    assert "so high a score among 10 from noise: p < 0.001" in sentence
 
 
 @pytest.mark.slow

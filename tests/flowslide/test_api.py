@@ -48,7 +48,8 @@ def untimed(result) -> dict:
 
 def test_the_library_and_the_command_line_have_the_same_numbers(answered, tmp_path, capsys):
     from inversion.back_analysis.result import load_result
-    from report.back_analysis.summary import summary
+    from report.back_analysis import summary
+    from report.data.back_analysis import load_back_analysis
 
     result, folder, _ = answered
     out = tmp_path / "inversion"
@@ -58,7 +59,7 @@ def test_the_library_and_the_command_line_have_the_same_numbers(answered, tmp_pa
     for name in ("history.csv", "sections.npz"):
         assert (out / name).read_bytes() == (folder / name).read_bytes(), name
     told = capsys.readouterr().out
-    assert told.splitlines()[0] == summary(result).splitlines()[0]
+    assert told.splitlines()[0] == summary(load_back_analysis(folder)).splitlines()[0]
 
 
 def test_progress_counts_up_to_the_end(answered):

@@ -94,7 +94,7 @@ def test_indices():
         ),
         (["check", "none.yaml"], "none.yaml: no such file"),
         (["show", "--out", "x.png"], "give scene files, or --scale"),
-        (["show", "--scale", "large", "--indices", "0", "--out", "x.bmp"], "pictures end in .png"),
+        (["show", "--scale", "large", "--indices", "0", "--out", "x.bmp"], "allowed are .png"),
         (["import", "none.csv", "--out", "x.yaml"], "none.csv: no such file"),
         (["import", "none.csv", "--out", "x.txt"], "scene files end in .yaml or .json"),
         (

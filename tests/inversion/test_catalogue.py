@@ -215,7 +215,7 @@ def test_the_command_prints_and_draws(tmp_path, capsys):
     assert "our answer: Lower San Fernando, S_r: 27.5 +- 3 kPa, ratio 0.170 +- 0.020" in out
     assert "Chonan Middle School" in out and "stress and blow count recalled" in out
     assert picture.read_text().startswith("<?xml")
-    with pytest.raises(InputError, match="pictures end in"):
+    with pytest.raises(InputError, match="allowed are"):
         draw_catalogue(tmp_path / "c.txt")
     with pytest.raises(InputError, match="is a folder; give the name of a picture"):
         main(["catalogue", "--out", str(tmp_path)])

@@ -21,7 +21,8 @@ from inversion.engines.run_store import RunStore
 from inversion.engines.trained_model import load_model
 from pipeline.cli import InputError
 from pipeline.config import load_config
-from report.back_analysis.summary import summary
+from report.back_analysis import summary
+from report.data.back_analysis import BackAnalysisData
 from tests.inversion.small_slide import taught, write_case
 from tests.inversion.test_invert import timeless
 
@@ -133,7 +134,7 @@ def test_the_result_fits_its_schema_and_is_told(solved):
     result, folder, _ = solved
     jsonschema.validate(json.loads((folder / "result.json").read_text()), json.loads(schema_text()))
     assert load_result(folder).surrogate.model == "taught"
-    told = summary(result)
+    told = summary(BackAnalysisData(folder, result))
     assert "Diff-GNS" in told and "without correction" in told and "at that answer" in told
     assert result.manifest["model_sha256"] == result.surrogate.model_sha256
     with np.load(folder / "sections.npz", allow_pickle=False) as file:

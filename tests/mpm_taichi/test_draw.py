@@ -13,7 +13,15 @@ from mpm_taichi.trajectory import Run, nearest_frame
 from pipeline.cli import InputError
 from report.pictures import simulated_run
 from report.pictures.colouring import COLOURS, colouring_of, material_colours, rounded_up
-from report.pictures.frame import paint_body
+from report.pictures.frame import (
+    draw_frame,
+    overlays,
+    paint_body,
+    profile_overlay,
+    toe_overlay,
+    view_limits,
+)
+from report.style import DPI
 from tests.mpm_taichi.ballistic import FAST, fly, make_scene
 
 
@@ -32,7 +40,7 @@ def rgb(path, frame: int = 0) -> np.ndarray:
 def test_a_picture_of_each_quantity(tmp_path, run, colour):
     simulated_run.save_picture(run, tmp_path / "x.png", colour=colour)
     picture = rgb(tmp_path / "x.png")
-    assert picture.shape[1] == round(simulated_run.WIDTH_IN * simulated_run.DPI)
+    assert picture.shape[1] == round(simulated_run.WIDTH_IN * DPI)
     assert len(np.unique(picture @ [65536, 256, 1])) > 50
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
 
@@ -41,7 +49,7 @@ def test_points_are_drawn_where_they_are(run):
     figure = Figure(figsize=(6, 3), dpi=100)
     canvas = FigureCanvasAgg(figure)
     ax = figure.add_axes((0.1, 0.1, 0.85, 0.85))
-    simulated_run.draw_frame(ax, run, -1, colour="material")
+    draw_frame(ax, run, -1, colour="material")
     canvas.draw()
     picture = np.asarray(canvas.buffer_rgba())[::-1, :, :3]
     shell = tuple(int(material_colours(run.scene)["shell"][i : i + 2], 16) for i in (1, 3, 5))
@@ -89,25 +97,23 @@ def test_vector_formats(tmp_path, run):
 
 
 def test_an_overlay_is_drawn_and_kept_in_view(run):
-    overlay = simulated_run.overlays(
-        simulated_run.profile_overlay([5, 60, 90], [5, 4, 2]), simulated_run.toe_overlay(95.0, 2.0)
-    )
-    plain, _ = simulated_run.view_limits(run)
-    (left, right), _ = simulated_run.view_limits(run, overlay)
+    overlay = overlays(profile_overlay([5, 60, 90], [5, 4, 2]), toe_overlay(95.0, 2.0))
+    plain, _ = view_limits(run)
+    (left, right), _ = view_limits(run, overlay)
     assert plain[1] < 95 < right
     ax = Figure().add_subplot()
-    simulated_run.draw_frame(ax, run, overlay=overlay)
+    draw_frame(ax, run, overlay=overlay)
     labels = ax.get_legend_handles_labels()[1]
     assert {"measured profile", "measured toe", "before", "water level"} <= set(labels)
 
 
 def test_one_stray_point_does_not_shrink_the_picture():
     run = fly(make_scene(1, spacing=0.25), FAST)
-    before = simulated_run.view_limits(run)
+    before = view_limits(run)
     run.positions[:, 7] += [400.0, 300.0]
     run.positions[3, 8] = np.nan
-    assert np.allclose(simulated_run.view_limits(run), before, atol=1.0)
-    simulated_run.draw_frame(Figure().add_subplot(), run)
+    assert np.allclose(view_limits(run), before, atol=1.0)
+    draw_frame(Figure().add_subplot(), run)
 
 
 def test_gif_moves_and_keeps_white_paper(tmp_path, run):
@@ -164,9 +170,9 @@ def test_colour_scales():
 
 
 def test_errors_are_one_line(tmp_path, run):
-    with pytest.raises(InputError, match="suffix must be one of .png, .svg, .pdf"):
+    with pytest.raises(InputError, match="allowed are .png, .svg, .pdf"):
         simulated_run.save_picture(run, tmp_path / "x.bmp")
-    with pytest.raises(InputError, match="suffix must be one of .mp4, .gif"):
+    with pytest.raises(InputError, match="allowed are .mp4, .gif"):
         simulated_run.save_animation(run, tmp_path / "x.avi")
     with pytest.raises(InputError, match="colour 'rainbow' is unknown; allowed: displacement"):
         simulated_run.save_picture(run, tmp_path / "x.png", colour="rainbow")

@@ -9,7 +9,8 @@ from html.parser import HTMLParser
 import pytest
 
 from pipeline.cli import InputError
-from report.page import KeyNumbers, Paragraph, Picture, Section, Table, render_page, write_page
+from report.page import KeyNumbers, Paragraph, Picture, Section, render_page, write_page
+from report.table import Table
 
 PIXEL = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="

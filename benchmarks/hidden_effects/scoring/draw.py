@@ -12,9 +12,20 @@ from benchmarks.hidden_effects.making.detectability import BINS
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
-from report.charts.diagnosis_style import AFTER, ALIKE, BEFORE, PALE_AFTER
-from report.charts.style import HELD_OUT, LINE, OURS, clean, new_figure, save_figure, wrapped
-from report.pictures.scene import TEXT_COLOUR
+from report.style import (
+    AFTER,
+    ALIKE,
+    BEFORE,
+    HELD_OUT,
+    LINE,
+    OURS,
+    PALE_AFTER,
+    TEXT_COLOUR,
+    new_figure,
+    quiet,
+    save_figure,
+    wrapped,
+)
 
 NOTHING, UNKNOWN, SEVERAL = "nothing", "unknown", "several"
 WIDTH = 7.0
@@ -54,7 +65,7 @@ def asked(path: Path, method: Score) -> Path:
     ax.set_xlim(0.0, 100.0)
     ax.set_xlabel("share and its 95 % interval [%]; shaded: asked for", fontsize=8.5,
                   color=TEXT_COLOUR)  # fmt: skip
-    clean(ax, grid="x", left=True)
+    quiet(ax, grid="x")
     return save_figure(figure, path)
 
 
@@ -76,7 +87,7 @@ def detectability(path: Path, method: Score) -> Path:
     ax.set_ylim(-3, 103)
     ax.set_ylabel("share of singles [%]", fontsize=9, color=TEXT_COLOUR)
     ax.set_xlabel("detectability lambda", fontsize=9, color=TEXT_COLOUR)
-    clean(ax, grid="y", left=True)
+    quiet(ax, grid="y")
     figure.legend(loc="upper center", ncol=3, frameon=False, fontsize=8.5)
     return save_figure(figure, path)
 
@@ -152,5 +163,5 @@ def strength(path: Path, judged: Sequence[Judged]) -> Path:
     ax.set_xticks([])
     ax.set_xlabel(f"{len(right)} cases whose effect was named", fontsize=9, color=TEXT_COLOUR)
     ax.set_ylabel("error of $S_r$ [%]", fontsize=9, color=TEXT_COLOUR)
-    clean(ax, grid="y", left=True)
+    quiet(ax, grid="y")
     return save_figure(figure, path)

@@ -24,21 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Compare, write, print."""
     from diagnosis.answers import compared
-    from report.diagnosis import terminal
-    from report.two_strengths import two_strengths
+    from report.diagnosis import summary
 
     with session_of(arguments, "comparison") as session:
         document = compared(session)
-    parts = [
-        document.sentence,
-        terminal.parameters(document.parameters, [("fitted", document.base)]),
-        terminal.groups(document.base),
-        terminal.measurements(document.measurements),
-        session.runs_line(),
-    ]
-    both = two_strengths(session.folder)
-    if both is not None:
-        parts.insert(2, both.text)
-    print("\n\n".join(parts))
+    print(f"{summary(document, session.folder)}\n\n{session.runs_line()}")
     session.write_timing("compare")
     write_page(arguments, session, "write_compare")

@@ -16,9 +16,6 @@ DESCRIPTION = (
     "it remains undetected."
 )
 
-#: |cos| from which on two effects are hardly told apart.
-WEAKLY = 0.8
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
@@ -28,16 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Explain, write, print."""
     from diagnosis.answers import explained
-    from report.diagnosis import terminal
+    from report.diagnosis import summary
 
     with session_of(arguments, "explanation") as session:
         document = explained(session)
-    parts = [
-        document.sentence,
-        terminal.candidates(document.candidates),
-        terminal.alike(document.confounding.names, document.confounding.cosine, WEAKLY),
-        session.runs_line(),
-    ]
-    print("\n\n".join(parts))
+    print(f"{summary(document, session.folder)}\n\n{session.runs_line()}")
     session.write_timing("explain")
     write_page(arguments, session, "write_explain")

@@ -28,7 +28,8 @@ def run(arguments: argparse.Namespace) -> None:
     from diagnosis.answers import extended
     from diagnosis.hypotheses.hypothesis_file import FOLDER
     from diagnosis.verdict.stages import effect_answers, measurement_lines
-    from report.diagnosis import terminal
+    from report.diagnosis import measurements_text
+    from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "extension") as session:
         done = extended(session, arguments.add, arguments.notes)
@@ -47,9 +48,9 @@ def run(arguments: argparse.Namespace) -> None:
         found.after.fit.prediction,
     )
     passes = "passes every condition of the loop" if not found.why_not else found.why_not
-    print(f"\n{terminal.steps([done.before, done.after])}")
+    print(f"\n{steps_table([done.before, done.after]).text()}")
     print(f"\n{arguments.add}: {passes}")
-    print(f"\n{terminal.measurements(lines)}")
+    print(f"\n{measurements_text(lines)}")
     print(f"\nwrote {session.folder / FOLDER / done.after.hypothesis}.yaml")
     print(done.asked.runs_line())
     done.asked.write_timing("extend")

@@ -60,9 +60,9 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
 
 
 def write_page(arguments: argparse.Namespace, session: Session, composer: str) -> None:
-    """Write the page with a function of `report.diagnosis.page`, where one is wanted."""
+    """Write the page with a function of `report.diagnosis`, where one is wanted."""
     if arguments.page == "yes":
-        from report.diagnosis import page
+        from report import diagnosis
 
-        written: Path = getattr(page, composer)(session.folder)
+        written: Path = getattr(diagnosis, composer)(session.folder)
         session.say(f"wrote {written}")

@@ -26,14 +26,14 @@ def run(arguments: argparse.Namespace) -> None:
     """Suggest, print."""
     from diagnosis.loop import find
     from diagnosis.verdict.verdict_document import next_part, sentence
-    from report.diagnosis import terminal
+    from report.tables.diagnosis import next_table
 
     at_least_one("--n", arguments.n)
     with session_of(arguments, "suggestion") as session:
         found = find(session.model, session.options, session.say, count=arguments.n)
     lines = next_part(found.next_measurement)
     print(f"{sentence(found)}\n")
-    print(terminal.next_measurements(lines) if lines else "Nothing can be suggested here.")
+    print(next_table(lines).text() or "Nothing can be suggested here.")
     print("\ngain: expected squared separation, in variances of the measurement and the models")
     print(session.runs_line())
     session.write_timing("suggest")

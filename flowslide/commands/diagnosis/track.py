@@ -26,11 +26,11 @@ def run(arguments: argparse.Namespace) -> None:
     from diagnosis.answers import tracked
     from diagnosis.hypotheses.hypothesis_file import hypothesis_files
     from diagnosis.verdict.kept_steps import kept_step
-    from report.diagnosis import terminal
+    from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "track") as session:
         track = tracked(session)
-    print(terminal.steps(track.steps, track.notes))
+    print(steps_table(track.steps, track.by_hand, track.notes).text())
     for name in hypothesis_files(session.folder):
         if not kept_step(session.folder, name):
             print(f"\n{name}: not judged yet: flowslide diagnose compare {session.case.folder} "
@@ -42,7 +42,7 @@ def write_page_of_track(arguments: argparse.Namespace, session: Session) -> None
     """Write the page of all models so far, where one is wanted."""
     if arguments.page == "yes":
         from diagnosis.answers import tracked
-        from report.diagnosis.page import write_track
+        from report.diagnosis import write_track
 
         track = tracked(session)
         page = write_track(session.folder, session.case.title, track.steps, by_hand=track.by_hand)

@@ -1,8 +1,8 @@
-"""What a report is made from: the folder of a back-analysis and the case it belongs to.
+"""What the report of a back-analysis shows: its folder and the case that it answers.
 
-In: a folder with `result.json` and, where they are there, `sections.npz` and `run.h5`; the case
-folder with its measurements. Out: a `ReportData`; what is missing is None and its part of the
-report is left out.
+In: a folder with `result.json` and perhaps `sections.npz` and `run.h5`; the case folder with its
+measurements. Out: a `BackAnalysisData`; what is missing is None and its part of the report is left
+out.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ import numpy as np
 
 from geometry.case import Case, load_case
 from geometry.survey.measured import Measured
-from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
-from inversion.back_analysis.engine_choice import side_by_side
-from inversion.back_analysis.result import ParameterAnswer, Result, load_result
-from inversion.back_analysis.result_files import RUN, SECTIONS, classical_beside
+from geometry.survey.measurements import FILE_NAME as MEASUREMENTS
+from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, Result, load_result
+from inversion.back_analysis.result_files import RUN, SECTIONS, with_neighbours
 from inversion.problem.question import RESIDUAL_STRENGTH
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
@@ -28,7 +27,7 @@ from pipeline.places import CASES, resolve
 
 @dataclass(frozen=True)
 class Sections:
-    """Where the points lie after each look at the engine: K looks, N points, p parameters.
+    """Positions of the points after each evaluation: K evaluations, N points, p parameters.
 
     Attributes:
         initial: before the slide (N, 2) [m].
@@ -37,7 +36,7 @@ class Sections:
         accepted: the step was kept (K,).
         loss: (K,); not finite where a run failed.
         values: of the parameters (K, p).
-        answer: the look that is the answer.
+        answer: the evaluation that is the answer.
     """
 
     initial: np.ndarray
@@ -50,15 +49,28 @@ class Sections:
 
 
 @dataclass(frozen=True)
-class ReportData:
-    """All that a report shows.
+class Series:
+    """The numbers of one measurement."""
+
+    name: str
+    lines: list[MeasurementAnswer]
+
+    @property
+    def role(self) -> str:
+        """Of the first number; a profile with a block held out has others too."""
+        return self.lines[0].role
+
+
+@dataclass(frozen=True)
+class BackAnalysisData:
+    """Everything that a report shows.
 
     Attributes:
         folder: of the back-analysis; pictures and page are written there.
         result: its `result.json`.
-        run: trajectory of the answer; None: there is none.
+        run: trajectory of the answer; None: no file.
         case: section with the answer's strengths, and the measurements; None: no case folder.
-        sections: of the iterations; None: there are none.
+        sections: of the iterations; None: no file.
     """
 
     folder: Path
@@ -69,7 +81,7 @@ class ReportData:
 
     @property
     def toes(self) -> list[Measured]:
-        """The measured toes; none where the case is not at hand."""
+        """The measured toes; none where the case is unknown."""
         if self.case is None:
             return []
         return [m for m in self.case.measured if m.toe_side is not None]
@@ -85,19 +97,33 @@ class ReportData:
         ]
 
     @property
+    def fitted(self) -> list[MeasurementAnswer]:
+        """The measurements that were fitted."""
+        return [m for m in self.result.measurements if m.role == "fitted"]
+
+    @property
+    def series(self) -> list[Series]:
+        """Measurements with a measured value, all numbers of one together, in order of the file."""
+        found: dict[str, list[MeasurementAnswer]] = {}
+        for m in self.result.measurements:
+            if m.measured is not None and m.difference_in_std is not None:
+                found.setdefault(m.group, []).append(m)
+        return [Series(name, lines) for name, lines in found.items()]
+
+    @property
     def with_water(self) -> bool | None:
-        """The answer is for a section with a reservoir or groundwater; None: not known."""
+        """The section has a reservoir or groundwater; None: unknown."""
         return None if self.run is None else self.run.scene.has_water
 
     def prior_mean(self, parameter: ParameterAnswer) -> float | None:
-        """Most likely value of a parameter beforehand; None: all between its bounds are alike."""
+        """Mean of the prior; None: every value between the bounds is equally likely."""
         spec = next(s for s in self.result.question.parameters if s.name == parameter.name)
         return None if spec.prior is None else spec.prior.mean
 
     def side(self, parameter: ParameterAnswer) -> str:
-        """The side a parameter's zones slid to, left or right: that of the measured toes.
+        """The side to which a parameter's zones slid, left or right: that of the measured toes.
 
-        Where toes were measured on both sides, or on none, the side of the crest the zones lie on.
+        With toes on both sides, or on none: the side of the crest on which the zones lie.
         """
         if self.case is None:
             return "left"
@@ -117,41 +143,44 @@ class ReportData:
         return "left" if np.mean(middle) <= crest else "right"
 
     def toe_place(self, side: str, runout: float) -> float:
-        """The x of a toe [m], from how far it is beyond the foot of the section [m]."""
+        """X of a toe [m] at a runout from the foot of the section [m]."""
         foot = self.case.feet[side]
         return foot - runout if side == "left" else foot + runout
 
 
-def load_report(folder: str | Path, case_folder: str | Path | None = None) -> ReportData:
-    """Read the folder of a back-analysis.
+def load_back_analysis(
+    folder: str | Path, case: Case | str | Path | None = None, result: Result | None = None
+) -> BackAnalysisData:
+    """Everything that the report of a back-analysis shows.
 
     Args:
-        folder: with `result.json`.
-        case_folder: of the case; None: the one of that name in `case_histories`, if there is one.
+        folder: of the back-analysis.
+        case: that it answers, or its folder; None: the one of that name that ships, if any.
+        result: of the back-analysis; None: it is read, with what other methods have found since.
 
     Raises:
-        InputError: no result, a damaged file, or a case that does not hold together; one line.
+        InputError: no result, a damaged file, or a case without its measurements; one line.
     """
     folder = Path(folder)
-    result = load_result(folder)
-    beside = classical_beside(folder)
-    if beside:  # they may have been asked since
-        result = result.model_copy(update={"classical": beside})
-    engines = side_by_side(result, folder)
-    if engines:
-        result = result.model_copy(update={"engines": engines})
+    if result is None:
+        result = with_neighbours(load_result(folder), folder)
     run = _run(folder / RUN)
-    if case_folder is None:
-        named = resolve(result.case, CASES)
-        case_folder = named if (named / MEASUREMENTS_FILE).is_file() else None
-    case = None
-    if run is not None and case_folder is not None:
-        case = replace(load_case(case_folder).with_set(result.measurement_set), scene=run.scene)
-    return ReportData(folder, result, run, case, _sections(folder / SECTIONS))
+    found = None
+    if run is not None:
+        found = case if isinstance(case, Case) else _case(case, result.case)
+    if found is not None:
+        found = replace(found.with_set(result.measurement_set), scene=run.scene)
+    return BackAnalysisData(folder, result, run, found, _sections(folder / SECTIONS))
+
+
+def _case(place: str | Path | None, name: str) -> Case | None:
+    """The case at a place, or the one of a name that ships; None: there is none to compare with."""
+    place = resolve(name, CASES) if place is None else Path(place)
+    return load_case(place) if (place / MEASUREMENTS).is_file() else None
 
 
 def _run(path: Path) -> Run | None:
-    """The trajectory of the answer, if it is there and has anything to show."""
+    """The trajectory of the answer, if there is one with anything to show."""
     if not path.is_file():
         return None
     run = read_run(path, 0)
@@ -173,4 +202,6 @@ def _sections(path: Path) -> Sections | None:
     except (
         OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error
     ) as error:  # fmt: skip
-        raise InputError(f"{path}: cannot be read ({error}); delete it or ask again") from None
+        raise InputError(
+            f"{path}: cannot be read ({error}); delete it or run the analysis again"
+        ) from None

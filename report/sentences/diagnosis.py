@@ -1,20 +1,31 @@
-"""The sentences of the page of a diagnosis.
+"""What the report of a diagnosis says.
 
-In: a `ReportData`. Out: plain sentences. Whatever is said of effects is said of those tested.
+In: a `DiagnosisData`. Out: sentences. Every statement on effects is about those tested.
 """
 
 from __future__ import annotations
+
+from collections.abc import Collection, Sequence
 
 from diagnosis.hypotheses.survey_errors import BOUNDARY
 from diagnosis.verdict.verdict import (
     CandidateVerdict,
     FittedModelSummary,
     MeasurementVerdict,
-    ParameterWords,
+    WaterfallStep,
     Window,
 )
-from report.diagnosis.data import ReportData
-from report.numbers import chance, number, plus_minus, root_mean_square, signed_percent
+from report.data.diagnosis import DiagnosisData
+from report.numbers import (
+    MINUS,
+    chance,
+    number,
+    percent,
+    plural,
+    plus_minus,
+    root_mean_square,
+    signed_percent,
+)
 
 VERDICTS = {
     "adequate": "adequate",
@@ -25,11 +36,12 @@ VERDICTS = {
 }
 AMONG = "among the effects tested"
 NOT_SEPARABLE, WEAKLY = 0.95, 0.80
-FAR = 2.0
+BY_HAND = "by hand"
+"""Start of the note of a step taken by a person."""
 
 
 def spoken(name: str) -> str:
-    """The name of an effect or a model as words; of a boundary, what it bounds."""
+    """The name of an effect or a model in words; of a boundary, what it bounds."""
     return name.removeprefix(BOUNDARY).replace("_", " ")
 
 
@@ -47,9 +59,9 @@ def explanation(names: list[str]) -> str:
 
 
 def off(stage: FittedModelSummary) -> float:
-    """How far off a model is on the fitted data, in standard deviations.
+    """Misfit of a model on the fitted data, in standard deviations.
 
-    NaN where there are no more data than parameters: then nothing can be off.
+    NaN where there are no more data than parameters: no misfit is possible.
     """
     return root_mean_square(stage.chi2, stage.dof)
 
@@ -59,33 +71,33 @@ def off_held_out(stage: FittedModelSummary) -> float:
     return root_mean_square(stage.held_out.chi2, stage.held_out.n)
 
 
-def tested_sentence(data: ReportData) -> str:
-    """Among what the verdict was found, and what was ruled out."""
+def tested_sentence(data: DiagnosisData) -> str:
+    """The effects that were tested, and those that were ruled out."""
     if data.verdict is None or not data.verdict.tested:
         return ""
     tested = data.verdict.tested
-    told = f"Among the {len(tested)} effects tested: {', '.join(map(spoken, tested))}."
+    said = f"The {len(tested)} effects tested: {', '.join(map(spoken, tested))}."
     if data.verdict.forbidden:
-        told += f" Ruled out beforehand: {', '.join(map(spoken, data.verdict.forbidden))}."
-    return told
+        said += f" Excluded beforehand: {', '.join(map(spoken, data.verdict.forbidden))}."
+    return said
 
 
-def lead(data: ReportData) -> str:
-    """The verdict in one sentence, never without saying among what."""
+def lead(data: DiagnosisData) -> str:
+    """The verdict in one sentence, always with the set of effects it refers to."""
     sentence = data.document.sentence.strip()
     named = data.verdict is not None and data.verdict.verdict in ("identified", "ambiguous")
     if named and "tested" not in sentence:
         sentence = f"{sentence.rstrip('.')}, {AMONG}."
     if data.synthetic:
-        sentence += " The measurements are constructed by a simulation."
+        sentence += " The measurements are synthetic, made by a simulation."
     return sentence
 
 
-def answer_sentences(data: ReportData) -> list[str]:
-    """The effects of the answer, and what else explains the data as well."""
+def answer_sentences(data: DiagnosisData) -> list[str]:
+    """The effects of the answer, and the alternatives that explain the data as well."""
     if data.verdict is None:
         return []
-    told = []
+    said = []
     unknown = data.verdict.verdict == "unknown_effect"
     for one in data.verdict.answer.effects:
         low, high = (number(end) for end in one.interval_95)
@@ -93,28 +105,29 @@ def answer_sentences(data: ReportData) -> list[str]:
         if data.verdict.verdict == "ambiguous":
             name = f"Most probable: {spoken(one.name)}"
         elif unknown:
-            name = f"Added, but not enough: {spoken(one.name)}"
-        told.append(
+            name = f"Added, but not sufficient: {spoken(one.name)}"
+        said.append(
             f"{name} ({one.words}): amplitude "
-            f"{plus_minus(one.amplitude, one.std, one.unit)}, 95 % from {low} to {high}."
+            f"{plus_minus(one.amplitude, one.std, one.unit)}, 95 % interval {low} to {high}."
         )
     rivals = data.verdict.answer.set_90
     if len(rivals) > 1 and not unknown:
-        listed = "; ".join(f"{explanation(r.names)} ({100 * r.probability:.0f} %)" for r in rivals)
-        told.append(f"The explanations that share 90 % of the probability: {listed}.")
+        listed = "; ".join(f"{explanation(r.names)} ({percent(r.probability)})" for r in rivals)
+        said.append(f"Explanations that together have 90 % of the probability: {listed}.")
     elif rivals and rivals[0].names and not unknown:
-        told.append(
-            f"It holds {100 * rivals[0].probability:.0f} % of the probability {AMONG}; no rival is "
-            "needed to reach 90 %."
+        said.append(
+            f"It has {percent(rivals[0].probability)} of the probability {AMONG}; no alternative "
+            "is needed to reach 90 %."
         )
     if unknown:
-        told.append(
-            "The calibrated strength carries the error of the model. It is shown, but is no result."
+        said.append(
+            "The calibrated strength includes the error of the model. It is shown, but it is not a "
+            "result."
         )
-    return told
+    return said
 
 
-def alarm_sentence(data: ReportData) -> str:
+def alarm_sentence(data: DiagnosisData) -> str:
     """Whether the base model is adequate, by which test."""
     stage = data.base
     if not stage.tests:
@@ -122,8 +135,9 @@ def alarm_sentence(data: ReportData) -> str:
     worst = min(stage.tests, key=lambda test: test.p)
     return (
         f"Base model: chi² {number(stage.chi2)} on {stage.dof} degrees of freedom. Of "
-        f"{len(stage.tests)} tests the sharpest is {test_words(worst.name)} ({chance(worst.p)}); "
-        f"all together {chance(stage.p_combined)}. Below 0.05 is an alarm, below 0.20 a suspicion."
+        f"{len(stage.tests)} tests the most significant is {test_words(worst.name)} "
+        f"({chance(worst.p)}); all combined {chance(stage.p_combined)}. Below 0.05 is an alarm, "
+        "below 0.20 a suspicion."
     )
 
 
@@ -131,7 +145,7 @@ def test_words(name: str) -> str:
     """The name of a test in words."""
     known = {
         "chi2": "the size of all residuals",
-        "autocorrelation": "the likeness of neighbours along the profile",
+        "autocorrelation": "the correlation of neighbours along the profile",
         "score": "the best score of a candidate",
         "held_out": "the held-out data",
         "held out": "the held-out data",
@@ -155,13 +169,13 @@ def window_sentence(window: Window | None, model: str) -> str:
             f"{unit}"
         )
     return (
-        f"Worst stretch of the {model}: {where}, {window.n} "
-        f"number{'s' if window.n > 1 else ''}, off by {off_by:.1f} standard deviations (root mean "
-        f"square). Noise has a stretch as bad anywhere with {chance(window.p)}."
+        f"Worst stretch of the {model}: {where}, {plural(window.n, 'number')}, off by {off_by:.1f} "
+        f"standard deviations (root mean square). Probability that noise alone has such a stretch: "
+        f"{chance(window.p)}."
     )
 
 
-def fall_sentence(data: ReportData) -> str:
+def fall_sentence(data: DiagnosisData) -> str:
     """How far the error falls, on fitted and on held-out data."""
     if data.final is None:
         return ""
@@ -169,44 +183,44 @@ def fall_sentence(data: ReportData) -> str:
     if min(before.dof, after.dof) < 1:
         return (
             f"Chi² of the fitted data: {number(before.chi2)} before, {number(after.chi2)} after; "
-            "as many parameters as data, so it says little."
+            "as many parameters as data, so this says little."
         )
-    told = (
+    said = (
         f"Root mean square misfit of the fitted data: {off(before):.1f} standard deviations "
         f"before, {off(after):.1f} after; noise alone has 1."
     )
     if before.held_out.n and after.held_out.n:
-        told += (
-            f" Of the {after.held_out.n} held-out data, which no fit has seen: "
+        said += (
+            f" On the {after.held_out.n} held-out data, which were not fitted: "
             f"{off_held_out(before):.1f} before, {off_held_out(after):.1f} after."
         )
-    return told
+    return said
 
 
-def transfer_sentence(data: ReportData) -> str:
+def validation_sentence(data: DiagnosisData) -> str:
     """What the answer does on a second section or event."""
     check = None if data.verdict is None else data.verdict.validation_case
     if check is None:
         return ""
     ends = [root_mean_square(chi2, check.n) for chi2 in (check.chi2_base, check.chi2_final)]
     return (
-        f"On {spoken(check.case)}, which no fit has seen ({check.n} numbers, the parameters found "
-        f"here): {ends[0]:.1f} standard deviations by the base model, {ends[1]:.1f} by the model "
-        "of the answer."
+        f"On {spoken(check.case)}, which was not fitted ({check.n} numbers, with the parameters "
+        f"found here): {ends[0]:.1f} standard deviations for the base model, {ends[1]:.1f} for the "
+        "model of the answer."
     )
 
 
-def role_sentence(data: ReportData) -> str:
+def role_sentence(data: DiagnosisData) -> str:
     """Which data were held out and which are constructed."""
-    told = []
+    said = []
     if held := _of_role(data, "held out"):
-        told.append(f"Held out, seen by no fit: {held}.")
+        said.append(f"Held out, not fitted: {held}.")
     if drawn := _of_role(data, "constructed"):
-        told.append(f"Constructed, not surveyed: {drawn}; drawn only, in no fit and no score.")
-    return " ".join(told)
+        said.append(f"Constructed, not surveyed: {drawn}; shown only, not part of a fit or score.")
+    return " ".join(said)
 
 
-def _of_role(data: ReportData, role: str) -> str:
+def _of_role(data: DiagnosisData, role: str) -> str:
     found = []
     for name in dict.fromkeys(m.measurement for m in data.measurements):
         lines = [m for m in data.measurements if m.measurement == name]
@@ -229,24 +243,26 @@ def stretch(lines: list[MeasurementVerdict]) -> str:
     return f"from {axis}{number(min(places))} to {number(max(places))} {unit}"
 
 
-def candidate_sentence(data: ReportData) -> str:
+def candidate_sentence(data: DiagnosisData) -> str:
     """How the candidates rank."""
     scored = [c for c in data.candidates if c.expected_drop is not None]
     if not scored:
         return ""
     best = max(scored, key=lambda c: (c.expected_drop, c.z or 0.0))
     if best.expected_drop <= 0.0:
-        return f"None of the {len(scored)} effects tested would lower the misfit."
+        return f"None of the {len(scored)} effects tested would reduce the misfit."
     p = "" if best.p_family is None else (
-        f"; noise gives any of the {len(scored)} a score as large with {chance(best.p_family)}"
+        f"; probability of so high a score among {len(scored)} from noise: {chance(best.p_family)}"
     )  # fmt: skip
     return (
-        f"Most is promised, {AMONG}, by {spoken(best.name)} ({best.words}): chi² would fall by "
-        f"{number(best.expected_drop)} if it were all that is missing{p}."
+        f"The highest score {AMONG} has {spoken(best.name)} ({best.words}): chi² would fall by "
+        f"{number(best.expected_drop)} if nothing else were missing{p}."
     )
 
 
-def confounded(data: ReportData, least: float, most: float = 1.01) -> list[tuple[str, str, float]]:
+def confounded(
+    data: DiagnosisData, least: float, most: float = 1.01
+) -> list[tuple[str, str, float]]:
     """Pairs of candidates whose |cos| lies in [least, most), the closest first."""
     found = data.confounding
     if found is None:
@@ -259,51 +275,73 @@ def confounded(data: ReportData, least: float, most: float = 1.01) -> list[tuple
     return sorted((p for p in pairs if least <= p[2] < most), key=lambda p: -p[2])
 
 
-def confounding_sentences(data: ReportData) -> list[str]:
-    """What cannot be told apart with these data."""
+def confounding_sentences(data: DiagnosisData) -> list[str]:
+    """Which candidates these data cannot distinguish."""
     if data.confounding is None:
         return []
     groups = ((NOT_SEPARABLE, 1.01, "Not separable with these data"),
               (WEAKLY, NOT_SEPARABLE, "Weakly separable"))  # fmt: skip
-    told = []
+    said = []
     for least, most, words in groups:
         if pairs := confounded(data, least, most):
             listed = ", ".join(f"{spoken(a)} and {spoken(b)}" for a, b, _ in pairs[:6])
             more = f", and {len(pairs) - 6} more pairs" if len(pairs) > 6 else ""
-            told.append(f"{words}: {listed}{more}.")
-    return told or ["Every pair of candidates can be told apart with these data."]
+            said.append(f"{words}: {listed}{more}.")
+    return said or ["These data can distinguish every pair of candidates."]
 
 
-def strength_sentences(data: ReportData) -> list[str]:
+def strength_sentences(data: DiagnosisData) -> list[str]:
     """Each parameter before and after."""
-    told = []
+    said = []
     for p in data.parameters:
         before = plus_minus(data.base.values[p.name], data.base.std.get(p.name, 0.0), p.unit)
-        text = f"{p.words[:1].upper()}{p.words[1:]}: {before} by the base model"
+        text = f"{p.words[:1].upper()}{p.words[1:]}: {before} with the base model"
         if data.final is not None and p.name in data.final.values:
             after = plus_minus(data.final.values[p.name], data.final.std.get(p.name, 0.0), p.unit)
             text += f", {after} with the effects of the answer"
-        told.append(f"{text}.")
-    return told
+        said.append(f"{text}.")
+    return said
 
 
-def hidden_sentence(data: ReportData) -> str:
-    """The largest change of a strength that an undetected effect could hide."""
+def hidden_sentence(data: DiagnosisData) -> str:
+    """The largest change of a strength that an undetected effect could cause."""
     entries = [(p, *item) for p in data.parameters for item in data.hidden.get(p.name, {}).items()]
     if not entries:
         return ""
     p, name, change = max(entries, key=lambda entry: abs(entry[2]))
     return (
-        "An effect too weak to be found here can still shift the result. The largest shift: "
-        f"{spoken(name)} moves {p.words} by up to {signed_percent(change)}."
+        "An effect too weak to be detected here can still shift the result. The largest shift: "
+        f"{spoken(name)} changes {p.words} by up to {signed_percent(change)}."
     )
 
 
+def is_by_hand(step: WaterfallStep, by_hand: Collection[str] = ()) -> bool:
+    """This model was added by a person, not by the loop."""
+    return step.hypothesis in by_hand or step.note.startswith(BY_HAND)
+
+
+def follows(number_: int, steps: Sequence[WaterfallStep]) -> bool:
+    """A step adds to the one before or removes from it; otherwise it is an alternative to it."""
+    if not number_:
+        return False
+    own, before = set(steps[number_].effects), set(steps[number_ - 1].effects)
+    return own >= before or own < before
+
+
+def step_words(number_: int, steps: Sequence[WaterfallStep], by_hand: Collection[str] = ()) -> str:
+    """The name of a row: what this step changed in the one before, or all its effects."""
+    step = steps[number_]
+    before = steps[number_ - 1].effects if follows(number_, steps) else {}
+    added = [f"+ {spoken(name)}" for name in step.effects if name not in before]
+    dropped = [f"{MINUS} {spoken(name)}" for name in before if name not in step.effects]
+    name = ", ".join([*added, *dropped])
+    if not name:
+        name = spoken(step.hypothesis.lstrip("0123456789_")) if number_ else "base model"
+    elif number_ and not follows(number_, steps):
+        name = f"base {name}"
+    return f"{name} (by hand)" if is_by_hand(step, by_hand) else name
+
+
 def achieved(candidate: CandidateVerdict) -> float | None:
-    """Fall of chi² when the effect was refitted; None: it was not."""
+    """Reduction of chi² when the effect was refitted; None: it was not."""
     return None if candidate.refit is None else candidate.refit.drop
-
-
-def unit_of(parameter: ParameterWords) -> str:
-    """The unit as it is written on an axis."""
-    return "°" if parameter.unit == "deg" else parameter.unit

@@ -1,8 +1,8 @@
-"""What a page of a diagnosis is made from: a document, and the sections where they are at hand.
+"""What the report of a diagnosis shows: a document, and the sections where there are any.
 
 In: a folder with `verdict.json`, `compare.json` or `explain.json`, and perhaps `sections.npz`. Out:
-a `ReportData`, which looks the same for all three; what a document does not have is empty, and its
-part of the page is left out.
+a `DiagnosisData`, which looks the same for all three; what a document lacks is empty, and its part
+of the page is left out.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ DOCUMENTS: dict[str, type[Document]] = {
     EXPLAIN_FILE: ExplainDocument,
 }
 LEAST_SERIES = 3
-"""Numbers along an axis from which on they are drawn as a line."""
+"""Least count of numbers along an axis that is drawn as a line."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +53,19 @@ class Series:
         return [line.place for line in self.lines]
 
     @property
-    def axis_words(self) -> str:
-        """What the axis is, with its unit."""
+    def axis_label(self) -> str:
+        """The axis with its unit."""
         return "x (m)" if self.axis == "x_m" else "time (s)"
 
 
 @dataclass(frozen=True)
-class ReportData:
-    """All that a page shows.
+class DiagnosisData:
+    """Everything that a page shows.
 
     Attributes:
         folder: page and pictures are written there.
         document: the verdict, or one of the shorter documents before it.
-        sections: surfaces of the section; None: not at hand.
+        sections: surfaces of the section; None: unknown.
     """
 
     folder: Path
@@ -74,7 +74,7 @@ class ReportData:
 
     @property
     def verdict(self) -> Verdict | None:
-        """The document, where it is a whole verdict."""
+        """The document, if it is a complete verdict."""
         return self.document if isinstance(self.document, Verdict) else None
 
     @property
@@ -84,14 +84,14 @@ class ReportData:
 
     @property
     def final(self) -> FittedModelSummary | None:
-        """The model of the answer; None where the answer is the base model, or none yet."""
+        """The model of the answer; None if that is the base model, or there is none yet."""
         if self.verdict is None or not self.verdict.final.effects:
             return None
         return self.verdict.final
 
     @property
     def measurements(self) -> list[MeasurementVerdict]:
-        """Number by number; an explanation has none."""
+        """All numbers; an explanation has none."""
         return getattr(self.document, "measurements", [])
 
     @property
@@ -119,14 +119,20 @@ class ReportData:
 
     @property
     def hidden(self) -> dict[str, dict[str, float]]:
-        """Parameter -> effect -> change [%] that it hides while undetected."""
+        """Parameter -> effect -> change [%] that the effect can cause undetected."""
         return getattr(self.document, "hidden", {})
 
     @property
+    def stages(self) -> list[tuple[str, FittedModelSummary]]:
+        """The base model, and the model of the answer if it is another one."""
+        after = [] if self.final is None else [("after", self.final)]
+        return [("before" if after else "base model", self.base), *after]
+
+    @property
     def parameters(self) -> list[ParameterWords]:
-        """What is calibrated; made of the names where the document has no words."""
-        told = {p.name: p for p in self.document.parameters}
-        return [told.get(name) or _unnamed(name, self.base) for name in self.base.values]
+        """What is calibrated; described by its name where the document has no words."""
+        known = {p.name: p for p in self.document.parameters}
+        return [known.get(name) or _unnamed(name, self.base) for name in self.base.values]
 
     @property
     def series(self) -> list[Series]:
@@ -150,14 +156,14 @@ class ReportData:
 
     @property
     def synthetic(self) -> bool:
-        """The measurements were made by a simulation, as the settings of the diagnosis say."""
+        """The measurements come from a simulation, according to the settings."""
         manifest = self.verdict.manifest if self.verdict is not None else {}
         settings = manifest.get("settings", {})
         return bool(manifest.get("synthetic", settings.get("synthetic", False)))
 
 
-def load_report(folder: str | Path, name: str = FILE_NAME) -> ReportData:
-    """Read a document and the sections beside it.
+def load_diagnosis(folder: str | Path, name: str = FILE_NAME) -> DiagnosisData:
+    """Read a document and the sections next to it.
 
     Raises:
         InputError: no such file, or one that cannot be read; one line.
@@ -165,7 +171,7 @@ def load_report(folder: str | Path, name: str = FILE_NAME) -> ReportData:
     folder = Path(folder)
     path = folder / name
     document = validate_settings(DOCUMENTS[name], read_json(path), origin=str(path))
-    return ReportData(folder, document, load_sections(folder))
+    return DiagnosisData(folder, document, load_sections(folder))
 
 
 def _unnamed(name: str, stage: FittedModelSummary) -> ParameterWords:

@@ -1,0 +1,289 @@
+"""The report of a back-analysis: one self-contained page, its pictures, and the text of a terminal.
+
+In: a result, its folder and its case. Out: `report.html`, and each picture as a file of its own.
+The answer comes first, then its evidence, what is unknown, and how it was found. A part that has
+nothing to show is left out.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
+from inversion.engines.registry import engine_named
+from report.data.back_analysis import BackAnalysisData
+from report.page import Paragraph, Picture, Section, folded, said, shown, tabulated, write_page
+from report.pictures.answer_film import LARGEST_BYTES, known_film, save_film
+from report.sentences import back_analysis as words
+from report.table import plain
+from report.tables import back_analysis as tables
+from report.two_strengths import two_strengths
+
+PAGE = "report.html"
+WIDE_PX = 820
+"""Width below which a section is not shrunk on a phone but scrolls sideways."""
+
+
+def write_report(data: BackAnalysisData, *, film: bool = True) -> Path:
+    """Write page, pictures and film of a back-analysis into its folder.
+
+    Args:
+        data: of the back-analysis.
+        film: make a new film; False: show the existing one, if any.
+
+    Returns:
+        The page.
+    """
+    moving = save_film(data) if film else known_film(data.folder)
+    page = data.folder / PAGE
+    lead = f"{words.answer_sentence(data)} {words.misfit_sentence(data)}"
+    write_page(page, f"{data.result.title}: back-analysis", sections(data, moving), lead=lead)
+    return page
+
+
+def summary(data: BackAnalysisData) -> str:
+    """The answer for a terminal or a log."""
+    result = data.result
+    answer = result.answer
+    end = "" if answer.reached else "NOT FITTED: "
+    unit = " m2" if answer.loss_unit == "m2" else ""
+    iterations = max(line.iteration for line in result.iterations)
+    heading = (
+        f"{result.title}: back-analysis by {engine_named(result.engine).label} at {result.spacing_m:g} "
+        f"m, measurements {result.measurement_set!r}\n"
+        f"{end}{answer.words}; loss {answer.loss:.3g}{unit} after {iterations} iterations and "
+        f"{result.runs_to_answer} simulations ({result.runs} in all, "
+        f"{result.timings.get('in all', 0):.0f} s)"
+    )
+    strengths = data.strengths or answer.parameters
+    lines = [m for m in result.measurements if m.role != "constructed"]
+    found = [
+        tables.answer_table(data),
+        tables.measured_table(data, lines),
+        tables.engine_table(data),
+        *tables.method_tables(data),
+        tables.variant_table(data),
+        *tables.sensitivity_tables(data, strengths),
+        tables.starts_table(data),
+        tables.equally_good_table(data),
+    ]
+    parts = [heading, *(table.text() for table in found)]
+    parts += [two_strengths(data.folder).text()]
+    parts += ["\n".join(map(plain, [*words.undetermined_sentences(data), *result.remarks]))]
+    return "\n\n".join(part for part in parts if part)
+
+
+def sections(data: BackAnalysisData, film: Path | None) -> list[Section]:
+    """Every part that has something to show, in reading order."""
+    made = [
+        _answer(data),
+        _section(data),
+        _methods(data),
+        _measured(data),
+        _not_determined(data),
+        _sensitivities(data),
+        _variants(data),
+        _search(data),
+        _catalogue(data),
+        _film(film),
+        _made(data),
+    ]
+    return [section for section in made if section.parts]
+
+
+def _answer(data: BackAnalysisData) -> Section:
+    before, after = words.meaning_sentences(data), words.surrogate_sentences(data)
+    return Section(
+        "Answer",
+        [
+            *said(before),
+            *tabulated(tables.answer_table(data)),
+            *said(after),
+            *two_strengths(data.folder).parts(),
+        ],
+    )
+
+
+def _section(data: BackAnalysisData) -> Section:
+    title = "The section before and after"
+    if data.case is None or data.run is None:
+        return Section(title)
+    from mpm_taichi.comparison import read_deposit
+    from report.pictures.case_history import save_case_picture
+
+    path = data.folder / "section.png"
+    save_case_picture(data.case, data.run, read_deposit(data.case, data.run), path)
+    toes = "; ".join(words.toe_words(data))
+    return Section(
+        title,
+        shown(
+            path,
+            "Two sections, coloured by material: before the slide, and the simulated deposit with "
+            "the measured surface and the measured and simulated toe.",
+            f"Simulated with the calibrated strengths: {toes}." if toes else "",
+            words.constructed_sentence(data),
+            caption="Dotted: constructed, not surveyed. White bar: stated range of the toe.",
+            least_width_px=WIDE_PX,
+        ),
+    )
+
+
+def _methods(data: BackAnalysisData) -> Section:
+    from report.charts.methods import draw_methods
+
+    title = "The strength by every method"
+    path = draw_methods(data, data.folder / "methods.svg")
+    if path is None:
+        return Section(title)
+    parts = shown(
+        path,
+        "Bars of the residual strength in kPa, one row for each method.",
+        "The diamond is this analysis with one standard deviation (bar) and its 95 % interval "
+        "(line); hollow circles below it are variants of the question. Bars of the other methods "
+        "are the ranges over their judgement calls, or as published; hollow: quoted from memory.",
+    )
+    return Section(
+        title,
+        [
+            *parts,
+            *tabulated(tables.engine_table(data)),
+            *said(tables.classical_notes(data)),
+            *folded("The same in numbers", *tables.method_tables(data)),
+        ],
+    )
+
+
+def _measured(data: BackAnalysisData) -> Section:
+    from report.charts.measured import draw_measured
+
+    title = "Measured against predicted"
+    path = draw_measured(data, data.folder / "measured.svg")
+    if path is None:
+        return Section(title)
+    single = tables.singles(data)
+    parts = shown(
+        path,
+        "Differences of all measurements in standard deviations.",
+        words.misfit_sentence(data),
+        *words.variant_sentences(data),
+        "Each mark is a measurement; at 0 the prediction is exact. Only fitted measurements "
+        "entered the search. Held-out data test the answer; constructed data test nothing. "
+        "Nothing is subtracted from a prediction: 'before the slide' is the reading of the "
+        "undeformed section. The toe is where the smoothed height of the connected mass falls "
+        "below a threshold; 'by eye' is the outermost connected point.",
+    )
+    parts += tabulated(tables.measured_table(data, single), tables.source_table(single))
+    parts += folded("Profiles and histories, value by value", *tables.series_tables(data))
+    return Section(title, parts)
+
+
+def _not_determined(data: BackAnalysisData) -> Section:
+    from report.charts.equivalent_answers import draw_equally_good, papers_answer
+    from report.charts.uncertainty import draw_before_after
+
+    parts = shown(
+        draw_before_after(data, data.folder / "before_after.svg"),
+        "Bars before and after the data for each parameter.",
+        *words.undetermined_sentences(data),
+        "Pale: known before the fit (the prior, or the whole range between the bounds). Dark: one "
+        "standard deviation after the fit; orange where the data added nothing.",
+    )
+    paper = "" if papers_answer(data) is None else (
+        " Dashed: the paper's single answer, fitted to its own measured runouts."
+    )  # fmt: skip
+    parts += shown(
+        draw_equally_good(data, data.folder / "equally_good.svg"),
+        "Lines across the parameters, one for each equally good answer.",
+        "Each line is a set of values that fits as well as the answer; the data cannot "
+        f"distinguish between them.{paper}",
+    )
+    parts += tabulated(tables.equally_good_table(data))
+    return Section("What the data do not determine", parts)
+
+
+def _sensitivities(data: BackAnalysisData) -> Section:
+    from report.charts.uncertainty import draw_tornado
+
+    parts = shown(
+        draw_tornado(data, data.folder / "sensitivities.svg"),
+        "Tornado chart of the changes of the answer.",
+        "Each bar is the answer recalibrated with one assumption changed by one standard "
+        "deviation, the largest change on top: blue lowers the strength, orange raises it.",
+    )
+    numbers = folded(
+        "The same in numbers", *tables.sensitivity_tables(data, data.result.answer.parameters)
+    )
+    return Section("What moves the answer", [*parts, *numbers])
+
+
+def _variants(data: BackAnalysisData) -> Section:
+    found = tabulated(tables.variant_table(data))
+    sentence = said([words.variant_sentence(data)]) if found else []
+    return Section("Variants of the question", [*sentence, *found])
+
+
+def _search(data: BackAnalysisData) -> Section:
+    from report.charts.iterations import draw_history, draw_iterations
+
+    result = data.result
+    count = max(line.iteration for line in result.iterations)
+    end = f"{result.answer.words} after {count} iterations and {result.runs_to_answer} simulations."
+    parts = said([end[0].upper() + end[1:]])
+    parts += shown(
+        draw_iterations(data, data.folder / "iterations.png"),
+        "Sections one below the other, one for each iteration, with the measured toe.",
+        "The simulated section at each iteration. Blue triangle: simulated toe. Black triangle: "
+        "measured toe, on its stated range. Dotted line: constructed.",
+        least_width_px=WIDE_PX,
+    )
+    parts += shown(
+        draw_history(data, data.folder / "history.svg"),
+        "Loss, unknowns and fitted quantities at each evaluation.",
+    )
+    parts += folded("Every step in numbers", tables.history_table(data))
+    if starts := tabulated(tables.starts_table(data)):
+        parts += [Paragraph("The same question from other first guesses:"), *starts]
+    return Section("How it was found", parts)
+
+
+def _catalogue(data: BackAnalysisData) -> Section:
+    title = "Among other flow slides"
+    answers = answers_of(data.result.model_dump(mode="json"))
+    if not answers:
+        return Section(title)
+    from report.charts.catalogue import catalogue_figure
+    from report.style import save_figure
+
+    figure = catalogue_figure(load_catalogue(), load_strengths(), answers)
+    return Section(
+        title,
+        shown(
+            save_figure(figure, data.folder / "catalogue.svg"),
+            "Strength ratio against blow count, with correlations and our answers.",
+            "The strength ratio of this analysis (letters) among published case histories and "
+            "correlations. Hollow marks and dashed lines are quoted from memory and unverified.",
+            least_width_px=640,
+        ),
+    )
+
+
+def _film(film: Path | None) -> Section:
+    title = "The slide as a film"
+    if film is None:
+        return Section(title)
+    if film.stat().st_size > LARGEST_BYTES:
+        size = film.stat().st_size / 1e6
+        return Section(
+            title, said([f"The film ({size:.1f} MB) is next to this page: {film.name}."])
+        )
+    description = "Film of the simulated slide, and the measured surface."
+    moving = Picture(film, description, least_width_px=WIDE_PX)
+    return Section(title, [moving, *said([f"Also next to this page: {film.name}."])])
+
+
+def _made(data: BackAnalysisData) -> Section:
+    remarks = said(f"Not available: {remark}" for remark in data.result.remarks)
+    settings = folded("Settings, versions, machine", tables.provenance_table(data))
+    return Section(
+        "How this was made", [*remarks, *tabulated(tables.timing_table(data)), *settings]
+    )

@@ -1,0 +1,276 @@
+"""What the report of a back-analysis says: the answer, misfits, what the data do not determine.
+
+In: a `BackAnalysisData`. Out: sentences. Nothing is said that is not in the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
+from inversion.engines.registry import engine_named
+from report.data.back_analysis import BackAnalysisData
+from report.numbers import fixed, plus_minus, signed, span, with_unit
+
+FAR, FAR_SHARE = 2.0, 0.1
+"""Standard deviations beyond which a difference is a misfit; share of a series that may exceed."""
+
+WIDE = 0.2
+"""Least width of the range of equally good answers in the first line, as a share of the value."""
+
+ALONE = 0.98
+"""Component of a direction, of length 1, from which on it belongs to one parameter."""
+
+
+def answer_sentence(data: BackAnalysisData) -> str:
+    """The answer: strengths with ratios, engine, spacing, water, and whether it fits."""
+    result = data.result
+    parts = []
+    for p in data.strengths or result.answer.parameters:
+        ratio = ""
+        if p.ratio is not None:
+            ratio = f" (S_r/σ'_v0 = {p.ratio:.3f} ± {p.ratio_std:.3f})"
+        value = plus_minus(p.value, p.std_total, p.unit)
+        parts.append(f"{p.label}: {value}{ratio}{_equally_good(p)}")
+    how = f"by {engine_named(result.engine).description} at {result.spacing_m:g} m spacing{_water(data)}"
+    end = "" if result.answer.reached else " NOT FITTED: the search ended with a large loss."
+    return f"{'; '.join(parts)}; {how}.{end}"
+
+
+def _equally_good(parameter: ParameterAnswer) -> str:
+    """The range of the equally good answers, where it is wide."""
+    if parameter.equally_good_range is None:
+        return ""
+    low, high = parameter.equally_good_range
+    if high - low < WIDE * abs(parameter.value):
+        return ""
+    return f", equally good from {span(low, high)}"
+
+
+def _water(data: BackAnalysisData) -> str:
+    """With or without the reservoir, where that is known."""
+    if data.with_water is None:
+        return ""
+    if not data.with_water:
+        return ", without water"
+    return f", with the reservoir ({data.run.settings.water.replace('_', ' ')})"
+
+
+def surrogate_sentences(data: BackAnalysisData) -> list[str]:
+    """How far the learned simulator is from the material point method, and its correction.
+
+    Empty for the material point method.
+    """
+    found = data.result.surrogate
+    if found is None:
+        return []
+    differences = [
+        f"{m.name} {signed(found.mean_difference[m.name], 2)} ± {found.std[m.name]:.2f} {m.unit}"
+        for m in data.fitted[:6]
+        if m.name in found.mean_difference
+    ]
+    added = [
+        f"{p.label} ± {with_unit(f'{found.answer_std[p.name]:.2g}', p.unit)}"
+        for p in data.strengths or data.result.answer.parameters
+    ]
+    return [
+        f"The simulator is {found.model}, differentiated through the whole rollout. It was "
+        f"compared with the material point method at {len(found.pairs)} states around the answer "
+        f"and differs by {'; '.join(differences)}. The mean difference corrects every "
+        "prediction, and the scatter is part of the covariance of the fit, where it adds "
+        f"{'; '.join(added)}.",
+        "The section and the film show the material point method at this answer; the iterations "
+        "show the learned simulator.",
+        *(f"Outside the training range of {found.model}: {line}." for line in found.outside),
+    ]
+
+
+def meaning_sentences(data: BackAnalysisData) -> list[str]:
+    """What the numbers after ± mean, and what they are based on."""
+    result = data.result
+    said = [
+        "± is one standard deviation and includes the survey and every assumption that was varied. "
+        "Ratios refer to the mean vertical effective stress of the zone before failure."
+    ]
+    ranges = [f"{p.label} {span(*p.interval_95)} kPa" for p in data.strengths]
+    if ranges:
+        said.append(f"95 % range: {'; '.join(ranges)}.")
+    if data.fitted:
+        names = [f"{m.name} {m.measured:g} {m.unit} ({m.confidence})" for m in data.fitted[:6]]
+        more = f" and {len(data.fitted) - 6} more" if len(data.fitted) > 6 else ""
+        said.append(
+            f"Fitted: {'; '.join(names)}{more}. Set of measurements: '{result.measurement_set}'."
+        )
+    if result.variants:
+        said.append(variant_sentence(data))
+    at_bound = [
+        f"{p.label} at its {p.at_bound} bound" for p in result.answer.parameters if p.at_bound
+    ]
+    if at_bound:
+        said.append(f"At a bound: {'; '.join(at_bound)}.")
+    return said
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A surveyed measurement against a prediction of it.
+
+    Attributes:
+        name: of the measurement.
+        role: fitted, compared or held out.
+        far: a misfit: more than `FAR` off, or a series at more than `FAR_SHARE` of its places.
+        off: the largest difference, in standard deviations.
+        words: measured and predicted.
+    """
+
+    name: str
+    role: str
+    far: bool
+    off: float
+    words: str
+
+
+def compared(data: BackAnalysisData, predicted: Mapping[str, float]) -> list[Compared]:
+    """Every measurement against predictions (by name of their numbers), the worst first.
+
+    Numbers without a prediction and constructed data are left out.
+    """
+    found = []
+    for group in data.series:
+        lines = [
+            (m, predicted[m.name])
+            for m in group.lines
+            if m.name in predicted and m.std and m.role != "constructed"
+        ]
+        if lines:
+            found.append(_compare(group.name, lines))
+    return sorted(found, key=lambda one: -abs(one.off))
+
+
+def _compare(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Compared:
+    off = np.array([(value - m.measured) / m.std for m, value in lines])
+    worst = int(np.argmax(np.abs(off)))
+    m, value = lines[worst]
+    beyond = int((np.abs(off) > FAR).sum())
+    words = (
+        f"{name} measured {m.measured:g} ± {m.std:.3g} {m.unit}, predicted {fixed(value)} {m.unit}"
+    )
+    if len(lines) > 1:
+        square = np.sqrt(np.mean([(value - m.measured) ** 2 for m, value in lines]))
+        place = m.name.removeprefix(name).strip()
+        words = (
+            f"{name}, {beyond} of {len(lines)} values off by more than {FAR:g} standard "
+            f"deviations, root mean square {square:.1f} {m.unit}, worst {place}"
+        )
+    return Compared(name, m.role, beyond > FAR_SHARE * len(lines), float(off[worst]), words)
+
+
+def misfits(data: BackAnalysisData) -> list[Compared]:
+    """Surveyed measurements that the answer does not reproduce, the worst first."""
+    return [one for one in compared(data, _predicted(data)) if one.far]
+
+
+def _predicted(data: BackAnalysisData) -> dict[str, float]:
+    return {m.name: m.predicted for m in data.result.measurements}
+
+
+def misfit_sentence(data: BackAnalysisData) -> str:
+    """What the answer does not reproduce, or that it reproduces all."""
+    if far := misfits(data):
+        listed = "; ".join(
+            f"{one.words} ({signed(one.off)} standard deviations"
+            f"{'' if one.role == 'fitted' else f', {one.role}'})"
+            for one in far
+        )
+        return f"Not reproduced: {listed}."
+    others = [one for one in compared(data, _predicted(data)) if one.role != "fitted"]
+    if not others:
+        return "Every measurement was fitted, so none is left to check the answer."
+    listed = "; ".join(one.words for one in others)
+    return f"Measurements that were not fitted agree within {FAR:g} standard deviations: {listed}."
+
+
+def variant_sentences(data: BackAnalysisData) -> list[str]:
+    """What variants of the question miss, and which of them reproduce what the answer misses."""
+    missed_here = {one.name for one in misfits(data)}
+    missed, met = [], []
+    for variant in data.result.variants:
+        outside = {
+            name: value for name, value in variant.predicted.items() if name not in variant.measured
+        }
+        for one in compared(data, outside):
+            if one.far:
+                missed.append(f"{variant.name}: {one.words}")
+            elif one.name in missed_here:
+                met.append(f"{variant.name}: {one.words}")
+    sentences = [f"Not reproduced by variants: {'; '.join(missed)}."] if missed else []
+    if met:
+        sentences.append(f"Reproduced by variants: {'; '.join(met)}.")
+    return sentences
+
+
+def toe_words(data: BackAnalysisData) -> list[str]:
+    """Runout of each toe in the slide that is drawn, and as measured.
+
+    The slide is always simulated by the material point method, whichever engine was used.
+    """
+    known = {m.name: m.predicted for m in data.result.measurements}
+    if data.result.surrogate is not None:
+        answer = {p.name: p.value for p in data.result.answer.parameters}
+        rows = [row for row in data.result.engines if row.engine == "mpm"]
+        known = next(row.predicted for row in rows if row.values == answer)
+    return [
+        f"the {toe.name} moves {fixed(known[toe.name])} m; {toe.values[0]:g} m was measured"
+        for toe in data.toes
+        if toe.name in known
+    ]
+
+
+def constructed_sentence(data: BackAnalysisData) -> str:
+    """Which data were constructed and not surveyed; empty: none."""
+    names = [group.name for group in data.series if group.role == "constructed"]
+    if not names:
+        return ""
+    return (
+        f"Constructed, not surveyed: {', '.join(names)}. Drawn (dotted) for orientation only; "
+        "part of neither the fit nor the score."
+    )
+
+
+def undetermined_sentences(data: BackAnalysisData) -> list[str]:
+    """What the data do not determine: directions, and each number before and after."""
+    alone = {p.name for p in data.result.answer.parameters if not p.determined}
+    said = []
+    for direction in data.result.answer.undetermined:
+        name, largest = max(direction.direction.items(), key=lambda item: abs(item[1]))
+        if name not in alone or abs(largest) < ALONE:  # else named below
+            said.append(
+                f"Not determined: {direction.words} (standard deviation {direction.remaining:.2f} "
+                "times the prior one)."
+            )
+    for p in data.result.answer.parameters:
+        if not p.determined:
+            basis = "its prior" if p.has_prior else f"its bounds, {p.low:g} to {p.high:g}"
+            after, before = (with_unit(f"± {std:.2g}", p.unit) for std in (p.std_data, p.prior_std))
+            said.append(
+                f"{p.label[:1].upper()}{p.label[1:]} is not identifiable from these measurements: "
+                f"{after} after the fit, {before} before ({basis}). "
+                f"The value {p.value:.1f} is where the search ended."
+            )
+    return said or ["The data determine every unknown."]
+
+
+def variant_sentence(data: BackAnalysisData) -> str:
+    """The strength as asked, and its range over the variants of the question."""
+    if not data.result.variants or not data.strengths:
+        return ""
+    p = data.strengths[0]
+    found = [(v.values[p.name], v.name) for v in data.result.variants]
+    low, high = min(found), max(found)
+    asked = f"{p.label}: {p.value:.1f} kPa as asked"
+    if len(found) == 1:
+        return f"{asked}, {low[0]:.1f} kPa {low[1]}."
+    return f"{asked}; variants give {low[0]:.1f} ({low[1]}) to {high[0]:.1f} kPa ({high[1]})."

@@ -1,0 +1,293 @@
+"""The tables of a back-analysis, for its page and for a terminal.
+
+In: a `BackAnalysisData`. Out: `report.table.Table`s, without rows where there is nothing to show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
+from inversion.back_analysis.result_builder import NOISE_SOURCE
+from report.data.back_analysis import BackAnalysisData, Series
+from report.data.methods import slides
+from report.numbers import fixed, plus_minus, signed, span, unit_of, with_unit
+from report.table import Table
+
+KINDS = {"ours": "this analysis", "engine": "the same question",
+         "variant": "this analysis, variant of the question", "classical": "classical",
+         "others": "published elsewhere"}  # fmt: skip
+
+SEARCHES = {"gauss_newton": "Gauss-Newton", "lbfgsb": "L-BFGS-B"}
+MOST_FITTED = 6
+"""Fitted measurements that have a column of their own."""
+
+
+def answer_table(data: BackAnalysisData) -> Table:
+    """Every parameter with all its numbers."""
+    rows = []
+    for p in data.result.answer.parameters:
+        stress = None
+        if p.sigma_v0_kpa is not None:
+            stress = f"{p.sigma_v0_kpa:.0f} (± {p.sigma_v0_std_kpa:.0f} within the zone)"
+        notes = [] if p.determined else [f"not determined (± {p.prior_std:.2g} before)"]
+        notes += [f"at its {p.at_bound} bound"] if p.at_bound else []
+        rows.append(
+            [p.label, with_unit(fixed(p.value), p.unit), fixed(p.std_total), fixed(p.std_data),
+             span(*p.interval_95),
+             None if p.equally_good_range is None else span(*p.equally_good_range),
+             None if p.ratio is None else f"{p.ratio:.3f} ± {p.ratio_std:.3f}", stress,
+             f"{p.start:g} ({p.low:g} to {p.high:g})",
+             "; ".join(notes)]
+        )  # fmt: skip
+    header = ["unknown", "value", "std", "of which survey", "95 %", "equally good", "S_r/σ'_v0",
+              "σ'_v0 (kPa)", "first guess (bounds)", ""]  # fmt: skip
+    return Table(header, rows)
+
+
+def method_tables(data: BackAnalysisData) -> list[Table]:
+    """The numbers of the chart of methods, one table for each slide."""
+    header = ["method", "S_r (kPa)", "range (kPa)", "what it is"]
+    return [
+        Table(
+            header,
+            [[r.label, fixed(r.value), span(r.low, r.high), KINDS[r.kind]] for r in panel.rows],
+            panel.title,
+        )
+        for panel in slides(data)
+    ]
+
+
+def engine_table(data: BackAnalysisData) -> Table:
+    """The engines side by side, and under them the classical methods; empty: one engine alone."""
+    parameters, fitted = _unknowns(data), data.fitted[:MOST_FITTED]
+    header = ["engine", *_columns(parameters),
+              *(f"{m.name}: measured {fixed(m.measured)} {m.unit}" for m in fitted), "loss",
+              "points every"]  # fmt: skip
+    rows: list[list[str | None]] = []
+    for row in data.result.engines:
+        values = [
+            plus_minus(row.values[p.name], row.std[p.name])
+            if row.std
+            else fixed(row.values[p.name])
+            for p in parameters
+        ]
+        loss = "failed" if row.loss is None else f"{row.loss:.2g}"
+        rows.append([f"{row.name}, {row.note}", *values, *_predicted(row.predicted, fitted), loss,
+                     f"{row.spacing_m:g} m"])  # fmt: skip
+    for analysis in data.result.classical if rows else []:
+        # A classical method has one strength: that of the slide to its side.
+        own = [p for p in data.strengths if data.side(p) == analysis.get("side")]
+        own = own or data.strengths
+        for method in analysis.get("methods", []):
+            values = [fixed(method["value_kpa"]) if p in own else None for p in parameters]
+            name = f"{method['title']}, {analysis['name']}"
+            rows.append([name, *values, *[None] * len(fitted), None, None])
+    return Table(header, rows)
+
+
+def classical_notes(data: BackAnalysisData) -> list[str]:
+    """What is constructed, searched or interpolated in the classical analyses, by slide."""
+    return [
+        f"Classical methods, {analysis['name']} slide: {'; '.join(analysis.get('labels', []))}."
+        for analysis in data.result.classical
+    ]
+
+
+def measured_table(data: BackAnalysisData, lines: Sequence[MeasurementAnswer]) -> Table:
+    """Measured against predicted, with the toe read by eye."""
+    header = ["measurement", "type", "measured", "std", "range", "predicted", "by eye",
+              "before the slide", "in std", "role"]  # fmt: skip
+    rows = [
+        [m.name, m.type.replace("_", " "),
+         None if m.measured is None else with_unit(fixed(m.measured), m.unit),
+         None if m.std is None else f"{m.std:.2g}", span(m.low, m.high),
+         with_unit(fixed(m.predicted), m.unit), fixed(m.by_eye), fixed(m.predicted_at_start),
+         signed(m.difference_in_std), m.role]
+        for m in lines
+    ]  # fmt: skip
+    return Table(header, rows)
+
+
+def source_table(lines: Sequence[MeasurementAnswer]) -> Table:
+    """How far the measurements can be trusted, and where they come from."""
+    rows = [[m.name, m.confidence, m.source] for m in lines]
+    return Table(["measurement", "confidence", "source"], rows)
+
+
+def singles(data: BackAnalysisData) -> list[MeasurementAnswer]:
+    """Measurements of a single number, those without a measured value last."""
+    known = {m.name for group in data.series for m in group.lines}
+    one = [group.lines[0] for group in data.series if len(group.lines) == 1]
+    return one + [m for m in data.result.measurements if m.name not in known]
+
+
+def series_tables(data: BackAnalysisData) -> list[Table]:
+    """The measurements of several numbers, with their source in the caption."""
+    return [_series_table(one) for one in data.series if len(one.lines) > 1]
+
+
+def _series_table(one: Series) -> Table:
+    first = one.lines[0]
+    rows = [
+        [m.name.removeprefix(one.name).strip() or m.name, fixed(m.measured), f"{m.std:.2g}",
+         fixed(m.predicted), signed(m.difference_in_std), m.role]
+        for m in one.lines
+    ]  # fmt: skip
+    given = "constructed" if one.role == "constructed" else "measured"
+    header = ["where", f"{given} ({first.unit})", "std", f"predicted ({first.unit})", "in std",
+              "role"]  # fmt: skip
+    caption = f"{one.name} ({first.type.replace('_', ' ')}, {first.confidence}): {first.source}"
+    return Table(header, rows, caption)
+
+
+def variant_table(data: BackAnalysisData) -> Table:
+    """Variants of the question, all solved."""
+    parameters = _unknowns(data)
+    rows = []
+    for variant in data.result.variants:
+        notes = [] if variant.reached else ["not fitted"]
+        predicted = "; ".join(
+            f"{name} {fixed(number)}"
+            + (f" (target {variant.measured[name]:g})" if name in variant.measured else "")
+            for name, number in list(variant.predicted.items())[:MOST_FITTED]
+        )
+        rows.append(
+            [variant.name, *(fixed(variant.values[p.name]) for p in parameters),
+             ", ".join(f"{ratio:.3f}" for ratio in variant.ratios.values()), predicted,
+             f"{variant.loss:.2g}",
+             "; ".join([variant.words, *notes, *_at_bounds(parameters, variant.at_bound)])]
+        )  # fmt: skip
+    header = ["variant", *_columns(parameters), "S_r/σ'_v0", "predicted", "loss", ""]
+    return Table(header, rows)
+
+
+def sensitivity_tables(
+    data: BackAnalysisData, parameters: Sequence[ParameterAnswer]
+) -> list[Table]:
+    """The effect of each assumption, and what it adds to the standard deviation; by parameter."""
+    if not data.result.sensitivities and data.result.noise is None:
+        return []
+    return [_sensitivity_table(data, p)
+            for p in [p for p in parameters if p.determined] or parameters]  # fmt: skip
+
+
+def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
+    rows: list[list[str | None]] = [
+        ["survey", "errors of the fitted measurements", None, f"{p.std_data:.2f}"]
+    ]
+    for entry in data.result.sensitivities:
+        added = "not added" if entry.kind == "target" else f"{entry.std[p.name]:.2f}"
+        for number, side in enumerate(entry.sides):
+            fit = "" if side.reached else " (not fitted: linear estimate)"
+            name, its = (entry.name, added) if number == 0 else ("", "")
+            rows.append([name, f"{side.words}{fit}", signed(side.change[p.name], 2), its])
+    if data.result.noise is not None:
+        seeds = f"{len(data.result.noise.seeds)} jitter seeds"
+        std = data.result.noise.answer_std[p.name]
+        rows.append([NOISE_SOURCE, seeds, None, f"{std:.2f}"])
+    rows.append(["total", "root of the sum of squares", None, f"{p.std_total:.2f}"])
+    unit = unit_of(p.unit)
+    header = ["assumption", "what was changed", f"change ({unit})", f"adds ± ({unit})"]
+    return Table(header, rows, f"{p.label}: {plus_minus(p.value, p.std_total, p.unit)}")
+
+
+def equally_good_table(data: BackAnalysisData) -> Table:
+    """Equally good answers with what they predict; the answer itself first."""
+    answer, fitted = data.result.answer, data.fitted[:MOST_FITTED]
+    parameters = answer.parameters
+    header = ["", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted), "loss", ""]
+    if not answer.equally_good:
+        return Table(header, [])
+    rows = [["this answer", *(fixed(p.value) for p in parameters),
+             *(fixed(m.predicted) for m in fitted), f"{answer.loss:.2g}", ""]]  # fmt: skip
+    for stop in answer.equally_good:
+        rows.append(["equally good", *(fixed(stop.values[p.name]) for p in parameters),
+                     *_predicted(stop.predicted, fitted), f"{stop.loss:.2g}",
+                     "; ".join(_at_bounds(parameters, stop.at_bound))])  # fmt: skip
+    return Table(header, rows)
+
+
+def history_table(data: BackAnalysisData) -> Table:
+    """Every evaluation of the engine."""
+    parameters, fitted = _unknowns(data), data.fitted[:MOST_FITTED]
+    rows = [
+        [line.iteration,
+         SEARCHES.get(line.kind, line.kind) + ("" if line.accepted else ", rejected"),
+         *(fixed(line.values[p.name], 2) for p in parameters),
+         *_predicted(line.predicted, fitted),
+         None if line.loss is None else f"{line.loss:.3g}", line.runs_so_far]
+        for line in data.result.iterations
+    ]  # fmt: skip
+    header = ["iteration", "what", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted),
+              "loss", "simulations so far"]  # fmt: skip
+    return Table(header, rows)
+
+
+def starts_table(data: BackAnalysisData) -> Table:
+    """The same question from other first guesses; empty: there was one."""
+    parameters = _unknowns(data)
+    rows = [
+        [", ".join(f"{start.start[p.name]:.3g}" for p in parameters),
+         ", ".join(f"{start.answer[p.name]:.2f}" for p in parameters),
+         f"{start.loss:.2g}" + ("" if start.reached else " (not fitted)"), start.iterations,
+         start.runs]
+        for start in data.result.starts
+        if len(data.result.starts) > 1
+    ]  # fmt: skip
+    names = ", ".join(p.label for p in parameters)
+    return Table(["first guess", "answer", "loss", "iterations", "simulations"], rows, names)
+
+
+def timing_table(data: BackAnalysisData) -> Table:
+    """Wall times by stage, and the number of simulations."""
+    rows = [[name, f"{seconds:.1f} s"] for name, seconds in data.result.timings.items()]
+    return Table(["stage", "wall time"], [*rows, ["simulations", _simulations(data)]])
+
+
+def provenance_table(data: BackAnalysisData) -> Table:
+    """Engine, search, machine, versions and settings."""
+    result, manifest = data.result, data.result.manifest
+    rows: list[list[str]] = [
+        ["engine", f"{result.engine}, points every {result.spacing_m:g} m"],
+        ["search", f"{SEARCHES[result.answer.method]}: {result.answer.words}"],
+        ["machine", _listed(manifest.get("machine"))],
+        *([key.replace("_", " "), str(manifest[key])]
+          for key in ("made", "code_version", "config_hash") if key in manifest),
+        ["versions of the physics", _listed(manifest.get("physics_versions"))],
+    ]  # fmt: skip
+    packages = manifest.get("packages", {})
+    wanted = {name: packages[name] for name in ("python", "numpy", "scipy", "taichi")
+              if name in packages}  # fmt: skip
+    rows.append(["packages", _listed(wanted)])
+    settings = manifest.get("config", {})
+    rows += [[f"settings: {group}", _listed(settings.get(group))]
+             for group in ("simulation", "inversion")]  # fmt: skip
+    return Table(["", ""], [row for row in rows if row[1]])
+
+
+def _simulations(data: BackAnalysisData) -> str:
+    return f"{data.result.runs} in all, {data.result.runs_to_answer} until the answer"
+
+
+def _listed(entries: object) -> str:
+    """A mapping on one line; empty for anything else."""
+    if not isinstance(entries, dict):
+        return ""
+    return ", ".join(f"{key} {value}" for key, value in entries.items())
+
+
+def _unknowns(data: BackAnalysisData) -> list[ParameterAnswer]:
+    return data.result.answer.parameters
+
+
+def _columns(parameters: Sequence[ParameterAnswer]) -> list[str]:
+    return [f"{p.label} ({unit_of(p.unit)})" for p in parameters]
+
+
+def _predicted(predicted: dict[str, float], fitted: Sequence[MeasurementAnswer]) -> list:
+    return [fixed(predicted.get(m.name)) for m in fitted]
+
+
+def _at_bounds(parameters: Sequence[ParameterAnswer], names: Sequence[str]) -> list[str]:
+    return [f"{p.label} at a bound" for p in parameters if p.name in names]
