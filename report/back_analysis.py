@@ -49,8 +49,8 @@ def summary(data: BackAnalysisData) -> str:
     unit = " m2" if answer.loss_unit == "m2" else ""
     iterations = max(line.iteration for line in result.iterations)
     heading = (
-        f"{result.title}: back-analysis by {engine_named(result.engine).label} at {result.spacing_m:g} "
-        f"m, measurements {result.measurement_set!r}\n"
+        f"{result.title}: back-analysis by {engine_named(result.engine).label} at "
+        f"{result.spacing_m:g} m, measurements {result.measurement_set!r}\n"
         f"{end}{answer.words}; loss {answer.loss:.3g}{unit} after {iterations} iterations and "
         f"{result.runs_to_answer} simulations ({result.runs} in all, "
         f"{result.timings.get('in all', 0):.0f} s)"

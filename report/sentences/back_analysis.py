@@ -35,7 +35,8 @@ def answer_sentence(data: BackAnalysisData) -> str:
             ratio = f" (S_r/σ'_v0 = {p.ratio:.3f} ± {p.ratio_std:.3f})"
         value = plus_minus(p.value, p.std_total, p.unit)
         parts.append(f"{p.label}: {value}{ratio}{_equally_good(p)}")
-    how = f"by {engine_named(result.engine).description} at {result.spacing_m:g} m spacing{_water(data)}"
+    engine = engine_named(result.engine).description
+    how = f"by {engine} at {result.spacing_m:g} m spacing{_water(data)}"
     end = "" if result.answer.reached else " NOT FITTED: the search ended with a large loss."
     return f"{'; '.join(parts)}; {how}.{end}"
 
