@@ -13,7 +13,7 @@
 #   snakemake everything --configfile config/test.yaml       all of it in about a minute
 #   snakemake --report report.html simulate_coarse           a page about what was made
 #
-# profiles/default is used of itself (all cores of this machine); on a cluster add
+# profiles/default is used by itself (all cores of this machine); on a cluster add
 # `--workflow-profile profiles/slurm` (docs/how-to/cluster.md). Settings: config/config.yaml.
 
 from snakemake.utils import min_version

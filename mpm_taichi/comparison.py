@@ -34,9 +34,9 @@ BY_EYE = "naked_eye_toe"
 class Reading:
     """One line of the table; in the measurement's unit.
 
-    A reading by eye has no measurement beside it. A profile is one line: the root mean square of
-    its differences, which has no single measured value. What cannot be read is NaN, and `trouble`
-    says why.
+    A reading by eye has no measurement to compare with. A profile is one line: the root mean square
+    of its differences, which has no single measured value. What cannot be read is NaN, and
+    `trouble` says why.
     """
 
     name: str
@@ -95,7 +95,7 @@ def simulate_case(
         if on_time is not None:
             on_time(time)
 
-    # Taichi tells of its start on the standard output, where results alone belong.
+    # Taichi reports its start on the standard output, where results alone belong.
     with redirect_stdout(sys.stderr):
         (run,) = simulate(
             [case.scene], case.simulation, device=device, threads=threads, on_frame=on_frame

@@ -243,7 +243,7 @@ class Flight:
         right_end = grid.origin[0] + (grid.shape[0] - 1) * grid.cell
         left = reach - int((position[:, 0].min() - grid.origin[0]) / grid.cell)
         right = reach - int((right_end - position[:, 0].max()) / grid.cell)
-        # Each growth lays the whole grid anew, so it goes far beyond what is needed.
+        # Each growth lays the whole grid again, so it goes far beyond what is needed.
         spare = grid.shape[0] // 8
         return tuple(lack + spare if lack > 0 else 0 for lack in (left, right))
 
@@ -349,7 +349,7 @@ class Flight:
         return float(stored.sum()) * self.prepared.points.volume
 
     def _scale(self) -> float:
-        """Energy below which a surplus is no concern: all points lifted by a spacing [J/m]."""
+        """Energy below which a surplus is not a concern: all points lifted by a spacing [J/m]."""
         gravity = self.prepared.settings.gravity_m_per_s2
         return float(self.prepared.mass.sum()) * gravity * self.scene.spacing
 

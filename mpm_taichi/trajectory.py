@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 1
 
-# Point fields beside the positions: (shape after the point axis, dtype). Meanings, units: `Run`.
+# Point fields in addition to the positions: (shape after the point axis, dtype). Meanings, units:
+# `Run`.
 POINT_FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
     "material": ((), np.int32),
     "zone": ((), np.int32),
@@ -118,7 +119,7 @@ class Run:
 
     @property
     def came_to_rest(self) -> bool:
-        """True where the run ended of itself: neither failed nor cut off by `duration_s` in motion.
+        """True where the run ended by itself: neither failed nor cut off by `duration_s` in motion.
 
         A run is cut off at the frame nearest to its duration, which may lie half a frame before it.
         """
@@ -316,7 +317,7 @@ def _check_read(run: Run, wanted: Collection[str], frames: int, points: int, whe
             )
     for name in ("audit", "wall_contact"):
         if not isinstance(getattr(run, name), dict):
-            raise InputError(f"{where}: {name}: is no mapping; the file is damaged")
+            raise InputError(f"{where}: {name}: is not a mapping; the file is damaged")
 
 
 def list_runs(path: str | Path) -> list[RunSummary]:

@@ -179,7 +179,7 @@ class SimulationSettings(Settings):
 
 
 class InversionSettings(Settings):
-    """How strengths are found from measurements. What is sought is in a case's inversion.yaml."""
+    """How strengths are found from measurements. The unknowns are in a case's inversion.yaml."""
 
     engine: str = Field(
         "mpm",
@@ -193,7 +193,7 @@ class InversionSettings(Settings):
         5,
         ge=3,
         le=32,
-        description="of the engine gns: states at which the material point method runs beside it, "
+        description="of the engine gns: states at which the material point method also runs, "
         "for its error",
     )
     method: Literal["gauss_newton", "lbfgsb"] = Field(
@@ -236,7 +236,7 @@ class InversionSettings(Settings):
 
 
 class DiagnosisSettings(Settings):
-    """How missing physics is sought. What an engineer knows of a case is in its diagnosis.yaml."""
+    """How missing physics is found. What an engineer knows of a case is in its diagnosis.yaml."""
 
     spacing_factor: float = Field(
         1.0, gt=0, description="multiplies the spacing of every case, as for the back-analysis"
@@ -346,13 +346,15 @@ class TrainSettings(Settings):
         "sharp", description="messages end at the radius abruptly, or fade before it"
     )
     strength: Literal["log", "linear"] = Field(
-        "log", description="how cohesion is told to the network"
+        "log", description="how cohesion is given to the network"
     )
     overburden: bool = Field(
-        False, description="points are told how much soil lies above them, and its slope"
+        False, description="points know how much soil lies above them, and its slope"
     )
     grid_cell: float = Field(
-        0.0, ge=0, description="cell of a coarse grid beside the edges, in spacings; 0: none"
+        0.0,
+        ge=0,
+        description="cell of a coarse grid in addition to the edges, in spacings; 0: none",
     )
     grid_rounds: int = Field(3, ge=1, description="rounds of convolutions on that grid")
     steps: int = Field(3_500_000, ge=1, description="steps of the optimiser")
@@ -533,7 +535,7 @@ class Config(Settings):
     )
     gns: GnsSettings = Field(default_factory=GnsSettings, description="the learned simulator")
     diagnosis: DiagnosisSettings = Field(
-        default_factory=DiagnosisSettings, description="how missing physics is sought"
+        default_factory=DiagnosisSettings, description="how missing physics is searched for"
     )
     hidden_effects: HiddenEffectsSettings = Field(
         default_factory=HiddenEffectsSettings, description="the blind benchmark of the diagnosis"
@@ -645,7 +647,7 @@ def schema_text() -> str:
 
 
 def config_hash(model: BaseModel) -> str:
-    """16 hexadecimal digits; the place of the results is no part of what was computed."""
+    """16 hexadecimal digits; the place of the results is not part of what was computed."""
     values = model.model_dump(mode="json")
     if isinstance(model, Config):
         del values["results_folder"]

@@ -1,6 +1,6 @@
 """Files that are whole or absent, and YAML and JSON that is checked while it is read.
 
-A file is written beside its place under a hidden temporary name, flushed to the disk and renamed.
+A file is written next to its place under a hidden temporary name, flushed to the disk and renamed.
 A killed process leaves the old file or none; what a SIGKILL leaves of the temporary file is swept
 up by the next write to the same place.
 """

@@ -45,7 +45,7 @@ class Watch:
     """Counts runs against a plan, reports them, and stops the work where the caller asks for it.
 
     Args:
-        report: told of every run and every line; None: nobody.
+        report: called for each run and each line; None: nobody.
         cancel: a function that returns True, or an event that is set, to stop the work at the next
             run; None: never.
     """

@@ -1,4 +1,4 @@
-# The case histories: section -> runout, beside what was measured. One target for each folder.
+# The case histories: section -> runout, compared with what was measured. One target for each folder.
 
 
 def case_files(wildcards):

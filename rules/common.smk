@@ -4,7 +4,7 @@
 # where a value in `params:` has (rerun-triggers in the profiles). Programs are called through
 # `shell:`, so an edit to their code makes nothing again: a better docstring must not cost 2,500
 # simulations. Where an edit changes results, its author raises PHYSICS_VERSION in the package's
-# __init__.py; that number is among the params, beside every setting that matters to the rule.
+# __init__.py; that number is among the params, in addition to every setting that matters to the rule.
 
 import ast
 import os
@@ -67,7 +67,7 @@ RESULTS = SETTINGS.results_folder
 CONFIG_FILE = str(Path(RESULTS) / "config.yaml")
 
 
-# Not while this file is read: a dry run beside a running workflow must not change its settings.
+# Not while this file is read: a dry run next to a running workflow must not change its settings.
 onstart:
     write_settings()
 

@@ -8,7 +8,7 @@ def diagnosis_files(wildcards):
     return case_files(wildcards) + ([os.path.relpath(known)] if known.is_file() else [])
 
 
-# A job that is killed leaves its simulations in diagnosis/runs, which is no output, so that the next try
+# A job that is killed leaves its simulations in diagnosis/runs, which is not an output, so that the next try
 # continues from them.
 rule diagnose_case:
     input:

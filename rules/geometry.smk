@@ -2,7 +2,7 @@
 
 
 def scene_physics(wildcards):
-    """Everything that decides a scene of a scale, beside its number."""
+    """Everything that decides a scene of a scale, in addition to its number."""
     scale = SETTINGS.scale(wildcards.scale).model_dump()
     for name in ("number_of_scenes", "duration_s", "time_step_s", "runs_per_batch"):
         del scale[name]

@@ -2,7 +2,7 @@
 
 
 def packed_physics(wildcards):
-    """Everything that decides the bytes of a data set, beside its trajectories."""
+    """Everything that decides the bytes of a data set, in addition to its trajectories."""
     return content_hash({"physics": GNS_PHYSICS, "settings": SETTINGS.gns.pack})
 
 
@@ -34,12 +34,12 @@ rule pack_trajectories:
 
 
 def learned_physics(wildcards):
-    """Everything that decides a model, beside its data."""
+    """Everything that decides a model, in addition to its data."""
     settings = SETTINGS.training_for(wildcards.scale)
     return content_hash({"physics": GNS_PHYSICS, "settings": settings})
 
 
-# A job that is killed leaves the state of the training in model/, which is no output, so that the next try
+# A job that is killed leaves the state of the training in model/, which is not an output, so that the next try
 # goes on from it; nor is the best model so far. The output says that the last step was taken.
 rule train_model:
     input:

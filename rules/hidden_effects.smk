@@ -1,5 +1,5 @@
 # The benchmark of hidden effects: made and sealed, diagnosed blind, scored (docs/records/hidden-effects.md). Cases are made and
-# diagnosed in shares, each a job that goes on where it was stopped: finished cases stay where they are.
+# diagnosed in shares, each a job that resumes where it stopped: finished cases stay where they are.
 
 HIDDEN = SETTINGS.hidden_effects
 HIDDEN_FOLDER = f"{RESULTS}/hidden_effects"

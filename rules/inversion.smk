@@ -45,7 +45,7 @@ rule classical_case:
         "python -m inversion classical {params.case} --out {params.folder} > {log} 2>&1"
 
 
-# A job that is killed leaves its simulations in inversion/runs, which is no output, so that the next try
+# A job that is killed leaves its simulations in inversion/runs, which is not an output, so that the next try
 # continues from them.
 rule invert_case:
     input:
@@ -152,15 +152,15 @@ rule invert_case_gns:
 
 
 def answered_case(case):
-    """Results of every engine at hand."""
+    """Results of every engine available."""
     found = [inverted_case(case)]
     if MODEL_AT_HAND is not None:
         found.append(f"{RESULTS}/{case}/inversion_gns/result.json")
     return found
 
 
-# `answer_...`: by the material point method, the classical methods beside it, in minutes. `invert_...`: by
-# the learned simulator at hand as well.
+# `answer_...`: by the material point method, the classical methods next to it, in minutes. `invert_...`: by
+# the learned simulator as well, if there is one.
 for target, case in [*CASE_ALIASES.items(), *((case, case) for case in QUESTIONS)]:
     if case in QUESTIONS:
 

@@ -2,11 +2,11 @@
 
 
 def simulation_physics(wildcards):
-    """Everything that decides the numbers of a batch, beside its scenes."""
+    """Everything that decides the numbers of a batch, in addition to its scenes."""
     return content_hash({"physics": PHYSICS, "settings": SETTINGS.simulation_for(wildcards.scale)})
 
 
-# A job that is killed leaves its finished runs in trajectories/.batch_BBB.parts, which is no output,
+# A job that is killed leaves its finished runs in trajectories/.batch_BBB.parts, which is not an output,
 # so that the next try continues from them.
 rule simulate_batch:
     input:

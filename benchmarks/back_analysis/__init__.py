@@ -1,1 +1,1 @@
-"""What the back-analysis must show: measured figures beside those asked."""
+"""What the back-analysis must show: measured figures compared with those asked."""

@@ -1,8 +1,8 @@
 """Classical methods on the same section.
 
 Kinetics, ZIF and IMM on the section of Lower San Fernando by `python -m inversion classical`,
-each with the range over its judgement calls, beside figures found independently beforehand on the
-same section (buoyant, 53 m) and published ones. The differences are explained in
+each with the range over its judgement calls, compared with figures found independently beforehand
+on the same section (buoyant, 53 m) and published ones. The differences are explained in
 docs/method/classical.md: the section after the slide is constructed.
 """
 

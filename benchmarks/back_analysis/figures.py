@@ -1,4 +1,4 @@
-"""One measured figure beside what was asked for."""
+"""One measured figure compared with what was asked for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Figure:
     Attributes:
         quantity: what was measured, in words.
         measured: the figure, as it is to be read.
-        asked: what it must be, or what it is compared with; empty: told for itself.
+        asked: what it must be, or what it is compared with; empty: given for information.
         met: within what was asked; None: nothing was asked, it is a comparison.
         note: what explains it.
     """

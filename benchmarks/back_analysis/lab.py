@@ -1,7 +1,7 @@
 """What the parts share: where runs are kept, and back-analyses solved once for all parts.
 
 Everything goes through the tool's own classes, with runs kept by content: a part that was killed
-goes on where it stopped, and a second part that needs the same answer costs nothing.
+resumes where it stopped, and a second part that needs the same answer costs nothing.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ L-BFGS-B (the paper's search), reservoir by buoyancy. Counted are all simulation
 derivative and of the noise included.
 
 The three starts are the first guess, 0.65 and 1.6 times its strength with other friction angles.
-The scatter is that of the answer found anew on eight jitters of the points; it is one of the
+The scatter is that of the answer found again on eight jitters of the points; it is one of the
 sources of `std_total`.
 """
 
@@ -98,7 +98,7 @@ def answer_figures(result: Result) -> list[Figure]:
 
 
 def angle_figure(angle: ParameterAnswer) -> Figure:
-    """Is a friction angle told by the runout?"""
+    """Is a friction angle determined by the runout?"""
     share = angle.std_data / angle.prior_std
     asked = angle.name == "friction_7"
     return Figure(

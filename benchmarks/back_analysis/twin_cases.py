@@ -33,7 +33,7 @@ SEED = 8
 FINER, JITTER = 0.8, 0.5
 #: Standard deviations of the surveyed toe and surface, as shares of the height of the section.
 TOE_STD, PROFILE_STD = 0.03, 0.015
-#: What the model is granted beside them, in spacings: a toe and a surface are known no better.
+#: What the model is granted next to them, in spacings: a toe and a surface are known no better.
 TOE_MODEL, PROFILE_MODEL = 0.5, 0.5
 PROFILE_POINTS = 14
 #: S_r is drawn log-uniformly, kPa: templates and the high dam, and the 8 m dam.

@@ -50,7 +50,7 @@ SETTINGS = (
     "inversion.starts=3", "inversion.step_seeds=3", "inversion.noise_seeds=4",
     "inversion.variants=false",
 )  # fmt: skip
-#: Raised when the way a twin is made or judged changes; kept records are then made anew.
+#: Raised when the way a twin is made or judged changes; kept records are then made again.
 VERSION = 8
 
 

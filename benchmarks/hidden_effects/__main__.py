@@ -72,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--page",
         metavar="FILE",
-        help="score: the page between whose markers the score is written, beside its pictures",
+        help="score: the page between whose markers the score is written, next to its pictures",
     )
     parser.add_argument(
         "--record",

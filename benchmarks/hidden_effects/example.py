@@ -4,7 +4,7 @@
 
 The slide is simulated with other cells, another time step and its points in other places than a
 diagnosis has, surveyed as `survey.yaml` says, and the survey's errors are added. What is true goes
-into a file of its own; the README beside the survey has its hash alone.
+into a file of its own; the README next to the survey has its hash alone.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Each case is diagnosed from its sparse survey. Then two measurements are added, once those that
 the diagnosis suggests, once two drawn at random from all that it could have suggested, each read
-on the slide of the truth with an independent error; and both surveys are diagnosed anew.
+on the slide of the truth with an independent error; and both surveys are diagnosed again.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def suggested(
 
 
 def drawn(cards: Sequence[int], count: int, stream: Stream) -> list[int]:
-    """So many different cards at random."""
+    """This many different cards at random."""
     left, found = list(cards), []
     while left and len(found) < count:
         found.append(left.pop(stream.integer(0, len(left) - 1)))

@@ -118,7 +118,7 @@ def foreland(scene, amplitude, parameters):  # noqa: ANN001, ANN201
     """The foot towards which the slide runs, and the direction from it."""
     first, last = _extent(scene)
     left = first - scene.foot("left") < scene.foot("right") - last
-    if scene.domain.walls == "closed":  # a wall is no foot
+    if scene.domain.walls == "closed":  # a wall is not a foot
         left = False
     return {"foot": scene.foot("left" if left else "right"), "outward": -1.0 if left else 1.0}
 

@@ -1,11 +1,11 @@
-"""How well the fainter of two hidden effects can be seen, as told and as measured now.
+"""How well the fainter of two hidden effects can be seen, as recorded and as measured now.
 
     python -m benchmarks.hidden_effects.pairs_beside   # all pairs of the record, 15 minutes
     python -m benchmarks.hidden_effects.pairs_beside case_0033
 
-The record keeps what was told when its cases were made. `Sight.beside` has learnt since that an
+The record keeps what was recorded when its cases were made. `Sight.beside` has learnt since that an
 effect does another thing where the parameters have given way to it; this measures the same pairs
-anew, and says what the diagnosis had answered. Printed: lambda beside the other, told and now.
+again, and says what the diagnosis had answered. Printed: lambda given the other, recorded and now.
 """
 
 from __future__ import annotations

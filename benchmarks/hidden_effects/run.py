@@ -77,7 +77,7 @@ def run(
         part: which cases.
         threads: CPU threads; None: all.
         judge: what diagnoses.
-        on_case: told of each case.
+        on_case: called for each case.
 
     Raises:
         InputError: the benchmark has not been sealed.

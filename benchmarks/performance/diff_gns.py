@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _setup(arguments, count: int, frames: int | None = None) -> Setup:
-    """The question with so many parameters; the fit is of the toe alone, as asked."""
+    """The question with this many parameters; the fit is of the toe alone, as asked."""
     case = inversion_case(load_case(CASE), spacing_m=arguments.spacing)
     setup = dataclasses.replace(case.setup, parameters=Parameters(_specs(case, count)))
     if frames is None or frames < 0:

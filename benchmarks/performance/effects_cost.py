@@ -46,7 +46,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=8.0, help="of motion; default: 8")
     parser.add_argument("--repeats", type=int, default=5)
     arguments = parser.parse_args()
-    for cache, words in (("0", "compiled anew"), ("1", "from the disk")):
+    for cache, words in (("0", "compiled again"), ("1", "from the disk")):
         base, with_effects = compile_times(cache)
         print(f"kernels {words}: {base:.1f} s without effects, {with_effects:.1f} s with")
     section = load_scene(SECTION).changed(spacing=arguments.spacing)

@@ -4,7 +4,7 @@
 
 Seven scenes between the phi = 0 slump of `benchmarks.studies.transfer_study`, which does not care,
 and the section of the Lower San Fernando dam, which does: layers of unequal strength, the dam's
-outline in one soil, with its reservoir, and beside a part that stays. Prints a table and draws
+outline in one soil, with its reservoir, and next to a part that stays. Prints a table and draws
 `docs/images/cells.png`; `--coarse` leaves out 0.5 m (four minutes).
 """
 

@@ -6,10 +6,10 @@
 A learned simulator advances by one frame at a time and learns the second difference of positions
 (acceleration x frame^2). Too short a frame: the second difference drowns in rounding and in the
 noise of single points, and a rollout takes many steps. Too long: points fly past their neighbours
-within a frame, and what happens between two frames cannot be told from the frames before.
+within a frame, and what happens between two frames cannot be inferred from the frames before.
 
 Runs are simulated once with the finest interval and thinned. Intervals are in units of
-sqrt(spacing / gravity), lengths in spacings. `--write` renews the tables of
+sqrt(spacing / gravity), lengths in spacings. `--write` updates the tables of
 `docs/records/frame-interval.md`.
 """
 
@@ -98,7 +98,7 @@ class Interval:
 
 
 def measure(runs: Sequence[Run], every: int) -> Interval:
-    """Statistics of runs of which every so many-th frame is kept."""
+    """Statistics of runs of which every n-th frame is kept."""
     steps, seconds, thirds, noises, frames, resolution = [], [], [], [], [], []
     interval = FINEST * every
     for run in runs:

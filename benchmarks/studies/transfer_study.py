@@ -5,8 +5,8 @@
 Three scenes: a phi = 0 slump (c = 30 kPa), a frictional column (phi = 30, c = 0), the section of
 the Lower San Fernando dam with its reservoir. For each scheme, on rough and on bonded ground:
 toe runout at 1 m spacing, with the time step halved, and at 2 m. What is found is kept in
-`transfer_study.json` run by run, so the study goes on where it was stopped; at the end
-it writes the table between the markers of `docs/records/transfer.md` and the picture beside it.
+`transfer_study.json` run by run, so the study resumes where it stopped; at the end
+it writes the table between the markers of `docs/records/transfer.md` and the picture next to it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Run the verification cases: `python -m benchmarks.verification [case ...]`.
 
-Prints the table; a full run also stores each case in `results.json` and renews the pictures and
+Prints the table; a full run also stores each case in `results.json` and updates the pictures and
 the table of `docs/records/verification.md`. Ends with 1 if any row is outside its tolerance.
 """
 

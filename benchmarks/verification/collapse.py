@@ -37,7 +37,7 @@ def column_scene(
     material: dict[str, float],
     **fields: Any,
 ) -> Scene:
-    """A column on rough level ground at y = 0, beside a closed smooth wall at x = 0.
+    """A column on rough level ground at y = 0, next to a closed smooth wall at x = 0.
 
     Args:
         width: L0 [m].
@@ -89,7 +89,7 @@ def front(position: np.ndarray, *, spacing: float, volume: float = 1.0) -> float
 
 
 def front_history(run: Run, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and toes [m] of every so many frames of a run."""
+    """Times [s] and toes [m] of every n frames of a run."""
     frames = np.unique(np.append(np.arange(0, len(run.time), every), len(run.time) - 1))
     places = [front(run.positions[frame], spacing=run.scene.spacing) for frame in frames]
     return run.time[frames], np.array(places)

@@ -147,7 +147,7 @@ def run(folder: Path | None, quick: bool = False) -> list[Row]:
 
 
 def stress_rows(name: str, layer: Layer) -> list[Row]:
-    """Largest stress error of the points above the base, at the base, and beside the walls."""
+    """Largest stress error of the points above the base, at the base, and next to the walls."""
     error, base = np.abs(layer.error), layer.at_base
     return [
         bound(

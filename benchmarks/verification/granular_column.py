@@ -87,7 +87,7 @@ def friction_of_repose(angle_deg: float) -> float:
 
 
 def collapse(ratio: float, points: int, friction_deg: float) -> Collapse:
-    """Let a column of about so many points fall; spacing 1 m, as the model has no other length."""
+    """Let a column of about `points` points fall; spacing 1 m, as the model has no length."""
     length = float(max(round(np.sqrt(points / ratio)), 1))
     height = float(round(ratio * length))
     soil = {

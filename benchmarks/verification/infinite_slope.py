@@ -35,8 +35,8 @@ LENGTH, THICKNESS = 60.0, 3.0
 BACK_TAPER = 0.5
 """Length of the upper taper, in thicknesses."""
 STEP = 0.02
-"""F grows by this share from stage to stage. What is found hangs on it by a few per cent: each loss
-of strength gives a push, and a slab that is lowered gently flattens a little and stands longer."""
+"""F grows by this share from stage to stage. The result depends on it by a few per cent: each
+loss of strength gives a push, and a slab that weakens slowly flattens and stands longer."""
 LOOK_S, LOOKS = 2.0, 15
 """Time between two looks at a stage [s], and how many there are at most."""
 AT_REST, GONE = 0.002, 0.4
@@ -128,7 +128,7 @@ class Stages:
     factor: np.ndarray  # (K,) F of each stage; the slab failed in the last
     slid: np.ndarray  # (K,) sliding in each stage, in thicknesses
     on_plane: tuple[float, float]
-    """Shear stress in the sliding soil beside the base over its strength on the plane: by
+    """Shear stress in the sliding soil next to the base over its strength on the plane: by
     c + sigma tan(phi), and by c cos(phi) + sigma sin(phi)."""
     position: np.ndarray  # (P, 2) at the end [m]
     displacement: np.ndarray  # (P, 2) at the end [m]

@@ -73,7 +73,7 @@ class Lab:
     # -- advancing ------------------------------------------------------------------------------
 
     def run(self, frames: int = 1) -> None:
-        """Advance by so many frames; 0 settles the initial stress and moves nothing.
+        """Advance by this many frames; 0 settles the initial stress and moves nothing.
 
         Raises:
             RuntimeError: a point moved more than a cell in a step.

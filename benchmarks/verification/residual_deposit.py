@@ -111,7 +111,7 @@ def length_of(area: float, ratio: float) -> float:
 
 
 def deposit_scene(spacing: float, contact: str) -> dict:
-    """Half a ridge with the profile (1), beside a smooth wall, a tenth stronger than it need be."""
+    """Half a ridge with the profile (1), at a smooth wall, a tenth stronger than necessary."""
     length = START_RATIO * START_HEIGHT
     toe = toe_of(START_HEIGHT, length)
     x = np.linspace(toe, 0.0, 80)

@@ -1,4 +1,4 @@
-"""One measured figure beside what it must be."""
+"""One measured figure compared with what it must be."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def name_of(slab: Slab) -> str:
 def rows_of_slab(found: Stages, coarse: Stages | None = None) -> list[Row]:
     """Against (2), which for phi = 0 is (1); with friction also against (1), and the reason.
 
-    `coarse` is the same slab with larger cells, which is told beside it.
+    `coarse` is the same slab with larger cells, which is reported as well.
     """
     slab, case = found.slab, "slope_factor_of_safety"
     note = f"the ends add at most {100 * (slab.whole / slab.formula - 1):.1f} %"

@@ -1,6 +1,6 @@
 """Strength lowered in a steady ramp until something gives way.
 
-A slope that fails moves, gets flatter and stops again, so "moves" is no criterion. While it stands,
+A failing slope moves, flattens and stops again, so "moves" is not a criterion. While it stands,
 a ramp of the strength makes it creep elastically, by little and evenly; at the limit it sinks much
 more for the same loss of strength. The limit is where the rate d(u / H) / d(ln F) passes
 `FAILING_RATE`, u the displacement of the crest, F the factor by which the strength is divided: one

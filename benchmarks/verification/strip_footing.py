@@ -182,7 +182,7 @@ def draw(path: Path, runs: list[Pressing], locked: list[Pressing]) -> None:
 
 
 def draw_mechanism(axes: plt.Axes, pressing: Pressing) -> None:
-    """Plastic shear strain beside the boundary of Prandtl's mechanism."""
+    """Plastic shear strain next to the boundary of Prandtl's mechanism."""
     size = (45.0 * pressing.spacing) ** 2  # points touch
     highest = np.quantile(pressing.shear, 0.99)
     dots = axes.scatter(*pressing.position.T, s=size, c=pressing.shear, cmap="magma_r",

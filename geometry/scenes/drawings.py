@@ -50,7 +50,7 @@ def read_section(path: str | Path, kind: str | None = None) -> Section:
         kind: csv, geojson or dxf; None: as its suffix says.
 
     Raises:
-        InputError: unknown suffix, unreadable file, or a row or shape that is no zone.
+        InputError: unknown suffix, unreadable file, or a row or shape that is not a zone.
     """
     path = Path(path)
     suffix = path.suffix.lower() if kind is None else f".{kind}"

@@ -14,7 +14,7 @@ import numpy as np
 from geometry.scenes.scene import Scene
 from pipeline.random_numbers import unit_array
 
-#: Points are tested a hair beside their place, so that none lies exactly on a border; in spacings.
+#: Points are tested a hair next to their place, so that none lies exactly on a border; in spacings.
 #: The shift points right and up: a point on a border belongs to the zone right of or above it.
 BORDER_SHIFT = (1e-7, 0.618e-7)
 

@@ -12,7 +12,8 @@ Point = tuple[float, float]
 #: Densities [kg/m3]: from light ash to a block so heavy that it keeps its speed (a piston).
 DENSITY = (100.0, 1.0e8)
 
-#: A pool may stand so many heights of the section above its top, or so many metres if that is more.
+#: A pool may stand this many heights of the section above its top, or this many metres if that is
+#: more.
 POOL_ABOVE, POOL_ABOVE_M = 5.0, 50.0
 
 #: The same below its lowest point.
@@ -20,7 +21,7 @@ POOL_BELOW, POOL_BELOW_M = 1.0, 10.0
 
 
 def check_density(name: str, value: float) -> None:
-    """Refuse what is no density in kg/m3.
+    """Refuse what is not a density in kg/m3.
 
     Raises:
         ValueError: what is allowed.

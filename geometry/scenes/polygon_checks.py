@@ -118,7 +118,7 @@ def _check_inside(name: str, vertices: Sequence[Point], box: tuple[float, float,
 def _simple(name: str, vertices: Sequence[Point]) -> Polygon:
     shape = Polygon(vertices)
     if not shape.is_valid:
-        raise ValueError(f"zones: zone {name!r} is no simple polygon: {explain_validity(shape)}")
+        raise ValueError(f"zones: zone {name!r} is not a simple polygon: {explain_validity(shape)}")
     if shape.area == 0:
         raise ValueError(f"zones: zone {name!r} has no area")
     return shape

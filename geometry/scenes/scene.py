@@ -351,7 +351,7 @@ def scene_from_mapping(document: Mapping[str, Any], source: str = "scene") -> Sc
 
 
 def load_scene(path: str | Path) -> Scene:
-    """Read a scene from YAML or JSON (told by the suffix).
+    """Read a scene from YAML or JSON (by the suffix).
 
     Raises:
         InputError: no such file, no YAML or JSON, or a scene that does not hold together.

@@ -3,7 +3,7 @@
 In: a folder of packed data. Out: `Windows`, by run and frame or one after the other. A window is
 one read of just its frames from the shard; of a run only its number, its size and where it lies
 stay in memory, some 200 bytes, so memory does not grow with the data. Copies for other processes
-(workers of a loader) open the files anew.
+(workers of a loader) open the files themselves.
 
 A window ends its history at a known frame t and goes on with the frames to be predicted:
 
@@ -33,7 +33,7 @@ HISTORY = 6
 """Frames of a history: five velocities (paper)."""
 
 KEPT_FACTS = 16
-"""Runs whose facts are kept at hand: 100 kB each at the most points there are."""
+"""Runs whose facts are kept in memory: 100 kB each at the most points there are."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Windows:
         split: "train", "valid" or "test".
         window: frames of a window, known ones and those to be predicted; 7 predicts one.
         history: known frames among them.
-        stride: take every so many frames of the data as one; windows begin at any of them.
+        stride: take every n frames of the data as one; windows begin at any of them.
 
     Raises:
         InputError: no such data, another layout, flipped bytes, or a window that is not longer than

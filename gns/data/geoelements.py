@@ -70,7 +70,7 @@ def write_geoelements(
         folder: made if missing.
         properties: "both" tan phi and c / 100 kPa; "friction" tan phi alone, which is what the
             published reader can take.
-        on_run: told of every run.
+        on_run: called for each run.
 
     Raises:
         InputError: the folder holds data of our own layout, or a run is damaged.

@@ -68,7 +68,7 @@ def plan_packing(
     Args:
         paths: trajectory files.
         settings: shares of the splits, seed, runs per shard.
-        left_out: runs to leave out beside those that failed, with their reasons.
+        left_out: runs to leave out in addition to those that failed, with their reasons.
 
     Raises:
         InputError: files that cannot be packed together (`gns.data.trajectories.list_sources`).
@@ -110,7 +110,7 @@ def pack(
         plan: what goes where.
         folder: made if missing; shards of an earlier plan are removed.
         manifest: settings and versions, to be kept with the data.
-        on_run: told of every run.
+        on_run: called for each run.
 
     Raises:
         InputError: a run that is damaged or contradicts its scene.
@@ -164,7 +164,7 @@ def _is_there(path: Path, key: str) -> bool:
             return False
         shard.check()
     except InputError:
-        return False  # of another layout, or damaged by others: written anew
+        return False  # of another layout, or damaged by others: written again
     return True
 
 

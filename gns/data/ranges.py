@@ -22,7 +22,7 @@ MEANINGS = {
     "relative_density": "density / density of water",
     "youngs_modulus": "Young's modulus (mean of the soil) / (rho g d)",
     "height": "highest point above the ground below it / d, at t = 0",
-    "ground_slope": "steepest slope of the ground under or beside the soil",
+    "ground_slope": "steepest slope of the ground under or next to the soil",
     "ground_friction": "Coulomb coefficient of the ground, where it has one",
     "initial_speed": "speed at t = 0 / sqrt(g d)",
     "speed": "largest component of a velocity over a frame / sqrt(g d)",

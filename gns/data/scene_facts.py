@@ -1,4 +1,4 @@
-"""What the learned simulator is told of a scene, beside where its points are.
+"""What the learned simulator sees of a scene, in addition to the point positions.
 
 In: a scene and the settings of its simulation, or a run of packed data. Out: `SceneFacts`, plain
 arrays in SI units. Packing, training, rollout and back-analysis all go through this one type, so a
@@ -27,7 +27,7 @@ WATER_DENSITY = 1000.0
 """Density of fresh water [kg/m3], as in `mpm_taichi.solver.boundary`."""
 
 SOIL, KINEMATIC = 0, 1
-"""Types of points: moved by the simulator; moved as told."""
+"""Types of points: moved by the simulator; prescribed motion."""
 
 PROPERTIES = ("tan_friction", "cohesion", "density", "body_force_factor")
 """Columns of `SceneFacts.properties`: -, Pa, kg/m3, - (the last at t = 0)."""

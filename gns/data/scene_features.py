@@ -1,8 +1,8 @@
 """A scene in a dozen dimensionless numbers, as a slide to one side sees it.
 
 In: facts and positions at t = 0. Out: what the baselines of `gns.evaluation.baselines` predict a
-runout from. The length is the root of the soil's area: it neither hangs on the spacing nor on how a
-section happens to be cut. A slide to the left is the mirror image of one to the right, so every
+runout from. The length is the root of the soil's area: it depends neither on the spacing nor on how
+a section happens to be cut. A slide to the left is the mirror image of one to the right, so every
 scene counts twice.
 """
 
@@ -41,7 +41,7 @@ FARTHEST_WALL = 6.0
 """A wall that is farther away [lengths] makes no difference."""
 
 BASE = 0.1
-"""Soil within so many lengths of the ground is its base."""
+"""Soil within this many lengths of the ground is its base."""
 
 
 @dataclass(frozen=True)

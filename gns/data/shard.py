@@ -19,8 +19,8 @@ in `gns.data.scene_facts`:
     moments           (2, 5, 2) float64: of the moving points, `gns.data.statistics`
     scene             (bytes,) uint8: the scene's document, JSON in UTF-8
 
-Beside the runs: `layout_version`, `key` (hash of what the shard was made from), `run_numbers`,
-`number_names`, `property_names`.
+In addition to the runs: `layout_version`, `key` (hash of what the shard was made from),
+`run_numbers`, `number_names`, `property_names`.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ class Source:
         template: letter; "" for a scene made by hand.
         frames, points: T, N.
         key: hash of all that the numbers of the run depend on.
-        failed: why it is no use, "" where it is.
+        failed: why it is not usable, "" where it is.
         alike: the values of `_ALIKE`.
     """
 

@@ -1,6 +1,6 @@
 """The card of a model: what it is, what it has seen, how good it is, where it fails.
 
-`card.yaml` lies beside the weights. Everything in it is measured or copied from the training; only
+`card.yaml` lies next to the weights. Everything in it is measured or copied from the training; only
 `note` is written by hand. Its schema is `config/card.schema.json`.
 """
 

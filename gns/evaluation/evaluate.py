@@ -1,8 +1,8 @@
 """How good a model is: rollouts of runs that it has neither learned from nor been chosen by.
 
 In: a simulator and a split of packed data. Out: of each run its score (`metrics`), the error of
-single steps beside that of constant velocity, and the time it took beside the material point
-method's. `card` keeps the tables, `draw_rollouts` draws the worst.
+single steps in addition to that of constant velocity, and the time it took compared with the
+material point method's. `card` keeps the tables, `draw_rollouts` draws the worst.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pipeline.cli import InputError
 from pipeline.files import atomic_path, read_text
 
 ONE_STEP_STRIDE = 7
-"""Single steps are judged from every so many frames."""
+"""Single steps are judged from every n frames."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ run (`gns.evaluation.score_tables` makes tables of them). Numpy alone; the depos
 definitions with which everything else is measured (`geometry.survey`).
 
 Errors are in metres, and where it says so in spacings d. Only soil counts: kinematic points are
-where they were told to be. A rollout that is not finite has infinite errors, so that it can be
+where they are prescribed. A rollout that is not finite has infinite errors, so that it can be
 neither overlooked nor averaged away by a median.
 
 Shapes: T frames, N points.
@@ -319,7 +319,7 @@ def _root_mean_square(values: np.ndarray) -> float:
 
 
 def _extent(points: np.ndarray, spacing: float, facts: SceneFacts) -> tuple[float, float]:
-    """Where deposits lie, and the reach of the kernel beside it [m].
+    """Where deposits lie, and the reach of the kernel next to it [m].
 
     A point that was flung out of the scene does not stretch it for ever.
     """

@@ -6,7 +6,7 @@ The paper's network applies a perceptron to [edge, sender, receiver], E x 3C num
    out once per point, not once per edge (a point has 28 edges), and gathered.
 2. Edges are sorted by receiver and taken in chunks of whole receivers. All layers of a chunk follow
    each other while it is in the cache, and its messages are summed at once.
-3. The backward pass works out each chunk anew (`edge_gradient`), so that of the E x C numbers of a
+3. The backward pass recomputes each chunk (`edge_gradient`), so that of the E x C numbers of a
    step only the edges' latent is kept.
 
 Chunks are shared out among `torch.get_num_threads()` threads; sums over chunks are taken in their

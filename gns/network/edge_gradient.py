@@ -1,7 +1,7 @@
 """The edge part of the network and its gradient (reverse mode).
 
 `encode_edges` and `edge_update` are what `network` calls. Their backward pass goes through the
-chunks of `edge_chunks` once more: of each it works out the layers anew and at once all gradients.
+chunks of `edge_chunks` once more: of each it recomputes the layers and at once all gradients.
 Where the layers of a small graph take little memory they are kept instead. Gradients that nobody
 asks for (of frozen weights) are not computed.
 """

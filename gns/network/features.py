@@ -54,10 +54,10 @@ def point_features(
     Args:
         window: (history, N, 2) positions [spacings], the last is now.
         scene: the scene.
-        radius: connectivity radius [spacings], up to which distances are told.
+        radius: connectivity radius [spacings], up to which distances are given.
         velocity_mean: (2,) of moving points [sqrt(g d)].
         velocity_std: (2,) likewise.
-        strength: how cohesion is told: c itself, or log(1 + c / STRENGTH_FLOOR).
+        strength: how cohesion is given: c itself, or log(1 + c / STRENGTH_FLOOR).
         overburden: tell what lies above, too (`overburden_features`).
 
     Returns:

@@ -24,7 +24,7 @@ from gns.network.grid_level import GridLevel
 
 
 class Perceptron(nn.Module):
-    """Two hidden layers of ReLU; LayerNorm at the end unless told otherwise."""
+    """Two hidden layers of ReLU; LayerNorm at the end unless stated otherwise."""
 
     def __init__(self, inputs: int, width: int, outputs: int, *, norm: bool = True) -> None:
         super().__init__()

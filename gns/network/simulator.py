@@ -50,7 +50,7 @@ SAME_INTERVAL = 1e-3
 
 
 class SimulatorConfig(StrictDocument):
-    """What makes a simulator what it is, beside its weights; kept with them."""
+    """What defines a simulator, in addition to its weights; kept with them."""
 
     width: int = Field(128, ge=1, description="of latents and hidden layers")
     message_passing_steps: int = Field(10, ge=1)
@@ -59,10 +59,10 @@ class SimulatorConfig(StrictDocument):
     cutoff: Literal["sharp", "smooth"] = Field(
         "sharp", description="messages end at the radius abruptly (paper), or fade before it"
     )
-    strength: StrengthFeature = Field("log", description="how cohesion is told to the network")
-    overburden: bool = Field(False, description="points are told what lies above them")
+    strength: StrengthFeature = Field("log", description="how cohesion is given to the network")
+    overburden: bool = Field(False, description="points know what lies above them")
     grid_cell: float = Field(
-        0.0, ge=0, description="cell of a coarse grid beside the edges [d]; 0: none (paper)"
+        0.0, ge=0, description="cell of a coarse grid in addition to the edges [d]; 0: none (paper)"
     )
     grid_rounds: int = Field(3, ge=1, description="rounds of convolutions on that grid")
     frame_interval: float = Field(0.4, gt=0, description="time of a step [sqrt(d / g)]")
@@ -214,7 +214,7 @@ class Simulator(nn.Module):
         """How many frames of packed data the model goes in one step.
 
         Raises:
-            InputError: its step is no whole number of them.
+            InputError: its step is not a whole number of them.
         """
         ratio = self.config.frame_interval / metadata.frame_interval
         stride = max(round(ratio), 1)

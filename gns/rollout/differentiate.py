@@ -7,7 +7,7 @@ Two exact ways through the steps:
 
 - reverse mode, `gradient` and `reverse_jacobian`: of one number, or one after the other, with
   respect to any number of parameters. The rollout keeps only the positions of each frame; the
-  backward pass takes one step after the other from the end, each worked out anew from the positions
+  backward pass takes one step after the other from the end, each recomputed from the positions
   before it. Memory: that of one step; a frame more costs 8 N bytes in single precision.
 - forward mode, `jacobian`: of any number of readings with respect to p parameters; changes travel
   with the rollout. Memory: one step with p directions; a frame more costs (1 + p) 8 N bytes.
@@ -49,8 +49,8 @@ Readings = Callable[[np.ndarray], tuple[np.ndarray, Slopes]]
 """Frames (T, N, 2) [m] -> m numbers and their derivatives, (m, N, 2) for each frame."""
 
 REVERSE_COST = 4
-"""Steps that a step of the reverse mode costs: the rollout itself, the step anew with its latents
-kept, the edges' layers anew, and the gradients (weights, being frozen, have none)."""
+"""Steps that a step of the reverse mode costs: the rollout itself, the step again with its latents
+kept, the edges' layers again, and the gradients (weights, being frozen, have none)."""
 
 DIFFERENTIABLE = ("friction", "cohesion", "density", "phreatic_line")
 """Fields of a scene through which parameters act."""

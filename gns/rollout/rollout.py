@@ -2,7 +2,7 @@
 
 In: a simulator, the facts of a scene and where its points are. Out: a `Rollout` with every frame.
 A step that gives a number that is not finite, or a point far outside, ends it; the frames before
-are kept and the reason is told, as in a run of the material point method.
+are kept and the reason is reported, as in a run of the material point method.
 """
 
 from __future__ import annotations

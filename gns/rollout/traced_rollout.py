@@ -1,7 +1,7 @@
 """A rollout that is to be differentiated: the positions of every frame, and little else.
 
 In: a simulator, a `ScaledScene` and a first window. Out: a `Trace`. `gns.rollout.differentiate`
-works the steps out anew from these positions, so that a frame more costs its positions and nothing
+recomputes the steps from these positions, so that a frame more costs its positions and nothing
 else.
 """
 

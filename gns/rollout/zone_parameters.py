@@ -1,6 +1,6 @@
 """A scene as a function of properties of its zones: what a back-analysis of the scene varies.
 
-In: a scene in the model's units, its facts, and which properties of which zones are sought. Out: a
+In: a scene in the model's units, its facts, and which properties of which zones are unknown. Out: a
 function from their values to the scene, through which a rollout is differentiated.
 """
 

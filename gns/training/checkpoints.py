@@ -152,7 +152,7 @@ class ModelFolder:
                 break
             if not _is_of_a_training(line):
                 raise InputError(
-                    f"{self.metrics}: line {number}: {text[:40]!r} is no line of a training: it "
+                    f"{self.metrics}: line {number}: {text[:40]!r} is not a line of a training: it "
                     "has a step, and a loss or a validation"
                 )
             lines.append(line)

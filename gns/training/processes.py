@@ -27,7 +27,7 @@ LINES_TOLD = 20
 
 
 def use_threads(number: int | None) -> None:
-    """Let torch use so many CPU threads in this process; None: as many as it takes itself."""
+    """Let torch use this many CPU threads in this process; None: as many as it takes itself."""
     if number is not None:
         import torch
 

@@ -40,7 +40,9 @@ class Alternatives(Document):
         [0.40, 0.50], description="shares of the displacement without acceleration"
     )
     sections: list[int] = Field([5, 11, 21], description="numbers of sections of IMM")
-    slip_surfaces: list[str] = Field([SEARCH], description="CSV files beside this one, or `search`")
+    slip_surfaces: list[str] = Field(
+        [SEARCH], description="CSV files next to this one, or `search`"
+    )
 
     @model_validator(mode="after")
     def _sensible(self) -> Alternatives:
@@ -58,7 +60,7 @@ class Judgement(Document):
 
     name: str = Field(min_length=1, description="of the slide, such as `upstream`")
     side: Side = Field(description="of the section to which the mass slid")
-    slip_surface: str = Field(SEARCH, description="CSV beside this file (x_m, y_m), or `search`")
+    slip_surface: str = Field(SEARCH, description="CSV next to this file (x_m, y_m), or `search`")
     slip_confidence: Confidence = Field("constructed", description="how far it may be trusted")
     head_x_m: float | None = Field(
         None, description="upper end of a slip surface that is searched; null: from the profile"

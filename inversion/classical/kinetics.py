@@ -10,8 +10,8 @@ surface, which go from their values before to those after in proportion to the t
 The path is a cubic through both centres of gravity. Two points leave two of its four numbers free;
 they follow from its slopes at the ends. At the start it is that of the slip surface under the mass,
 sin(theta) = D / W. At the end it is the same quantity after the slide (`slip`), or nil (`level`).
-The paper that the method comes from was not at hand; the published descriptions (a cubic path whose
-slope drives the body) leave the end open, so it is an option here.
+The paper that the method comes from was not available; the published descriptions (a cubic path
+whose slope drives the body) leave the end open, so it is an option here.
 """
 
 from __future__ import annotations

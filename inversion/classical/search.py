@@ -186,7 +186,7 @@ def _circle_values(
     form: WaterForm,
     sought: str,
 ) -> np.ndarray:
-    """What is to be smallest, of each circle; nan where it is no slip surface."""
+    """What is to be smallest, of each circle; nan where it is not a slip surface."""
     x, y, radius, left, right = circles
     good = np.isfinite(radius) & (right - left > 1e-3)
     good &= (x - radius <= left + 1e-9) & (x + radius >= right - 1e-9)

@@ -36,7 +36,7 @@ class Soil:
         friction: tangent of the friction angle.
         density: [kg/m3], above the water line.
         saturated_density: [kg/m3], below the water line.
-        liquefied: its strength is the S_r that is sought.
+        liquefied: its strength is the S_r to be found.
     """
 
     name: str

@@ -212,7 +212,7 @@ def head_of(section: Section, after: np.ndarray, side: Side) -> float:
         x, before, moved = x[::-1], before[::-1], moved[::-1]
     crest = x[before > before.max() - 1e-6 * height]
     middle = float(0.5 * (crest[0] + crest[-1]))
-    # The new surface crosses the old one where the slope steepened; that is no end of the mass.
+    # The new surface crosses the old one where the slope steepened; that is not an end of the mass.
     still = np.flatnonzero(~moved & (np.cumsum(moved) > 0))
     beyond = [k for k in still if not moved[k : k + len(x) // 20].any()]
     if not beyond:

@@ -27,7 +27,7 @@ from inversion.classical.section import OUTSIDE, WATER_UNIT_WEIGHT, Section
 
 WaterForm = Literal["buoyant", "boundary"]
 
-#: Number of slices of a single slip surface, beside those that its corners ask for.
+#: Number of slices of a single slip surface, in addition to those that its corners ask for.
 SLICES = 200
 
 
@@ -101,7 +101,7 @@ class Slices:
         side_water: horizontal force of the water in the neighbouring slices on the slice [N/m].
         cohesion: [Pa]; of liquefied soil the value in the scene.
         friction: tangent of the friction angle; nil where the base is liquefied.
-        liquefied: True where the strength of the base is the S_r that is sought.
+        liquefied: True where the strength of the base is the S_r to be found.
         zone: number of the zone at the base, `OUTSIDE` beyond the section.
         mass: total, with the water in the pores, without the pool [kg/m].
         centre: elevation of the centre of the soil above the base [m].
@@ -307,7 +307,7 @@ def _hydrostatics(
     force, moment = _thrust(level, deep)
     push = -downhill * np.diff(force)
     push_moment = -downhill * np.diff(moment)
-    # Water beside the soil, from the base to the surface.
+    # Water next to the soil, from the base to the surface.
     whole, whole_moment = _thrust(level, np.maximum(level - base, 0.0))
     inner, inner_moment = whole - force, whole_moment - moment
     # The left end is pushed to the right (uphill for a slide to the left), the right end back.

@@ -214,7 +214,7 @@ def readme_text(
 |---|---|
 | `scene.yaml` | the section before the slide, from `{words.section_file}` |
 | `measurements.yaml` | what was measured after it |
-| `inversion.yaml` | which strengths are sought |
+| `inversion.yaml` | which strengths are unknown |
 
 ## How far each number may be trusted
 
@@ -258,7 +258,7 @@ def _variants(scene: Scene) -> str:
     if not scene.has_water:
         return ""
     return _comment(
-        "Other readings of the question, each solved and reported beside the answer."
+        "Other readings of the question, each solved and reported in addition to the answer."
     ) + (
         "variants:\n"
         "  - {name: without water, water: none}\n"

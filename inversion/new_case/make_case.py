@@ -195,7 +195,7 @@ def _mark_liquefied(scene: Scene, named: Sequence[str], source: str) -> Scene:
     }
     if not liquefied:
         raise InputError(
-            f"{source}: no zone is liquefied; name those whose S_r is sought with --liquefied "
+            f"{source}: no zone is liquefied; name those whose S_r is unknown with --liquefied "
             f"ZONE; there are {', '.join(zones)}"
         )
     for name, fields in liquefied.items():
@@ -287,7 +287,7 @@ def _write(
     profile: Profile | None,
     words: CaseWords,
 ) -> None:
-    """Write the files beside their place, load them as an inversion does, and put them there."""
+    """Write the files next to their place, load them as an inversion does, and put them there."""
     texts: Mapping[str, Any] = {
         "scene.yaml": scene_file_text(scene, words),
         "measurements.yaml": measurements_text(scene, runouts, profile, words),

@@ -17,7 +17,7 @@ from pipeline.table import aligned
 #: Points of an exceedance curve, and probabilities told in the table, %.
 CURVE_POINTS = 101
 DIGITS = 4
-#: A larger share of slides at the edge of the domain is told.
+#: A larger share of slides at the edge of the domain is reported.
 EDGE_TOLD = 1e-3
 
 

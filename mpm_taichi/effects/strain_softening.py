@@ -12,7 +12,7 @@ from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, need
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
-    """S = S_r (1 + a exp(-g / g_r)), with g_r for the cell at hand."""
+    """S = S_r (1 + a exp(-g / g_r)), with g_r for the current cell."""
     if here.liquefied > 0.5:
         scale = ti.pow(effect.reference_cell_m / here.cell, effect.cell_exponent)
         reference = effect.reference_strain * scale

@@ -37,7 +37,7 @@ The bits of `splines` follow: boundaries at which the splines end."""
 
 WALLS = LEFT | RIGHT
 RESISTING = ROUGH | TRACTION
-"""Ground whose traction is the strength of the soil beside it."""
+"""Ground whose traction is the strength of the soil next to it."""
 BARRING = SLIDE | ROUGH
 """Ground that soil cannot enter."""
 

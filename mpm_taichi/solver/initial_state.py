@@ -45,7 +45,7 @@ class PreparedScene:
     settings: SimulationSettings
     points: MaterialPoints
     order: np.ndarray  # (P,) place in `points` of each moving point
-    settled: int  # the first so many points take part in settling
+    settled: int  # the first this many points take part in settling
     grid: Grid
     kind: np.ndarray  # (nodes,) int32
     surroundings: np.ndarray  # (nodes, 8) float32
@@ -69,7 +69,7 @@ class PreparedScene:
         return max((one.until(self.given) for one in self.effects), default=0.0)
 
     def enlarge(self, left: int, right: int) -> PreparedScene:
-        """Lay a wider grid for an open domain, more nodes by so many columns on either side."""
+        """Lay a wider grid for an open domain, more nodes by this many columns on either side."""
         cell, shape = self.grid.cell, self.grid.shape
         self.grid = Grid(
             origin=(self.grid.origin[0] - left * cell, self.grid.origin[1]),

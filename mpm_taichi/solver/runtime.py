@@ -223,7 +223,7 @@ class Slots:
         )
 
     def set_frames(self, slot: int, number: int) -> None:
-        """Have a slot advance by so many frames in the coming chunk."""
+        """Have a slot advance by this many frames in the coming chunk."""
         self.integers[slot, layout.FRAME_COUNT] = number
 
     def run(self) -> None:
@@ -268,7 +268,7 @@ class DeviceSlots(Slots):
         """Nothing to do: kernels of the point schedule compile one by one in the first run."""
 
     def set_frames(self, slot: int, number: int) -> None:
-        """Have a slot advance by so many frames in the coming chunk."""
+        """Have a slot advance by this many frames in the coming chunk."""
         if self.integers[slot, layout.FRAME_COUNT] == number:
             return
         super().set_frames(slot, number)

@@ -71,7 +71,7 @@ def column(zero: A):
 
 @ti.func
 def new_scratch(constants: A, variables: A):
-    """A `Scratch` with room for so many constants and history variables of the law."""
+    """A `Scratch` with room for this many constants and history variables of the law."""
     a, b, c, d, e, f = rows(4), rows(4), rows(constants), rows(4), rows(4), rows(4)
     law_variables = rows(variables)
     x, y, real, other = rows(3), rows(3), column(0.0), column(0.0)

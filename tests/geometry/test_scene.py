@@ -61,7 +61,7 @@ def changed(document: dict, path: str, value) -> dict:
         ("zones.0.material", "gravel", "known are sand, clay"),
         ("zones.1.name", "left", "two zones are called 'left'"),
         ("zones.0.polygon", [[10, 2], [20, 2]], "zones.0.polygon"),
-        ("zones.0.polygon", [[10, 2], [20, 12], [20, 2], [10, 12]], "no simple polygon"),
+        ("zones.0.polygon", [[10, 2], [20, 12], [20, 2], [10, 12]], "not a simple polygon"),
         ("zones.0.polygon", [[10, 2], [20, 2], [20, 2.3], [10, 2.3]], "is a sliver"),
         ("zones.0.polygon", [[10, 2], [21, 2], [21, 12], [10, 12]], "overlap by 10 m2"),
         ("zones.0.polygon", [[10, 1], [20, 1], [20, 12], [10, 12]], "below the ground by 10 m2"),

@@ -154,7 +154,7 @@ HEAD = "zone,x,y,friction_deg,cohesion_kpa\n"
         ("s.csv", HEAD + ",1,2,30,0\n", "row 2: the zone has no name"),
         ("s.csv", HEAD + "a,0,0,30,0\na,1,0,31,0\n", "row 3: friction_deg is 31"),
         ("s.csv", HEAD + "a,0,0,30\na,10,0\na,10,10\n", "has no cohesion_kpa; give it in"),
-        ("s.csv", HEAD + "a,0,0,30,0\na,10,10,30,0\na,10,0,30,0\na,0,10,30,0\n", "no simple"),
+        ("s.csv", HEAD + "a,0,0,30,0\na,10,10,30,0\na,10,0,30,0\na,0,10,30,0\n", "not a simple"),
         ("s.geojson", "[]", "not a GeoJSON FeatureCollection"),
         ("s.geojson", '{"features": [{"geometry": null}]}', "feature 0: has no geometry"),
         (

@@ -211,9 +211,9 @@ def test_times_of_simulations_that_are_none(packed, model, tmp_path, content, wo
     ("content", "words"),
     [
         (b"\x89PNG\r\n\x1a\n\xff\x00", "metrics.jsonl: not a UTF-8 text file"),
-        (b"[1]\n", r"metrics.jsonl: line 1: '\[1\]' is no line of a training"),
-        (b'{"step": 1, "loss": null}\n', "line 1: .* is no line of a training"),
-        (b'{"step": 1, "validation": {}}\n', "line 1: .* is no line of a training"),
+        (b"[1]\n", r"metrics.jsonl: line 1: '\[1\]' is not a line of a training"),
+        (b'{"step": 1, "loss": null}\n', "line 1: .* is not a line of a training"),
+        (b'{"step": 1, "validation": {}}\n', "line 1: .* is not a line of a training"),
     ],
 )
 def test_metrics_that_are_none_are_told_before_the_rollouts(

@@ -35,7 +35,7 @@ LATTICE = 5.0
 
 @dataclass
 class Read:
-    """A deposit, and what it reads by the fullest survey beside the profile.
+    """A deposit, and what it reads by the fullest survey in addition to the profile.
 
     The frames of the run are let go once its histories have been read.
     """
@@ -112,7 +112,7 @@ class BaseModel:
         Args:
             laboratory: that simulates.
             section: the section.
-            on_level: told how many levels are done, and of how many.
+            on_level: called with the number of levels done and in all.
 
         Raises:
             InputError: not exactly one parameter of the section is without a prior.

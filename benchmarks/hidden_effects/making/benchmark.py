@@ -30,7 +30,7 @@ class BenchmarkPlan(Document):
 
     cases: int = Field(gt=0, description="number of cases")
     seed: int = Field(ge=0, description="of every drawing, and of the salts")
-    sections: list[str] = Field(min_length=1, description="folders beside this file")
+    sections: list[str] = Field(min_length=1, description="folders next to this file")
     surveys: list[str] = Field(min_length=1, description="sets of measurements")
     kinds: list[Kind] = Field(
         list(ROUND), min_length=1, description="of the cases of a round, before they are shuffled"
@@ -39,7 +39,7 @@ class BenchmarkPlan(Document):
     outside: str | None = Field(None, description="Python file of effects outside the library")
     laws: dict[str, str | None] = Field(
         default_factory=dict,
-        description="effect outside the library -> what its strength hangs on; null: no strength",
+        description="effect outside the library -> what its strength depends on; null: no strength",
     )
     other_realisation: list[str] = Field(
         default_factory=list,
@@ -143,7 +143,7 @@ def coarser(section: Section, factor: float, source: str) -> Section:
     """The section at another spacing.
 
     Raises:
-        InputError: it cannot be had at that spacing; `source` is the file that asks for it.
+        InputError: it is not available at that spacing; `source` is the file that asks for it.
     """
     try:
         scene = section.scene.changed(spacing=factor * section.scene.spacing)

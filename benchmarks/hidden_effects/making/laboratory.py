@@ -119,7 +119,7 @@ class Laboratory:
                 if (r.transfer, r.courant) == (transfer, courant)
             ]
             scenes = [self.scene(section, requests[place]) for place in members]
-            # Taichi tells of its start on the standard output, where results alone belong.
+            # Taichi reports its start on the standard output, where results alone belong.
             with redirect_stdout(sys.stderr):
                 runs = simulate(
                     scenes, self.settings.model_copy(update=given), threads=self.threads
@@ -142,9 +142,9 @@ def _deposit(section: Section, run: Run) -> Deposit | None:
 
 
 def _rests(run: Run) -> bool:
-    """It ended of itself, or creeps too slowly for a survey.
+    """It ended by itself, or creeps too slowly for a survey.
 
-    What never slid has no peak of its energy to fall from, and so never ends of itself.
+    What never slid has no peak of its energy to fall from, and so never ends by itself.
     """
     if run.came_to_rest:
         return True

@@ -49,7 +49,7 @@ def make(
         places: where to.
         laboratory: that simulates.
         part: (k, n): every n-th case from the k-th on, for several jobs side by side.
-        on_case: told of each case.
+        on_case: called for each case.
     """
     base = base_models(laboratory)
     row = benchmark.cases(reach_of(benchmark, places, laboratory, base, on_case))
@@ -90,7 +90,7 @@ def reach_of(
         places: where it is kept.
         laboratory: that simulates.
         base: base models of the sections; None: they are simulated where they are needed.
-        on_case: told of each effect.
+        on_case: called for each effect.
     """
     if not places.reach.is_file():
         base = base_models(laboratory) if base is None else base

@@ -37,7 +37,7 @@ class Planned:
         effects: names, as many as the kind has.
         section: name.
         survey: name of the set of measurements.
-        bin: of detectability, from 0; of two effects, of the fainter beside the other; of nulls
+        bin: of detectability, from 0; of two effects, of the fainter given the other; of nulls
             without meaning.
     """
 
@@ -50,7 +50,7 @@ class Planned:
 
 
 class Deck(Generic[Card]):
-    """Cards dealt in random order; when all are dealt they are shuffled anew."""
+    """Cards dealt in random order; when all are dealt they are shuffled again."""
 
     def __init__(self, cards: Sequence[Card], stream: Stream) -> None:
         self._cards, self._stream, self._left = list(cards), stream, []
@@ -64,7 +64,7 @@ class Deck(Generic[Card]):
         return self._left.pop(self._stream.integer(0, len(self._left) - 1))
 
 
-#: An effect reaches a bin where its largest lambda is so many times the bin's lower end.
+#: An effect reaches a bin where its largest lambda is this many times the bin's lower end.
 REACHES = 1.2
 
 Reach = Mapping[tuple[str, str, str], float]

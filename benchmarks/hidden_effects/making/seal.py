@@ -1,4 +1,4 @@
-"""Sealing: what is true is written down, and only its hash is told before a diagnosis.
+"""Sealing: what is true is written down, and only its hash is published before a diagnosis.
 
 A salt keeps the truth from being guessed from its hash. It follows from the benchmark's seed, so
 that the same benchmark has the same hashes wherever it is made; who judges does not read the seed.
@@ -32,5 +32,5 @@ def seal(truth: Mapping[str, Any]) -> str:
 
 
 def is_sealed(truth: Mapping[str, Any], sealed: str) -> bool:
-    """Whether a truth is the one whose hash was told."""
+    """Whether a truth is the one whose hash was published."""
     return bool(truth.get(SALT)) and seal(truth) == sealed

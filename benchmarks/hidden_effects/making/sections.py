@@ -39,7 +39,7 @@ class SurveyPlan(Document):
     markers_m: list[Point] = Field(min_length=1, description="places before the slide")
     history_times_s: list[float] = Field(min_length=1, description="at which the toe is seen")
     runouts_m: tuple[float, float] = Field(
-        description="least and largest runout of a truth [m]: what runs less is no flow slide"
+        description="least and largest runout of a truth [m]: what runs less is not a flow slide"
     )
     strengths_kpa: dict[str, tuple[float, float]] = Field(
         description="parameter without prior -> range of the truths, drawn in the logarithm"

@@ -27,18 +27,18 @@ from mpm_taichi.effects import Amplitude
 from mpm_taichi.effects import effect as effect_of
 from pipeline.random_numbers import Stream
 
-#: Runs behind a lambda while an amplitude is sought, and behind the one that is written down.
+#: Runs behind a lambda while an amplitude is searched for, and behind the one that is written down.
 LOOKS, LOOKS_FOR_GOOD = 2, 6
 #: Runs behind what one of two effects does by itself.
 LOOKS_BESIDE = 4
 #: Seeds of their jitters begin here: others than those of the base model's replicates.
 FIRST_SEED = 101
-#: A truth is at most so many times as strong as the top rung of its effect's ladder, which the
+#: A truth is at most this many times as strong as the top rung of its effect's ladder, which the
 #: effect's own author calls large: beyond it the physics is no longer believable.
 BEYOND_LADDER = 3.0
 #: Amplitudes at which one of two effects may stand for both, over its true one.
 SHARES = (0.4, 0.7, 0.85, 1.0, 1.15, 1.4, 1.8)
-#: Of these so many are simulated again, so many times, at the parameters of the refit.
+#: Of these this many are simulated again, this many times, at the parameters of the refit.
 RETURNED, RETURNS = 2, 2
 
 
@@ -109,18 +109,18 @@ class Sight:
         return times(entry, min(1.0, most / abs(amplitude)))
 
     def seen(self, effects: Mapping[str, Entry]) -> float:
-        """Lambda of a set of effects; NaN where its run failed or is no flow slide."""
+        """Lambda of a set of effects; NaN where its run failed or is not a flow slide."""
         slides = self.slides(effects, LOOKS)
         found = None if slides is None else self.refit(slides, self.survey)
         return np.nan if found is None else found.seen
 
     def seen_for_good(self, effects: Mapping[str, Entry]) -> Refit | None:
-        """The refitted base model, from more runs; None where it cannot be had."""
+        """The refitted base model, from more runs; None where it is not available."""
         slides = self.slides(effects, LOOKS_FOR_GOOD)
         return None if slides is None else self.refit(slides, self.survey)
 
     def beside(self, effects: Mapping[str, Entry]) -> float | None:
-        """Lambda of the fainter of two effects beside the other; None where it cannot be had.
+        """Lambda of the fainter of two effects given the other; None where it is not available.
 
         What is left once the base model and the other effect have been refitted, at no amplitude or
         any of `SHARES`.
@@ -180,7 +180,7 @@ class Sight:
         return self._refit(both - change + none, self.survey, toe)
 
     def slides(self, effects: Mapping[str, Entry], number: int) -> list[Deposit] | None:
-        """Slides with different jitters; None where one failed or is no flow slide."""
+        """Slides with different jitters; None where one failed or is not a flow slide."""
         found = self._deposits(effects, self.values, number)
         if found is None or not all(is_slide(self.section, one) for one in found):
             return None

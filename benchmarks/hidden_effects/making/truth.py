@@ -63,7 +63,7 @@ class Drawn:
         values: parameters (p,) in outside units.
         amplitudes: entries of the scene's effects.
         refit: the base model that comes nearest; None where nothing is hidden.
-        beside: of two effects, lambda of the fainter beside the other.
+        beside: of two effects, lambda of the fainter given the other.
     """
 
     values: np.ndarray
@@ -73,7 +73,7 @@ class Drawn:
 
     @property
     def seen(self) -> float:
-        """Lambda of what is to be found: of two effects, of the fainter beside the other."""
+        """Lambda of what is to be found: of two effects, of the fainter given the other."""
         if self.beside is not None:
             return self.beside
         return 0.0 if self.refit is None else self.refit.seen
@@ -153,7 +153,7 @@ class Maker:
         return None
 
     def _pair(self, planned: Planned, sight: Sight, amplitudes: dict[str, Entry]) -> Drawn | None:
-        """Two effects, changed together until the fainter is seen beside the other as was dealt."""
+        """Two effects, changed together until the fainter is seen given the other as was dealt."""
         wanted = middle_of(planned.bin)
         found: list[Drawn] = []
         for _ in range(PAIR_TRIES):

@@ -56,7 +56,7 @@ ASKED = (
           0.85),
     Asked("strength_within_2_std_all", "the same in all cases", None),
     Asked("pair_exact", "pairs found exactly", 0.50),
-    Asked("pair_exact_25", "the same where the fainter of the two has lambda 25 and more beside "
+    Asked("pair_exact_25", "the same where the fainter of the two has lambda 25 and more given "
           "the other", None),
     Asked("pair_half", "pairs of which at least one effect is found", None),
     Asked("explained_away", "strangers explained away by effects of the library", 0.30,

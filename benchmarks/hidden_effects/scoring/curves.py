@@ -1,8 +1,8 @@
 """The curve that a hidden strength law has, and whether a diagnosis has found it.
 
 A law outside the library cannot be named. Where it changes a strength, the diagnosis should say
-what the strength hangs on, and draw how, or name a law of the library that runs alike. The constant
-is not asked for: it is part of S_r.
+what the strength depends on, and draw how, or name a law of the library that runs alike. The
+constant is not asked for: it is part of S_r.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ COMPARED = {
 
 
 def recovered(curve: CurveDigest | None, scene: Scene, effect: str, law: str) -> bool:
-    """The curve hangs on the right variable and has the right shape.
+    """The curve depends on the right variable and has the right shape.
 
     Args:
         curve: that was drawn; None: none.
         scene: the section with the effect on.
         effect: its name.
-        law: variable that its strength hangs on.
+        law: variable that its strength depends on.
     """
     if curve is None or curve.variable != law:
         return False
@@ -53,20 +53,20 @@ def recovered(curve: CurveDigest | None, scene: Scene, effect: str, law: str) ->
 
 
 def runs_alike(named: Mapping[str, float], scene: Scene, effect: str, law: str) -> bool:
-    """A law of the library was named that hangs on the same variable and has the same shape.
+    """A law of the library was named that depends on the same variable and has the same shape.
 
     Args:
         named: effects of the verdict with their amplitudes.
         scene: the section with the hidden effect on.
         effect: its name.
-        law: variable that its strength hangs on.
+        law: variable that its strength depends on.
     """
     if len(named) != 1:
         return False
     ((name, amplitude),) = named.items()
     known = effects().get(name)
     if known is None or (known.field is not None) != (law == "position"):
-        return False  # an error of the survey; or one hangs on the place and the other does not
+        return False  # an error of the survey; or one depends on the place and the other does not
     if known.field is None and known.strength is None:
         return False
     knots = COMPARED.get(law, np.linspace(scene.foot("left"), scene.foot("right"), 10))
@@ -76,7 +76,7 @@ def runs_alike(named: Mapping[str, float], scene: Scene, effect: str, law: str) 
         for active in effects_on(on)
         if active.effect.name in (effect, name)
     ]
-    return len(curves) == 2 and alike(*curves)  # an amplitude of zero is no effect
+    return len(curves) == 2 and alike(*curves)  # an amplitude of zero is not an effect
 
 
 def alike(one: np.ndarray, other: np.ndarray) -> bool:

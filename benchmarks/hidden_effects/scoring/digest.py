@@ -32,7 +32,7 @@ class StageDigest(StrictDocument):
 class CurveDigest(StrictDocument):
     """The curve of an unknown effect."""
 
-    variable: str = Field(description="what the strength hangs on")
+    variable: str = Field(description="what the strength depends on")
     knots: list[float] = Field(min_length=1, description="places")
     multiplier: list[float] = Field(description="of the strength there")
 

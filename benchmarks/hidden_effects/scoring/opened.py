@@ -1,7 +1,7 @@
 """Truths and verdicts together: seals are checked, then everything is kept in one small table.
 
 The table is the benchmark's record: a line per case with what was hidden, what was said by the
-method and by each ablation, and the hash that was told before.
+method and by each ablation, and the hash that was published before.
 """
 
 from __future__ import annotations

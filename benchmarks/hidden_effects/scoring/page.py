@@ -120,7 +120,7 @@ def _pairs(method: Score) -> str:
     words = {"pair_exact": "both found, and nothing else", "pair_half": "at least one of the two"}
     rows = [(words[name], *(share.words for share in method.bins[name])) for name in words]
     return (
-        "By lambda of the fainter effect beside the other: what is left of the slide once the base "
+        "By lambda of the fainter effect given the other: what is left of the slide once the base "
         "model and the other effect have been refitted.\n\n"
     ) + table(("pairs", *ENDS), rows)
 
@@ -193,4 +193,4 @@ def _misses(judged: Sequence[Judged]) -> str:
 def _lambda(one: Judged) -> str:
     if one.beside is None:
         return f"{one.seen:.0f}"
-    return f"{one.seen:.0f}, {one.beside:.0f} beside the other"
+    return f"{one.seen:.0f}, {one.beside:.0f} given the other"

@@ -6,7 +6,7 @@ its detectability lambda.
 
 *Named* means one single name, the right one, of a verdict `identified`. It is asked for where the
 truth's signature differs from every rival's (largest |cosine| below 0.95); elsewhere success is a
-90 % set of at most three explanations that holds the truth. Both are told.
+90 % set of at most three explanations that holds the truth. Both are reported.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Judged:
 
     @property
     def attributed(self) -> bool:
-        """The misfit is attributed to effects, one or several that cannot be told apart."""
+        """The misfit is attributed to effects, one or several that cannot be distinguished."""
         digest = self.digest
         return digest.verdict in ATTRIBUTED and bool(digest.effects or any(digest.set_90))
 
@@ -94,9 +94,9 @@ class Judged:
 
     @property
     def beside(self) -> float | None:
-        """Of two effects, lambda of the fainter beside the other; None where it was not told.
+        """Of two effects, lambda of the fainter given the other; None where it was not told.
 
-        Beside the other at no amplitude at all it is lambda of both.
+        Given the other at no amplitude at all it is lambda of both.
         """
         found = self.truth.get("beside")
         return None if found is None else min(float(found), self.seen)
@@ -256,7 +256,7 @@ def _binned(cases: Sequence[Judged], test: Callable[[Judged], bool]) -> list[Sha
 
 
 def _beside(pairs: Sequence[Judged], test: Callable[[Judged], bool]) -> list[Share]:
-    """By the bin of the fainter effect beside the other."""
+    """By the bin of the fainter effect given the other."""
     return [
         Share.of(
             test(one) for one in pairs if one.beside is not None and _bin(one.beside) == number

@@ -69,7 +69,7 @@ class Amplitude:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of an effect beside its amplitude; a scene may set it.
+    """A number of an effect in addition to its amplitude; a scene may set it.
 
     Attributes:
         name: the key in a scene, with its unit where it has one (`frequency_hz`).

@@ -1,4 +1,4 @@
-"""What can be wrong with the description of an effect, told before it is used."""
+"""What can be wrong with the description of an effect, checked before use."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _wrong_field(where: str, one: Effect | Amplitude | Parameter) -> str:
     for field in fields(one):
         value = getattr(one, field.name)
         if field.type == "str" and not isinstance(value, str):
-            return f"{where}{field.name}: {_shown(value)} is no text"
+            return f"{where}{field.name}: {_shown(value)} is not text"
         if field.type == "bool" and not isinstance(value, bool):
             return f"{where}{field.name}: {_shown(value)} is neither True nor False"
         if field.type == "float" and (wrong := _not_a_number(f"{where}{field.name}", value)):
@@ -62,7 +62,7 @@ def _wrong_field(where: str, one: Effect | Amplitude | Parameter) -> str:
 def _not_a_number(where: str, value: Any) -> str:
     number = isinstance(value, int | float | np.integer | np.floating)
     if isinstance(value, bool) or not number or not abs(value) <= sys.float_info.max:
-        return f"{where}: {_shown(value)} is no finite number"
+        return f"{where}: {_shown(value)} is not a finite number"
     return ""
 
 
@@ -108,7 +108,7 @@ def _wrong_hooks(one: Effect) -> str:
     for name in _HOST_HOOKS:
         hook = getattr(one, name)
         if not callable(hook) and (hook is not None or name == "applies"):
-            return f"hook {name}: {_shown(hook)} is no function"
+            return f"hook {name}: {_shown(hook)} is not a function"
     if not one.on_device and one.scene is None:
         return "it has no hook that acts"
     for name in one.DEVICE_HOOKS:
@@ -116,7 +116,7 @@ def _wrong_hooks(one: Effect) -> str:
         if hook is None:
             continue
         if not isinstance(hook, FunctionType):
-            return f"hook {name}: {_shown(hook)} is no plain function"
+            return f"hook {name}: {_shown(hook)} is not a plain function"
         if hook.__code__.co_argcount != len(wanted):
             return f"hook {name}: its arguments are {', '.join(wanted)}"
     return ""

@@ -2,7 +2,7 @@
 
 One set of kernels knows all effects of the library (and those user effects that a scene has on); a
 slot's mask of bits says which of them its scene has on, and the others cost one test of a bit. So
-scenes with any effects share a batch, and a scene's numbers hang on nothing but the scene.
+scenes with any effects share a batch, and a scene's numbers depend only on the scene.
 
 A hook sees of a point (`here`): its place x, y and its place at the start x0, y0 [m]; velocity vx,
 vy and speed [m/s]; time since the start [s]; strain, the plastic shear strain so far [-];

@@ -135,7 +135,7 @@ def _check(value: float, low: float, high: float, where: str, unit: str) -> None
 def kernel_effects(scene: Scene) -> tuple[Effect, ...]:
     """The effects that the kernels of a scene know: none, or the library's and its own user's.
 
-    Kernels hang on nothing but this, so a scene's numbers do not hang on what other files a process
+    Kernels depend only on this, so a scene's numbers do not depend on what other files a process
     has loaded.
     """
     active = [one.effect for one in effects_on(scene)]
