@@ -10,7 +10,7 @@ when it is registered (`geometry.survey.registry`), not when the member is first
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
@@ -419,6 +419,11 @@ class SingleLength(Single, Length):
     def stated_range(self) -> tuple[float, float] | None:
         """Lower and upper end of the stated range [m]."""
         return None if self.low_m is None else (self.low_m, self.high_m)
+
+
+def single_lengths(entries: Iterable[Measured]) -> list[SingleLength]:
+    """Those of the measurements that are one length each."""
+    return [entry for entry in entries if isinstance(entry, SingleLength)]
 
 
 def exponential_correlation(places: np.ndarray, length: float | None) -> np.ndarray:
