@@ -219,11 +219,11 @@ def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypa
     (tmp_path / "models" / "coarse").mkdir(parents=True)
     settings = ["inversion.engine=gns", "inversion.model=here"]
     asked = {"engine": "gns", "model": "there"}
-    assert choice(tmp_path / "a", {}, [], None, None).name == "mpm"
+    assert choice(tmp_path / "a", {}, [], None, None).engine.name == "mpm"
     assert choice(tmp_path / "b", {}, settings, None, None).model == Path("here")
     assert choice(tmp_path / "c", asked, settings, None, None).model == Path("there")
     assert choice(tmp_path / "d", asked, settings, "gns", "given").model == Path("given")
-    assert choice(tmp_path / "e", asked, settings, "mpm", None).name == "mpm"
+    assert choice(tmp_path / "e", asked, settings, "mpm", None).engine.name == "mpm"
     named = choice(tmp_path / "f", {}, [], "gns", "coarse").model
     assert named == Path("models") / "coarse"
     with pytest.raises(InputError, match="engine: gns needs a model: .* models/ has coarse$"):
