@@ -112,6 +112,21 @@ def test_taichi_and_torch_are_imported_where_they_belong(path):
             )
 
 
+@pytest.mark.parametrize("path", FILES, ids=relative)
+def test_only_reports_draw(path):
+    for module, node in imports(ast.parse(path.read_text())):
+        if top(module) == "matplotlib":
+            place = f"{relative(path)}:{node.lineno}: drawing belongs to report"
+            assert path.relative_to(ROOT).parts[0] == "report", place
+
+
+def test_the_text_of_a_report_needs_no_drawing():
+    for name in ("numbers", "table", "page", "tables/back_analysis", "sentences/diagnosis"):
+        assert "matplotlib" not in loaded_with(ROOT / "report" / f"{name}.py"), name
+    for composer in ("back_analysis", "diagnosis"):
+        assert "matplotlib" not in loaded_with(ROOT / "report" / f"{composer}.py"), composer
+
+
 @pytest.mark.parametrize("package", PRESENT)
 @pytest.mark.parametrize("name", ["__init__.py", "__main__.py"])
 def test_no_heavy_import_before_it_is_needed(package, name):

@@ -145,10 +145,7 @@ def _draw_cases(ax: Axes, strengths: Sequence[Strength], taken: list[Box]) -> No
 
 
 def _draw_answers(
-    ax: Axes,
-    entries: Sequence[Entry],
-    strengths: Sequence[Strength],
-    answers: Sequence[OurAnswer],
+    ax: Axes, entries: Sequence[Entry], strengths: Sequence[Strength], answers: Sequence[OurAnswer]
 ) -> list[Box]:
     """Our answers, each with a letter and its words above the data; returns what they cover."""
     taken: list[Box] = []

@@ -23,14 +23,7 @@ from mpm_taichi.comparison import Reading, label
 from mpm_taichi.trajectory import Run
 from report.numbers import MINUS
 from report.pictures.colouring import colouring_of, material_colours
-from report.pictures.frame import (
-    LAYER,
-    Overlay,
-    draw_frame,
-    overlays,
-    toe_overlay,
-    view_limits,
-)
+from report.pictures.frame import LAYER, Overlay, draw_frame, overlays, toe_overlay, view_limits
 from report.pictures.simulated_run import WIDTH_IN, save_animation, strength
 from report.style import HALO, TEXT_COLOUR, legend, new_figure, save_figure, tell
 

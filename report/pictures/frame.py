@@ -22,15 +22,7 @@ from shapely.ops import unary_union
 from geometry.scenes.scene import Scene
 from mpm_taichi.trajectory import Run, refuse_empty
 from report.pictures.colouring import Colouring, colouring_of
-from report.style import (
-    GROUND_COLOUR,
-    GROUND_LINE,
-    HALO,
-    WATER_COLOUR,
-    WATER_LINE,
-    labels,
-    tidy,
-)
+from report.style import GROUND_COLOUR, GROUND_LINE, HALO, WATER_COLOUR, WATER_LINE, labels, tidy
 
 Overlay = Callable[[Axes], None]
 
@@ -266,12 +258,7 @@ def _draw_water(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> None:
     ground, level = scene.ground.height(x), scene.phreatic_level(x)
     wet = level > ground + 1e-6
     ax.fill_between(
-        x,
-        ground,
-        np.maximum(level, ground),
-        color=WATER_COLOUR,
-        linewidth=0,
-        zorder=LAYER["water"],
+        x, ground, np.maximum(level, ground), color=WATER_COLOUR, linewidth=0, zorder=LAYER["water"]
     )
     ax.plot(
         x,

@@ -140,10 +140,7 @@ def _surfaces(
 
 
 def _energies(ax: Axes, pair: Pair) -> None:
-    for positions, colour in (
-        (pair.simulated, SIMULATION_COLOUR),
-        (pair.predicted, MODEL_COLOUR),
-    ):
+    for positions, colour in ((pair.simulated, SIMULATION_COLOUR), (pair.predicted, MODEL_COLOUR)):
         if len(positions) > 1:
             time = np.arange(len(positions)) * pair.facts.frame_time
             ax.plot(time, energy_history(positions, pair.facts).kinetic / 1e6, color=colour)

@@ -12,15 +12,11 @@ import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
 from pipeline.cli import InputError, base_parser, main_exit
-from pipeline.files import atomic_path, write_text
+from pipeline.files import write_text
 from report.page import Paragraph, Picture, Section, write_page
+from report.style import new_figure, save_figure, tidy
 from report.table import Table
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
 
 FINISHED, FAILED = "#2f6f9f", "#c8553d"
 
@@ -100,7 +96,8 @@ def summary(rows: Sequence[Row]) -> str:
 def draw(rows: Sequence[Row], path: Path, *, title: str) -> None:
     """Four histograms: runs by template, travel, time of motion, time of computing."""
     good = finished(rows)
-    figure, axes = plt.subplots(2, 2, figsize=(10, 6.5), layout="constrained")
+    figure = new_figure(6.5, 10.0, layout="constrained")
+    axes = figure.subplots(2, 2)
     figure.suptitle(title)
     names = sorted({template(row) for row in rows})
     counts = [sum(template(row) == name for row in good) for name in names]
@@ -118,11 +115,9 @@ def draw(rows: Sequence[Row], path: Path, *, title: str) -> None:
         axis.hist(values, bins=min(40, max(5, len(values) // 5)), color=FINISHED)
         axis.set(xlabel=label, ylabel="runs")
     for axis in axes.flat:
-        axis.spines[["top", "right"]].set_visible(False)
+        tidy(axis)
         axis.yaxis.get_major_locator().set_params(integer=True)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=150)
-    plt.close(figure)
+    save_figure(figure, path)
 
 
 def by_template(rows: Sequence[Row]) -> Table:
