@@ -16,6 +16,7 @@ Cell = str | int | float | None
 SHORT, LONG = 14, 45
 #: A number, its sign and its unit are not separated at the end of a line.
 JOINED = re.compile(r"(?<=[\d±=<]) (?=[\d±%°]|(?:kPa|m|s|std)\b)|(?<=\bp) (?=[=<])")
+NUMBER = re.compile(r"\(?[+-]?[\d.]+(?:e[+-]?\d+)?(?:[ %)/,]|$)")
 SPACE = "\N{NO-BREAK SPACE}"
 #: What a plain terminal or log shows instead of a character outside ASCII.
 PLAIN = str.maketrans(
@@ -90,9 +91,9 @@ def _shown(value: Cell) -> str:
 
 
 def _words(column: Sequence[str]) -> bool:
-    """Most cells of a column begin with a letter."""
-    filled = [cell.strip(" (") for cell in column if cell]
-    return 2 * sum(cell[:1].isalpha() for cell in filled) > len(filled)
+    """Most cells of a column do not begin with a number."""
+    filled = [cell for cell in column if cell]
+    return 2 * sum(NUMBER.match(cell) is None for cell in filled) > len(filled)
 
 
 def _cell(value: Cell) -> str:

@@ -10,23 +10,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.patches import Patch, Rectangle
 
+from report import style
 from report.data.diagnosis import DiagnosisData
 from report.sentences.diagnosis import NOT_SEPARABLE, WEAKLY, shortened
-from report.style import (
-    OURS,
-    SMALL,
-    TEXT,
-    TEXT_COLOUR,
-    WIDTH,
-    legend,
-    new_figure,
-    panel,
-    save_figure,
-    words,
-)
 
 LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.15, 0.8, 0.35
-DARK, MIDDLE, LIGHT = "#003a5d", OURS, "#d9e6f0"
+DARK, MIDDLE, LIGHT = "#003a5d", style.OURS, "#d9e6f0"
 
 
 def order(cosine: np.ndarray) -> list[int]:
@@ -49,16 +38,16 @@ def draw_confounding(data: DiagnosisData, path: Path) -> Path | None:
     places = order(cosine)
     cosine, names = cosine[np.ix_(places, places)], [shortened(found.names[p], 20) for p in places]
     count = len(names)
-    cell = min(0.42, (WIDTH - LEFT - RIGHT) / (count - 1))
+    cell = min(0.42, (style.WIDTH - LEFT - RIGHT) / (count - 1))
     height = cell * (count - 1)
     total = ABOVE + height + FOOT
-    figure = new_figure(total)
-    ax = panel(figure, LEFT, FOOT, height, height)
+    figure = style.new_figure(total)
+    ax = style.panel(figure, LEFT, FOOT, height, height)
     ax.set(xlim=(0, count - 1), ylim=(count - 1, 0))
     ax.axis("off")
     for row in range(1, count):
-        ax.text(-0.12, row - 0.5, words(names[row]), ha="right", va="center", fontsize=TEXT,
-                color=TEXT_COLOUR)  # fmt: skip
+        ax.text(-0.12, row - 0.5, style.words(names[row]), ha="right", va="center",
+                fontsize=style.TEXT, color=style.TEXT_COLOUR)  # fmt: skip
         for column in range(row):
             value = cosine[row, column]
             colour = DARK if value >= NOT_SEPARABLE else MIDDLE if value >= WEAKLY else LIGHT
@@ -67,13 +56,13 @@ def draw_confounding(data: DiagnosisData, path: Path) -> Path | None:
                                    linewidth=0))  # fmt: skip
             if cell > (0.22 if value >= WEAKLY else 0.3):
                 ax.text(column + 0.5, row - 0.5, f"{value:.2f}".removeprefix("0"), ha="center",
-                        va="center", fontsize=min(SMALL, 30 * cell),
-                        color="white" if value >= WEAKLY else TEXT_COLOUR)  # fmt: skip
+                        va="center", fontsize=min(style.SMALL, 30 * cell),
+                        color="white" if value >= WEAKLY else style.TEXT_COLOUR)  # fmt: skip
     for column in range(count - 1):
-        ax.text(column + 0.28, column - 0.08, words(names[column]), ha="left", va="bottom",
-                fontsize=TEXT, color=TEXT_COLOUR, rotation=32, rotation_mode="anchor",
+        ax.text(column + 0.28, column - 0.08, style.words(names[column]), ha="left", va="bottom",
+                fontsize=style.TEXT, color=style.TEXT_COLOUR, rotation=32, rotation_mode="anchor",
                 clip_on=False)  # fmt: skip
     dark = Patch(facecolor=DARK, label=f"{NOT_SEPARABLE:g} or more: not separable")
     middle = Patch(facecolor=MIDDLE, label=f"{WEAKLY:g} to {NOT_SEPARABLE:g}: weakly")
-    legend(figure, [dark, middle], columns=2)
-    return save_figure(figure, path)
+    style.legend(figure, [dark, middle], columns=2)
+    return style.save_figure(figure, path)

@@ -13,26 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from diagnosis.verdict.verdict import CandidateVerdict
+from report import style
 from report.data.diagnosis import DiagnosisData
 from report.numbers import chance, number, with_unit
 from report.sentences.diagnosis import achieved, spoken
-from report.style import (
-    AFTER,
-    LINE,
-    NOTE,
-    PALE_AFTER,
-    SMALL,
-    SURVEY,
-    TEXT_COLOUR,
-    chart,
-    labels,
-    legend,
-    quiet,
-    rows,
-    save_figure,
-    tell,
-    words,
-)
 
 ROW, LEFT, FOOT = 0.48, 1.5, 0.5
 MOST = 12
@@ -55,18 +39,18 @@ def draw_effects(data: DiagnosisData, path: Path) -> Path | None:
     shown = ranked(data)
     if not shown:
         return None
-    figure, (ax,) = chart([ROW * len(shown)], left=LEFT, foot=FOOT)
-    quiet(ax, grid="", left=False)
-    rows(ax, [spoken(c.name) for c in shown], width=22)
+    figure, (ax,) = style.chart([ROW * len(shown)], left=LEFT, foot=FOOT)
+    style.quiet(ax, grid="", left=False)
+    style.rows(ax, [spoken(c.name) for c in shown], width=22)
     reach = max(4.0, *(_root(value) for c in shown for value in (c.expected_drop, achieved(c))))
     ax.set_xlim(0, 1.75 * reach)
     _ticks(ax, reach)
-    ax.axvspan(0, _root(COUNTS), color=LINE, alpha=0.55, linewidth=0, zorder=0)
+    ax.axvspan(0, _root(COUNTS), color=style.LINE, alpha=0.55, linewidth=0, zorder=0)
     for place, candidate in enumerate(shown):
         _draw_row(ax, place, candidate)
-    labels(ax, "reduction of chi² (square-root scale)")
-    legend(figure, _handles(shown), columns=2)
-    return save_figure(figure, path)
+    style.labels(ax, "reduction of chi² (square-root scale)")
+    style.legend(figure, _handles(shown), columns=2)
+    return style.save_figure(figure, path)
 
 
 def _root(value: float | None) -> float:
@@ -77,14 +61,14 @@ def _ticks(ax: Axes, reach: float) -> None:
     """Round reductions of chi², evenly spaced on the square-root scale."""
     step = next(s for s in (1, 2, 5, 10, 20, 50, 100, 1000) if reach / s <= 5)
     places = [step * k for k in range(int(reach / step) + 1)]
-    ax.set_xticks(places, [number(place**2, 6) for place in places], fontsize=SMALL)
+    ax.set_xticks(places, [number(place**2, 6) for place in places], fontsize=style.SMALL)
     for place in places:
-        ax.axvline(place, color=LINE, linewidth=0.6, zorder=0)
+        ax.axvline(place, color=style.LINE, linewidth=0.6, zorder=0)
 
 
 def _draw_row(ax: Axes, place: int, candidate: CandidateVerdict) -> None:
     survey = candidate.kind == "survey"
-    pale, dark = (PALE_SURVEY, SURVEY) if survey else (PALE_AFTER, AFTER)
+    pale, dark = (PALE_SURVEY, style.SURVEY) if survey else (style.PALE_AFTER, style.AFTER)
     expected, fell = _root(candidate.expected_drop), _root(achieved(candidate))
     ax.barh(place, expected, height=0.62, color=pale, linewidth=0, zorder=2)
     if candidate.refit is not None:
@@ -93,8 +77,8 @@ def _draw_row(ax: Axes, place: int, candidate: CandidateVerdict) -> None:
     middle = 0.0 if not second else 0.19
     accepted = candidate.refit is not None and candidate.refit.accepted
     for text, shift, bold in ((first, -middle, accepted), (second, middle, False)):
-        tell(ax, max(expected, fell), place + shift, words(text),
-             color=TEXT_COLOUR if text == first and second else NOTE,
+        style.tell(ax, max(expected, fell), place + shift, style.words(text),
+             color=style.TEXT_COLOUR if text == first and second else style.NOTE,
              fontweight="bold" if bold else "normal")  # fmt: skip
 
 
@@ -115,10 +99,10 @@ def _remarks(candidate: CandidateVerdict) -> tuple[str, str]:
 
 def _handles(shown: list[CandidateVerdict]) -> list[Patch]:
     made = [
-        Patch(facecolor=PALE_AFTER, label="expected"),
-        Patch(facecolor=AFTER, label="achieved when refitted"),
+        Patch(facecolor=style.PALE_AFTER, label="expected"),
+        Patch(facecolor=style.AFTER, label="achieved when refitted"),
     ]
     if any(c.kind == "survey" for c in shown):
-        made.append(Patch(facecolor=SURVEY, label="survey error"))
+        made.append(Patch(facecolor=style.SURVEY, label="survey error"))
     made = made if any(c.refit for c in shown) else [made[0], *made[2:]]
-    return [*made, Patch(facecolor=LINE, label=f"{COUNTS:g}: too little to count")]
+    return [*made, Patch(facecolor=style.LINE, label=f"{COUNTS:g}: too little to count")]

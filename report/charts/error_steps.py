@@ -15,23 +15,9 @@ from matplotlib.patches import Patch
 from scipy.stats import chi2 as chi2_law
 
 from diagnosis.verdict.verdict import WaterfallStep
+from report import style
 from report.numbers import number, root_mean_square
 from report.sentences.diagnosis import follows, is_by_hand, step_words
-from report.style import (
-    AFTER,
-    DASHED,
-    HELD_OUT,
-    LINE,
-    PALE_AFTER,
-    TEXT_COLOUR,
-    chart,
-    labels,
-    legend,
-    quiet,
-    rows,
-    save_figure,
-    tell,
-)
 
 ROW, LEFT, FOOT = 0.64, 1.5, 0.28
 HUMAN = "#8a5a00"
@@ -43,9 +29,9 @@ def draw_steps(
     """Save the chart; None where there is no step."""
     if not steps:
         return None
-    figure, (ax,) = chart([ROW * len(steps)], left=LEFT, foot=FOOT)
-    quiet(ax, grid="x", left=False)
-    rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=20, lines=3)
+    figure, (ax,) = style.chart([ROW * len(steps)], left=LEFT, foot=FOOT)
+    style.quiet(ax, grid="x", left=False)
+    style.rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=20, lines=3)
     fitted = [root_mean_square(s.chi2, max(s.dof, 1)) for s in steps]
     held = [
         None if s.held_out_chi2 is None or not s.held_out_n
@@ -56,38 +42,45 @@ def draw_steps(
     ax.set_xlim(0, 1.16 * reach)
     dof = max(1, steps[-1].dof)
     low, high = ((chi2_law.ppf(share, dof) / dof) ** 0.5 for share in (0.025, 0.975))
-    ax.axvspan(low, high, color=LINE, alpha=0.8, linewidth=0, zorder=0)
-    ax.axvline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED, zorder=4)
+    ax.axvspan(low, high, color=style.LINE, alpha=0.8, linewidth=0, zorder=0)
+    ax.axvline(1.0, color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED, zorder=4)
     for place, step in enumerate(steps):
-        colour = HUMAN if is_by_hand(step, by_hand) else AFTER
+        colour = HUMAN if is_by_hand(step, by_hand) else style.AFTER
         if follows(place, steps):
-            ax.barh(place - 0.14, fitted[place - 1], height=0.34, color=PALE_AFTER, alpha=0.7,
+            ax.barh(place - 0.14, fitted[place - 1], height=0.34, color=style.PALE_AFTER, alpha=0.7,
                     linewidth=0, zorder=1)  # fmt: skip
             ax.plot([fitted[place - 1]] * 2, [place - 1.0, place + 0.03], color="#8aa9bd",
                     linewidth=0.9, linestyle=(0, (2, 2)), zorder=2)  # fmt: skip
         ax.barh(place - 0.14, fitted[place], height=0.34, color=colour, linewidth=0, zorder=3)
-        tell(ax, fitted[place], place - 0.14, number(fitted[place], 2))
+        style.tell(ax, fitted[place], place - 0.14, number(fitted[place], 2))
         if held[place] is not None:
-            ax.plot([held[place]], [place + 0.24], marker="D", color=HELD_OUT, markersize=7,
+            ax.plot([held[place]], [place + 0.24], marker="D", color=style.HELD_OUT, markersize=7,
                     markeredgecolor="white", zorder=5)  # fmt: skip
-            tell(ax, held[place], place + 0.24, number(held[place], 2), away=(8, 0), color=HELD_OUT)
+            style.tell(
+                ax,
+                held[place],
+                place + 0.24,
+                number(held[place], 2),
+                away=(8, 0),
+                color=style.HELD_OUT,
+            )
             if follows(place, steps) and held[place - 1] is not None:
                 ax.plot([held[place - 1], held[place]], [place - 0.76, place + 0.24],
-                        color=HELD_OUT, linewidth=0.8, alpha=0.6, zorder=2)  # fmt: skip
-    labels(ax, "root mean square residual, in std")
-    legend(figure, _handles(held, steps, by_hand), columns=4)
-    return save_figure(figure, path)
+                        color=style.HELD_OUT, linewidth=0.8, alpha=0.6, zorder=2)  # fmt: skip
+    style.labels(ax, "root mean square residual, in std")
+    style.legend(figure, _handles(held, steps, by_hand), columns=4)
+    return style.save_figure(figure, path)
 
 
 def _handles(
     held: list[float | None], steps: Sequence[WaterfallStep], by_hand: Collection[str]
 ) -> list[Line2D | Patch]:
-    made: list[Line2D | Patch] = [Patch(facecolor=AFTER, label="fitted")]
+    made: list[Line2D | Patch] = [Patch(facecolor=style.AFTER, label="fitted")]
     if any(is_by_hand(step, by_hand) for step in steps):
         made.append(Patch(facecolor=HUMAN, label="by hand"))
     if any(value is not None for value in held):
-        made.append(Line2D([], [], marker="D", color=HELD_OUT, linestyle="none", markersize=6,
+        made.append(Line2D([], [], marker="D", color=style.HELD_OUT, linestyle="none", markersize=6,
                            label="held out"))  # fmt: skip
-    made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED,
+    made.append(Line2D([], [], color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED,
                        label="noise"))  # fmt: skip
     return made

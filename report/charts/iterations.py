@@ -16,29 +16,13 @@ from matplotlib.ticker import MaxNLocator
 from geometry.survey.measured import Measured
 from inversion.back_analysis.result import Iteration
 from mpm_taichi.trajectory import Run
+from report import style
 from report.data.back_analysis import BackAnalysisData
 from report.numbers import fixed, unit_of, with_unit
 from report.numbers import number as number_of
 from report.pictures.case_history import line_overlay
 from report.pictures.colouring import colouring_of
 from report.pictures.frame import LAYER, Overlay, draw_frame, overlays, view_limits
-from report.style import (
-    CLASSICAL,
-    HELD_OUT,
-    OURS,
-    TEXT_COLOUR,
-    apart,
-    chart,
-    labels,
-    new_figure,
-    panel,
-    quiet,
-    save_figure,
-    tell,
-    title,
-    words,
-    wrapped,
-)
 
 MOST = 8
 """Sections in the picture; a longer search leaves some in the middle out."""
@@ -46,7 +30,7 @@ WIDE, LEFT, RIGHT, BOTTOM, GAP = 9.5, 0.55, 0.15, 0.5, 0.34
 LONGEST = 120
 """Characters of a heading that fit on one line."""
 LINES = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 2, 1.2, 2)))
-COLOURS = (OURS, HELD_OUT, CLASSICAL, "#8a5a00")
+COLOURS = (style.OURS, style.HELD_OUT, style.CLASSICAL, "#8a5a00")
 
 
 def draw_iterations(data: BackAnalysisData, path: Path) -> Path | None:
@@ -63,17 +47,17 @@ def draw_iterations(data: BackAnalysisData, path: Path) -> Path | None:
     headings = [_heading(data, look) for look in looks]
     gap = GAP + (0.14 if any("\n" in heading for heading in headings) else 0.0)
     total = len(looks) * (height + gap) + BOTTOM
-    figure = new_figure(total, WIDE)
+    figure = style.new_figure(total, WIDE)
     colouring = colouring_of(shown, "material")
     for number, look in enumerate(looks):
-        ax = panel(figure, LEFT, total - (number + 1) * (height + gap), width, height)
+        ax = style.panel(figure, LEFT, total - (number + 1) * (height + gap), width, height)
         draw_frame(ax, shown, number + 1, colouring=colouring, overlay=marks, limits=limits)
         _predicted_toes(ax, data, data.result.iterations[look])
-        ax.set_title(headings[number], loc="left", fontsize=8.2, color=TEXT_COLOUR, pad=3)
+        ax.set_title(headings[number], loc="left", fontsize=8.2, color=style.TEXT_COLOUR, pad=3)
         if number < len(looks) - 1:
             ax.set_xlabel("")
             ax.set_xticklabels([])
-    return save_figure(figure, path)
+    return style.save_figure(figure, path)
 
 
 def shown_looks(whole: np.ndarray, accepted: np.ndarray, answer: int) -> list[int]:
@@ -122,7 +106,7 @@ def _predicted_toes(ax: Axes, data: BackAnalysisData, line: Iteration) -> None:
         if runout is not None:
             x = data.toe_place(toe.toe_side, runout)
             y = float(data.case.scene.ground.height(x))
-            ax.plot([x], [y], marker="v", color=OURS, markersize=8, markeredgecolor="white",
+            ax.plot([x], [y], marker="v", color=style.OURS, markersize=8, markeredgecolor="white",
                     linestyle="none", zorder=LAYER["overlay"] + 3)  # fmt: skip
 
 
@@ -141,7 +125,7 @@ def _heading(data: BackAnalysisData, look: int) -> str:
     last = " (the answer)" if data.sections is not None and look == data.sections.answer else ""
     first = f"{kind.capitalize()}{last}   {values}"
     between = "   " if len(first) + len(toes) < LONGEST else "\n"
-    return words(f"{first}{between}{toes}")
+    return style.words(f"{first}{between}{toes}")
 
 
 def draw_history(data: BackAnalysisData, path: Path) -> Path:
@@ -149,15 +133,16 @@ def draw_history(data: BackAnalysisData, path: Path) -> Path:
     result = data.result
     fitted = data.fitted[:4]
     parameters = (data.strengths or result.answer.parameters)[:4]
-    figure, (loss, values, simulated) = chart([1.3] * 3, above=0.3, below=0.35, left=0.6, right=1.6,
-                                              foot=0.15)  # fmt: skip
+    figure, (loss, values, simulated) = style.chart(
+        [1.3] * 3, above=0.3, below=0.35, left=0.6, right=1.6, foot=0.15
+    )
     _draw_loss(loss, data)
     kept = [line for line in result.iterations if line.accepted]
     places = [number for number, line in enumerate(result.iterations) if line.accepted]
     for number, p in enumerate(parameters):
         _line(values, places, [line.values[p.name] for line in kept], number)
-    title(values, "Values")
-    labels(values, "", unit_of(parameters[0].unit))
+    style.title(values, "Values")
+    style.labels(values, "", unit_of(parameters[0].unit))
     values.set_ylim(bottom=0)
     names = [f"{p.label}: {with_unit(p.value, p.unit)}" for p in parameters]
     _end_labels(values, [p.value for p in parameters], names)
@@ -166,14 +151,14 @@ def draw_history(data: BackAnalysisData, path: Path) -> Path:
         simulated.axhline(m.measured, color=COLOURS[number], linewidth=0.8, zorder=1)
         ends = (m.measured - m.std, m.measured + m.std) if m.low is None else (m.low, m.high)
         simulated.axhspan(*ends, color=COLOURS[number], alpha=0.1, linewidth=0, zorder=0)
-    title(simulated, "Simulated; line and band: measured, with its range")
+    style.title(simulated, "Simulated; line and band: measured, with its range")
     names = [f"{m.name}: {fixed(m.predicted)}, measured {m.measured:g} {m.unit}" for m in fitted]
     _end_labels(simulated, [m.predicted for m in fitted], names)
-    labels(simulated, "evaluation (0: the first guess)", fitted[0].unit if fitted else "")
+    style.labels(simulated, "evaluation (0: the first guess)", fitted[0].unit if fitted else "")
     for ax in (loss, values, simulated):
         ax.set_xlim(-0.04 * len(result.iterations), 1.04 * len(result.iterations) - 1)
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    return save_figure(figure, path)
+    return style.save_figure(figure, path)
 
 
 def _draw_loss(ax: Axes, data: BackAnalysisData) -> None:
@@ -181,27 +166,27 @@ def _draw_loss(ax: Axes, data: BackAnalysisData) -> None:
     unit = "m²" if answer.loss_unit == "m2" else ""
     for number, line in enumerate(data.result.iterations):
         if line.loss is not None and line.loss > 0:
-            ax.plot([number], [line.loss], marker="o" if line.accepted else "x", color=OURS,
+            ax.plot([number], [line.loss], marker="o" if line.accepted else "x", color=style.OURS,
                     markersize=5.5, zorder=3)  # fmt: skip
     pairs = [(n, it.loss) for n, it in enumerate(data.result.iterations) if it.accepted and it.loss]
     if pairs:
-        ax.plot(*zip(*pairs, strict=True), color=OURS, linewidth=1.4, zorder=2)
+        ax.plot(*zip(*pairs, strict=True), color=style.OURS, linewidth=1.4, zorder=2)
     ax.set_yscale("log")
-    quiet(ax, grid="y")
-    ax.axhline(answer.tolerance, color=HELD_OUT, linewidth=1.1, linestyle="--", zorder=1)
-    ends = [(answer.tolerance, f"tolerance {answer.tolerance:g} {unit}", HELD_OUT)]
-    ends += [(loss, f"answer {number_of(loss, 2)} {unit}", OURS) for _, loss in pairs[-1:]]
+    style.quiet(ax, grid="y")
+    ax.axhline(answer.tolerance, color=style.HELD_OUT, linewidth=1.1, linestyle="--", zorder=1)
+    ends = [(answer.tolerance, f"tolerance {answer.tolerance:g} {unit}", style.HELD_OUT)]
+    ends += [(loss, f"answer {number_of(loss, 2)} {unit}", style.OURS) for _, loss in pairs[-1:]]
     low, high = np.log10(ax.get_ylim())
-    heights = apart([np.log10(y) for y, *_ in ends], 0.13 * (high - low), high)
+    heights = style.apart([np.log10(y) for y, *_ in ends], 0.13 * (high - low), high)
     for height, (_, text, colour) in zip(heights, ends, strict=True):
-        tell(ax, 1.0, 10.0**height, text, xycoords=("axes fraction", "data"), color=colour)
+        style.tell(ax, 1.0, 10.0**height, text, xycoords=("axes fraction", "data"), color=colour)
     words_ = "squared error of the runouts" if unit else "standardised misfit"
-    title(ax, f"Loss: {words_}; crosses were rejected")
-    labels(ax, "", f"loss ({unit})" if unit else "loss")
+    style.title(ax, f"Loss: {words_}; crosses were rejected")
+    style.labels(ax, "", f"loss ({unit})" if unit else "loss")
 
 
 def _line(ax: Axes, x: list[int], y: list[float], number: int) -> None:
-    quiet(ax, grid="y")
+    style.quiet(ax, grid="y")
     ax.plot(x, y, color=COLOURS[number], linestyle=LINES[number], marker="o", markersize=4,
             linewidth=1.5, zorder=3)  # fmt: skip
 
@@ -209,9 +194,9 @@ def _line(ax: Axes, x: list[int], y: list[float], number: int) -> None:
 def _end_labels(ax: Axes, ends: list[float], names: list[str]) -> None:
     """Name the lines at their right ends, moved apart where they would overlap."""
     low, high = ax.get_ylim()
-    heights = apart(ends, 0.3 * (high - low), high)
+    heights = style.apart(ends, 0.3 * (high - low), high)
     for number, (height, name) in enumerate(zip(heights, names, strict=True)):
-        tell(ax, 1.0, height, wrapped(name, 25, 4), xycoords=("axes fraction", "data"),
+        style.tell(ax, 1.0, height, style.wrapped(name, 25, 4), xycoords=("axes fraction", "data"),
              linespacing=1.1, color=COLOURS[number])  # fmt: skip
 
 

@@ -8,22 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from report import style
 from report.data.back_analysis import BackAnalysisData, Series
 from report.numbers import fixed
-from report.style import (
-    HALO,
-    LINE,
-    NOTE,
-    ROLES,
-    SMALL,
-    TEXT_COLOUR,
-    chart,
-    labels,
-    quiet,
-    rows,
-    save_figure,
-    words,
-)
 
 ROW, LEFT = 0.5, 1.35
 
@@ -33,27 +20,27 @@ def draw_measured(data: BackAnalysisData, path: Path) -> Path | None:
     shown = data.series
     if not shown:
         return None
-    figure, (ax,) = chart([ROW * len(shown)], left=LEFT)
-    quiet(ax, grid="x", left=False)
-    rows(ax, [f"{one.name} ({one.role})" for one in shown], width=20)
+    figure, (ax,) = style.chart([ROW * len(shown)], left=LEFT)
+    style.quiet(ax, grid="x", left=False)
+    style.rows(ax, [f"{one.name} ({one.role})" for one in shown], width=20)
     reach = max(3.0, *(abs(m.difference_in_std) for one in shown for m in one.lines)) * 1.12
     ax.set_xlim(-reach, reach)
-    ax.axvspan(-2, 2, color=LINE, alpha=0.55, linewidth=0, zorder=0)
-    ax.axvline(0, color=TEXT_COLOUR, linewidth=0.9, zorder=1)
+    ax.axvspan(-2, 2, color=style.LINE, alpha=0.55, linewidth=0, zorder=0)
+    ax.axvline(0, color=style.TEXT_COLOUR, linewidth=0.9, zorder=1)
     for number, (one, tick) in enumerate(zip(shown, ax.get_yticklabels(), strict=True)):
         for m in one.lines:
-            mark, colour = ROLES[m.role]
+            mark, colour = style.ROLES[m.role]
             edge = {} if mark == "x" else {"markeredgecolor": "white"}
             ax.plot([m.difference_in_std], [number + 0.12], marker=mark, color=colour, zorder=3,
                     markersize=8 if len(one.lines) == 1 else 5, linestyle="none",
                     **edge)  # fmt: skip
-        colour = ROLES[one.role][1] if one.role != "constructed" else NOTE
+        colour = style.ROLES[one.role][1] if one.role != "constructed" else style.NOTE
         tick.set_color(colour)
-        ax.text(0.01, number - 0.27, words(_summary(one)), fontsize=SMALL, color=colour,
-                va="center", transform=ax.get_yaxis_transform(), path_effects=HALO,
+        ax.text(0.01, number - 0.27, style.words(_summary(one)), fontsize=style.SMALL, color=colour,
+                va="center", transform=ax.get_yaxis_transform(), path_effects=style.HALO,
                 zorder=4)  # fmt: skip
-    labels(ax, "predicted minus measured, in std (shaded: within 2)")
-    return save_figure(figure, path)
+    style.labels(ax, "predicted minus measured, in std (shaded: within 2)")
+    return style.save_figure(figure, path)
 
 
 def _summary(one: Series) -> str:

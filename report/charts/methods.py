@@ -10,23 +10,10 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
+from report import style
 from report.data.back_analysis import BackAnalysisData
 from report.data.methods import Slide, Strength, slides
 from report.numbers import fixed, span
-from report.style import (
-    CLASSICAL,
-    NOTE,
-    OTHERS,
-    OURS,
-    chart,
-    labels,
-    quiet,
-    rows,
-    save_figure,
-    tell,
-    title,
-    words,
-)
 
 ROW, ABOVE, LEFT, RIGHT = 0.28, 0.36, 2.0, 0.95
 
@@ -37,11 +24,11 @@ def draw_methods(data: BackAnalysisData, path: Path) -> Path | None:
     if not panels:
         return None
     heights = [ROW * (len(panel.rows) + 0.4) for panel in panels]
-    figure, axes = chart(heights, above=ABOVE, left=LEFT, right=RIGHT)
+    figure, axes = style.chart(heights, above=ABOVE, left=LEFT, right=RIGHT)
     end = 1.06 * max(_largest(panel) for panel in panels)
     for ax, panel in zip(axes, panels, strict=True):
         _draw(ax, panel, end)
-    return save_figure(figure, path)
+    return style.save_figure(figure, path)
 
 
 def _largest(panel: Slide) -> float:
@@ -50,25 +37,25 @@ def _largest(panel: Slide) -> float:
 
 
 def _draw(ax: Axes, panel: Slide, end: float) -> None:
-    quiet(ax, grid="x", left=False)
-    rows(ax, [row.label for row in panel.rows], width=31)
+    style.quiet(ax, grid="x", left=False)
+    style.rows(ax, [row.label for row in panel.rows], width=31)
     ax.set_xlim(0.0, end)
     ours = next(row for row in panel.rows if row.kind == "ours")
-    ax.axvspan(ours.low, ours.high, color=OURS, alpha=0.08, linewidth=0, zorder=0)
+    ax.axvspan(ours.low, ours.high, color=style.OURS, alpha=0.08, linewidth=0, zorder=0)
     for number, row in enumerate(panel.rows):
         _draw_row(ax, number, row)
     for tick, row in zip(ax.get_yticklabels(), panel.rows, strict=True):
         tick.set_color(_colour(row.kind))
         tick.set_fontweight("bold" if row.kind == "ours" else "normal")
         tick.set_fontstyle("italic" if row.kind == "variant" else "normal")
-    labels(ax, "$S_r$ (kPa)")
-    title(ax, words(panel.title))
+    style.labels(ax, "$S_r$ (kPa)")
+    style.title(ax, style.words(panel.title))
 
 
 def _draw_row(ax: Axes, number: int, row: Strength) -> None:
     colour = _colour(row.kind)
     if row.value is None:
-        tell(ax, 0.0, number, "finds none", color=NOTE)
+        style.tell(ax, 0.0, number, "finds none", color=style.NOTE)
         return
     if row.wide is not None:
         ax.plot(row.wide, [number] * 2, color=colour, linewidth=1.2, zorder=2)
@@ -80,7 +67,7 @@ def _draw_row(ax: Axes, number: int, row: Strength) -> None:
             markersize=7 if row.kind == "ours" else 5.5, color=colour, zorder=4,
             markerfacecolor="white" if hollow else colour)  # fmt: skip
     right = max(end for end in (row.value, row.high, *(row.wide or ())) if end is not None)
-    tell(ax, right, number, _label(row), color=colour,
+    style.tell(ax, right, number, _label(row), color=colour,
          fontweight="bold" if row.kind == "ours" else "normal")  # fmt: skip
 
 
@@ -94,4 +81,9 @@ def _label(row: Strength) -> str:
 
 
 def _colour(kind: str) -> str:
-    return {"ours": OURS, "engine": OURS, "variant": OURS, "classical": CLASSICAL}.get(kind, OTHERS)
+    return {
+        "ours": style.OURS,
+        "engine": style.OURS,
+        "variant": style.OURS,
+        "classical": style.CLASSICAL,
+    }.get(kind, style.OTHERS)

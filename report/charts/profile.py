@@ -15,26 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from diagnosis.verdict.verdict import MeasurementVerdict
+from report import style
 from report.data.diagnosis import DiagnosisData, Series
 from report.sentences.diagnosis import explanation
-from report.style import (
-    AFTER,
-    BEFORE,
-    DASHED,
-    GROUND_COLOUR,
-    GROUND_LINE,
-    PALE_AFTER,
-    PALE_BEFORE,
-    ROLES,
-    TEXT_COLOUR,
-    chart,
-    labels,
-    legend,
-    quiet,
-    save_figure,
-    title,
-    wrapped,
-)
 
 ABOVE, LEFT, HEIGHT, FOOT = 0.3, 0.6, 1.75, 0.45
 LONGEST = 50
@@ -48,20 +31,20 @@ def draw_profile(data: DiagnosisData, path: Path, *, axis: str = "x_m") -> Path 
     shown = [(s, after) for s, after in shown if any(_predicted(m, after) for m in s.lines)]
     if not shown:
         return None
-    figure, panels = chart([HEIGHT] * len(shown), above=ABOVE, left=LEFT, foot=FOOT)
+    figure, panels = style.chart([HEIGHT] * len(shown), above=ABOVE, left=LEFT, foot=FOOT)
     for ax, (series, after) in zip(panels, shown, strict=True):
         _draw(ax, data, series, after)
     for first, second in zip(panels, panels[1:], strict=False):
         if len(_models(data)) > 1 and panels.index(first) % 2 == 0:
             _same_limits(first, second)
-    legend(figure, _handles(data, chosen), columns=3)
-    return save_figure(figure, path)
+    style.legend(figure, _handles(data, chosen), columns=3)
+    return style.save_figure(figure, path)
 
 
 def mark_of(line: MeasurementVerdict) -> tuple[str, str]:
     """Mark and colour of a measured number; black where the model next to it has a colour."""
-    mark, colour = ROLES[line.role]
-    return mark, TEXT_COLOUR if line.role in ("fitted", "compared") else colour
+    mark, colour = style.ROLES[line.role]
+    return mark, style.TEXT_COLOUR if line.role in ("fitted", "compared") else colour
 
 
 def _models(data: DiagnosisData) -> list[bool]:
@@ -83,14 +66,14 @@ def heading(data: DiagnosisData, series: Series, after: bool) -> str:
 
 
 def _draw(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
-    quiet(ax)
+    style.quiet(ax)
     if series.axis == "x_m" and series.unit == "m" and data.sections is not None:
         _draw_section(ax, data, series, after)
     lines = [m for m in series.lines if _predicted(m, after)]
     place = np.array([m.place for m in lines])
     model = np.array([m.predicted_final if after else m.predicted_base for m in lines])
     wide = 2.0 * np.array([m.std_total for m in lines])
-    colour, pale = (AFTER, PALE_AFTER) if after else (BEFORE, PALE_BEFORE)
+    colour, pale = (style.AFTER, style.PALE_AFTER) if after else (style.BEFORE, style.PALE_BEFORE)
     ax.fill_between(place, model - wide, model + wide, color=pale, alpha=0.85, linewidth=0,
                     zorder=4)  # fmt: skip
     ax.plot(place, model, color=colour, linewidth=2.0, zorder=5)
@@ -99,9 +82,13 @@ def _draw(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
         edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
         ax.plot([line.place], [line.measured], marker=mark, color=ink, markersize=5.5, zorder=6,
                 **(edge if mark != "x" else {}))  # fmt: skip
-    title(ax, wrapped(heading(data, series, after), 52, 1), colour=colour if after else "#50575e")
+    style.title(
+        ax,
+        style.wrapped(heading(data, series, after), 52, 1),
+        colour=colour if after else "#50575e",
+    )
     quantity = "elevation" if series.axis == "x_m" and series.unit == "m" else "value"
-    labels(ax, series.axis_label, f"{quantity} ({series.unit})")
+    style.labels(ax, series.axis_label, f"{quantity} ({series.unit})")
 
 
 def _draw_section(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
@@ -120,12 +107,14 @@ def _draw_section(ax: Axes, data: DiagnosisData, series: Series, after: bool) ->
     low = float(section.ground[there].min())
     room = 0.06 * (top - low)
     ax.set(xlim=(min(shown) - margin, max(shown) + margin), ylim=(low - 2 * room, top + 2 * room))
-    ax.fill_between(section.x, low - 3 * room, section.ground, color=GROUND_COLOUR, linewidth=0,
-                    zorder=3)  # fmt: skip
-    ax.plot(section.x, section.ground, color=GROUND_LINE, linewidth=0.8, zorder=3)
-    ax.plot(section.x, section.initial, color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED,
-            zorder=3)  # fmt: skip
-    ax.plot(section.x, surface, color=AFTER if after else BEFORE, linewidth=0.9, zorder=4)
+    ax.fill_between(section.x, low - 3 * room, section.ground, color=style.GROUND_COLOUR,
+                    linewidth=0, zorder=3)  # fmt: skip
+    ax.plot(section.x, section.ground, color=style.GROUND_LINE, linewidth=0.8, zorder=3)
+    ax.plot(section.x, section.initial, color=style.TEXT_COLOUR, linewidth=1.0,
+            linestyle=style.DASHED, zorder=3)  # fmt: skip
+    ax.plot(
+        section.x, surface, color=style.AFTER if after else style.BEFORE, linewidth=0.9, zorder=4
+    )
     for line, place in toes:
         height = float(np.interp(place, section.x, section.ground))
         ax.plot([place], [height], marker="^", markersize=9, color=mark_of(line)[1],
@@ -143,18 +132,18 @@ def _same_limits(first: Axes, second: Axes) -> None:
 def _handles(data: DiagnosisData, chosen: list[Series]) -> list[Line2D | Patch]:
     first = {line.role: line for series in chosen for line in series.lines}
     made: list[Line2D | Patch] = []
-    for role in (role for role in ROLES if role in first):
+    for role in (role for role in style.ROLES if role in first):
         mark, colour = mark_of(first[role])
         made.append(Line2D([], [], marker=mark, color=colour, linestyle="none", markersize=5.5,
                            label="measured" if role == "fitted" else role))  # fmt: skip
-    pale = [(PALE_BEFORE, BEFORE)] if data.final is None else [
-        (PALE_BEFORE, BEFORE), (PALE_AFTER, AFTER)]  # fmt: skip
+    pale = [(style.PALE_BEFORE, style.BEFORE)] if data.final is None else [
+        (style.PALE_BEFORE, style.BEFORE), (style.PALE_AFTER, style.AFTER)]  # fmt: skip
     for (band, line), label in zip(pale, ("model ± 2 std", "after ± 2 std"), strict=False):
         made.append(Patch(facecolor=band, edgecolor=line, label=label))
     if data.sections is not None and chosen[0].axis == "x_m":
-        made.append(Line2D([], [], color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED,
+        made.append(Line2D([], [], color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED,
                            label="before the slide"))  # fmt: skip
         if data.sections.toes:
-            made.append(Line2D([], [], marker="^", color=TEXT_COLOUR, linestyle="none",
+            made.append(Line2D([], [], marker="^", color=style.TEXT_COLOUR, linestyle="none",
                                markersize=8, label="toe"))  # fmt: skip
     return made

@@ -11,25 +11,10 @@ from pathlib import Path
 from matplotlib.axes import Axes
 
 from diagnosis.verdict.verdict import FittedModelSummary, ParameterWords
+from report import style
 from report.data.diagnosis import DiagnosisData
 from report.numbers import plus_minus, signed_percent, unit_of
 from report.sentences.diagnosis import spoken
-from report.style import (
-    AFTER,
-    BEFORE,
-    LINE,
-    PALE_AFTER,
-    SURVEY,
-    TEXT_COLOUR,
-    chart,
-    labels,
-    quiet,
-    rows,
-    save_figure,
-    tell,
-    title,
-    wrapped,
-)
 
 ABOVE, LEFT = 0.32, 0.95
 ROW = 0.42
@@ -40,31 +25,33 @@ MOST, LEAST_PERCENT = 12, 0.5
 def draw_strength(data: DiagnosisData, path: Path) -> Path:
     """Save each parameter before and after with two standard deviations."""
     shown, stages = data.parameters, data.stages
-    figure, panels = chart([ROW * len(stages)] * len(shown), above=ABOVE, left=LEFT)
+    figure, panels = style.chart([ROW * len(stages)] * len(shown), above=ABOVE, left=LEFT)
     for ax, parameter in zip(panels, shown, strict=True):
-        quiet(ax, grid="x", left=False)
-        rows(ax, [label for label, _ in stages], width=20)
+        style.quiet(ax, grid="x", left=False)
+        style.rows(ax, [label for label, _ in stages], width=20)
         _draw_parameter(ax, parameter, stages)
-    return save_figure(figure, path)
+    return style.save_figure(figure, path)
 
 
 def _draw_parameter(
     ax: Axes, parameter: ParameterWords, stages: list[tuple[str, FittedModelSummary]]
 ) -> None:
     ends = []
-    for place, ((_, stage), colour) in enumerate(zip(stages, (BEFORE, AFTER), strict=False)):
+    for place, ((_, stage), colour) in enumerate(
+        zip(stages, (style.BEFORE, style.AFTER), strict=False)
+    ):
         value, std = stage.values[parameter.name], stage.std.get(parameter.name, 0.0)
         ax.plot([value - 2 * std, value + 2 * std], [place] * 2, color=colour, linewidth=7,
                 alpha=0.45, solid_capstyle="butt", zorder=3)  # fmt: skip
         ax.plot([value], [place], marker="o", color=colour, markersize=9, markeredgecolor="white",
                 zorder=4)  # fmt: skip
-        tell(ax, value, place, plus_minus(value, std, parameter.unit), away=(0, 7))
+        style.tell(ax, value, place, plus_minus(value, std, parameter.unit), away=(0, 7))
         ends += [value - 2 * std, value + 2 * std]
     room = 0.35 * (max(ends) - min(ends) or abs(ends[0]) or 1.0)
     ax.set_xlim(min(ends) - room, max(ends) + room)
     ax.set_ylim(len(stages) - 0.6, -0.75)
-    title(ax, wrapped(parameter.words, 44, 1))
-    labels(ax, f"{unit_of(parameter.unit)} (bar: ± 2 std)".strip())
+    style.title(ax, style.wrapped(parameter.words, 44, 1))
+    style.labels(ax, f"{unit_of(parameter.unit)} (bar: ± 2 std)".strip())
 
 
 def hidden_bars(data: DiagnosisData, name: str) -> list[tuple[str, float]]:
@@ -90,19 +77,27 @@ def draw_hidden(data: DiagnosisData, path: Path) -> Path | None:
     if not shown:
         return None
     survey = {c.name for c in data.candidates if c.kind == "survey"}
-    figure, panels = chart([BAR_ROW * len(bars) for _, bars in shown], above=ABOVE, left=BAR_LEFT)
+    figure, panels = style.chart(
+        [BAR_ROW * len(bars) for _, bars in shown], above=ABOVE, left=BAR_LEFT
+    )
     for ax, (parameter, bars) in zip(panels, shown, strict=True):
-        quiet(ax, grid="x", left=False)
-        rows(ax, [spoken(name) for name, _ in bars], width=20)
+        style.quiet(ax, grid="x", left=False)
+        style.rows(ax, [spoken(name) for name, _ in bars], width=20)
         sure = _sure(data, parameter.name)
-        ax.axvspan(-sure, sure, color=LINE, alpha=0.7, linewidth=0, zorder=0)
-        ax.axvline(0, color=TEXT_COLOUR, linewidth=0.9, zorder=4)
+        ax.axvspan(-sure, sure, color=style.LINE, alpha=0.7, linewidth=0, zorder=0)
+        ax.axvline(0, color=style.TEXT_COLOUR, linewidth=0.9, zorder=4)
         for place, (name, change) in enumerate(bars):
-            colour = SURVEY if name in survey else PALE_AFTER if abs(change) < sure else AFTER
+            colour = (
+                style.SURVEY
+                if name in survey
+                else style.PALE_AFTER
+                if abs(change) < sure
+                else style.AFTER
+            )
             ax.barh(place, change, height=0.6, linewidth=0, zorder=3, color=colour)
-            tell(ax, change, place, signed_percent(change), away=(4 if change > 0 else -4, 0))
+            style.tell(ax, change, place, signed_percent(change), away=(4 if change > 0 else -4, 0))
         reach = max(sure, *(abs(change) for _, change in bars))
         ax.set_xlim(-1.45 * reach, 1.45 * reach)
-        title(ax, wrapped(parameter.words, 36, 1))
-        labels(ax, "undetected shift, % (shaded: ± 2 std)")
-    return save_figure(figure, path)
+        style.title(ax, style.wrapped(parameter.words, 36, 1))
+        style.labels(ax, "undetected shift, % (shaded: ± 2 std)")
+    return style.save_figure(figure, path)

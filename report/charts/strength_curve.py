@@ -11,27 +11,9 @@ from pathlib import Path
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from diagnosis.verdict.verdict import UnknownCurve
+from report import style
 from report.numbers import number, signed
 from report.sentences.diagnosis import spoken
-from report.style import (
-    AFTER,
-    BEFORE,
-    DASHED,
-    HALO,
-    PALE_AFTER,
-    SMALL,
-    TEXT_COLOUR,
-    WIDTH,
-    labels,
-    new_figure,
-    panel,
-    quiet,
-    rows,
-    save_figure,
-    tell,
-    title,
-    words,
-)
 
 HEIGHT, ROW, LEFT = 2.3, 0.32, 0.65
 LOGARITHM = "log10 of "
@@ -52,32 +34,34 @@ def draw_curve(curve: UnknownCurve, path: Path) -> Path:
     others = sorted(curve.chi2.items(), key=lambda item: (-gain.get(item[0], 0.0), item[1]))
     bars = ROW * len(others) if len(others) > 1 else 0.0
     total = 0.32 + HEIGHT + 0.55 + (0.35 + bars + 0.5 if bars else 0.0)
-    figure = new_figure(total)
-    ax = panel(figure, LEFT, total - 0.32 - HEIGHT, WIDTH - LEFT - 0.15, HEIGHT)
-    quiet(ax)
+    figure = style.new_figure(total)
+    ax = style.panel(figure, LEFT, total - 0.32 - HEIGHT, style.WIDTH - LEFT - 0.15, HEIGHT)
+    style.quiet(ax)
     knots, unit = plain_knots(curve)
-    ax.fill_between(knots, curve.low, curve.high, color=PALE_AFTER, linewidth=0, zorder=2)
-    ax.plot(knots, curve.multiplier, color=AFTER, linewidth=2.2, marker="o", markersize=6,
+    ax.fill_between(knots, curve.low, curve.high, color=style.PALE_AFTER, linewidth=0, zorder=2)
+    ax.plot(knots, curve.multiplier, color=style.AFTER, linewidth=2.2, marker="o", markersize=6,
             markeredgecolor="white", zorder=4)  # fmt: skip
-    ax.axhline(1.0, color=TEXT_COLOUR, linewidth=1.0, linestyle=DASHED, zorder=3)
+    ax.axhline(1.0, color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED, zorder=3)
     ax.text(0.99, 1.0, "as the base model ", transform=ax.get_yaxis_transform(), ha="right",
-            va="bottom", fontsize=SMALL, path_effects=HALO, zorder=5)  # fmt: skip
+            va="bottom", fontsize=style.SMALL, path_effects=style.HALO, zorder=5)  # fmt: skip
     if knots[0] > 0 and knots[-1] / knots[0] > WIDE:
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
         ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_ylim(bottom=0)
-    labels(ax, words(f"{curve.words} ({unit})" if unit else curve.words), "strength / base")
-    title(ax, "Strength that would explain it (band: 68 %)")
+    style.labels(
+        ax, style.words(f"{curve.words} ({unit})" if unit else curve.words), "strength / base"
+    )
+    style.title(ax, "Strength that would explain it (band: 68 %)")
     if bars:
-        ax = panel(figure, 1.75, 0.5, WIDTH - 2.1, bars)
-        quiet(ax, grid="x", left=False)
-        rows(ax, [spoken(name) for name, _ in others], width=24, lines=1)
+        ax = style.panel(figure, 1.75, 0.5, style.WIDTH - 2.1, bars)
+        style.quiet(ax, grid="x", left=False)
+        style.rows(ax, [spoken(name) for name, _ in others], width=24, lines=1)
         for place, (name, value) in enumerate(others):
             ax.barh(place, value, height=0.6, linewidth=0, zorder=3,
-                    color=AFTER if name == curve.variable else BEFORE)  # fmt: skip
+                    color=style.AFTER if name == curve.variable else style.BEFORE)  # fmt: skip
             evidence = f",  ln evidence {signed(gain[name])}" if name in gain else ""
-            tell(ax, value, place, number(value) + evidence, away=(4, 0))
+            style.tell(ax, value, place, number(value) + evidence, away=(4, 0))
         ax.set_xlim(0, 2.1 * max(value for _, value in others))
-        labels(ax, "chi² with a curve over this variable")
-    return save_figure(figure, path)
+        style.labels(ax, "chi² with a curve over this variable")
+    return style.save_figure(figure, path)

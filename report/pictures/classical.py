@@ -17,22 +17,8 @@ from inversion.classical.document import labels as notes
 from inversion.classical.document import published
 from inversion.classical.morph import Stage
 from inversion.classical.sections_of_case import CaseSections
+from report import style
 from report.pictures.scene import material_colour
-from report.style import (
-    GROUND_COLOUR,
-    GROUND_LINE,
-    LINE,
-    TEXT_COLOUR,
-    WATER_COLOUR,
-    WATER_LINE,
-    labels,
-    new_figure,
-    panel,
-    save_figure,
-    tell,
-    tidy,
-    title,
-)
 
 WIDTH = 11.0
 SLIP, CENTRE = "#8c0b3c", "#000000"
@@ -51,16 +37,16 @@ def save_picture(case: CaseSections, analysis: Analysis, path: Path) -> None:
     options = max(len(answer.options) for answer in analysis.answers)
     lower = max(2.4, 0.17 * options)
     total = 0.95 + 2 * (height + 0.62) + lower + 0.75
-    figure = new_figure(total, WIDTH)
+    figure = style.new_figure(total, WIDTH)
     left, y, axes = 0.75, total - 0.95, []
     for _ in range(2):
         y -= height
-        axes.append(panel(figure, left, y, inner, height))
+        axes.append(style.panel(figure, left, y, inner, height))
         y -= 0.62
     y -= lower
     half, names = 0.34 * inner, 2.6
-    motion = panel(figure, left, y, half, lower - 0.1)
-    values = panel(figure, left + half + names, y, inner - half - names, lower - 0.1)
+    motion = style.panel(figure, left, y, half, lower - 0.1)
+    values = style.panel(figure, left + half + names, y, inner - half - names, lower - 0.1)
     _draw_sections(axes[0], case, analysis, limits)
     _draw_zif(axes[1], case, analysis, limits)
     _draw_motion(motion, analysis)
@@ -68,8 +54,8 @@ def save_picture(case: CaseSections, analysis: Analysis, path: Path) -> None:
     heading = f"{case.title}, {analysis.judgement.name} slide"
     x, words = left / WIDTH, textwrap.fill("; ".join(notes(analysis)), 135)
     figure.text(x, 1 - 0.22 / total, heading, fontsize=13, weight="bold", va="center")
-    figure.text(x, 1 - 0.38 / total, words, fontsize=8.5, va="top", color=TEXT_COLOUR)
-    save_figure(figure, path)
+    figure.text(x, 1 - 0.38 / total, words, fontsize=8.5, va="top", color=style.TEXT_COLOUR)
+    style.save_figure(figure, path)
 
 
 def _limits(analysis: Analysis) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -88,17 +74,19 @@ def _background(ax: Axes, analysis: Analysis, stage: Stage | None, limits: tuple
     section = analysis.slide.before if stage is None else stage.section
     x = np.linspace(*limits[0], 800)
     ground = section.ground_level(x)
-    ax.fill_between(x, limits[1][0], ground, color=GROUND_COLOUR, lw=0, zorder=3)
-    ax.plot(x, ground, color=GROUND_LINE, lw=1.0, zorder=3)
+    ax.fill_between(x, limits[1][0], ground, color=style.GROUND_COLOUR, lw=0, zorder=3)
+    ax.plot(x, ground, color=style.GROUND_LINE, lw=1.0, zorder=3)
     if section.water is not None:
         level = section.water_level(x)
         pool = np.where(level > section.surface(x), level, ground)
-        ax.fill_between(x, ground, pool, color=WATER_COLOUR, lw=0, zorder=1)
+        ax.fill_between(x, ground, pool, color=style.WATER_COLOUR, lw=0, zorder=1)
         shown = np.where(level > ground + 1e-6, level, np.nan)
-        ax.plot(x, shown, color=WATER_LINE, lw=0.9, ls=(0, (6, 2)), zorder=4, label="water line")
+        ax.plot(
+            x, shown, color=style.WATER_LINE, lw=0.9, ls=(0, (6, 2)), zorder=4, label="water line"
+        )
     ax.set(xlim=limits[0], ylim=limits[1], aspect="equal")
-    labels(ax, "", "y (m)")
-    tidy(ax)
+    style.labels(ax, "", "y (m)")
+    style.tidy(ax)
 
 
 def _zones(ax: Axes, case: CaseSections, stage: Stage | None) -> None:
@@ -148,7 +136,7 @@ def _draw_sections(ax: Axes, case: CaseSections, analysis: Analysis, limits: tup
     ax.plot(
         *centres.T, "o", color="white", mec=CENTRE, ms=4, lw=0, zorder=7, label="centres of IMM"
     )
-    title(ax, "Section before the slide", fontweight="normal")
+    style.title(ax, "Section before the slide", fontweight="normal")
     _legend(ax)
 
 
@@ -168,8 +156,8 @@ def _draw_zif(ax: Axes, case: CaseSections, analysis: Analysis, limits: tuple) -
         x = np.where(slices.liquefied == liquefied, slices.x, np.nan)
         ax.plot(x, slices.base, color=colour, lw=2.6, zorder=6, label=words)
     words = f"Section at f = {stage.share:g} of the displacement (ZIF), some of its slices"
-    title(ax, words, fontweight="normal")
-    labels(ax, "x (m)", "y (m)")
+    style.title(ax, words, fontweight="normal")
+    style.labels(ax, "x (m)", "y (m)")
     _legend(ax)
 
 
@@ -203,8 +191,8 @@ def _draw_motion(ax: Axes, analysis: Analysis) -> None:
             ms=3,
             label=f"{SHORT[answer.method]}, S_r {answer.strength / 1e3:.1f} kPa",
         )
-    labels(ax, "time (s)", "velocity of the centre (m/s)")
-    tidy(ax)
+    style.labels(ax, "time (s)", "velocity of the centre (m/s)")
+    style.tidy(ax)
     top = ax.get_ylim()[1]
     ax.set(xlim=(0, None), ylim=(0, 1.3 * top))
     if any(answer.motion is not None for answer in analysis.answers):
@@ -227,7 +215,9 @@ def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
                 ax.plot(each.strength / 1e3, number, "o", mec=colour, mfc=face, ms=4, zorder=3)
         ax.plot(answer.strength / 1e3, number, "D", color=colour, mec="white", ms=9, zorder=4)
         words = f"{answer.strength / 1e3:.1f} ({span[0] / 1e3:.1f} to {span[1] / 1e3:.1f}) kPa"
-        tell(ax, answer.strength / 1e3, number, words, away=(0, 8), color=colour, weight="bold")
+        style.tell(
+            ax, answer.strength / 1e3, number, words, away=(0, 8), color=colour, weight="bold"
+        )
     for key, entry in published(case.measurements, analysis).items():
         number = len(rows)
         rows.append((f"{key.replace('_', ' ')} ({entry.get('confidence', '')})", "#555555"))
@@ -239,8 +229,8 @@ def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
         tick.set_color(colour)
     ax.tick_params(axis="y", length=0)
     ax.set(ylim=(len(rows) - 0.3, -0.8), xlim=(0, None))
-    labels(ax, "S_r (kPa): value, other judgements; open: not in the range")
-    tidy(ax)
-    ax.grid(axis="x", color=LINE, lw=0.6)
+    style.labels(ax, "S_r (kPa): value, other judgements; open: not in the range")
+    style.tidy(ax)
+    ax.grid(axis="x", color=style.LINE, lw=0.6)
     ax.set_axisbelow(True)
     ax.spines["left"].set_visible(False)

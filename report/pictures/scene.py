@@ -24,22 +24,7 @@ from geometry.random_scenes.sketch import signed_area
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Material, Scene
 from pipeline.cli import InputError
-from report.style import (
-    GROUND_COLOUR,
-    GROUND_LINE,
-    HALO,
-    SMALL,
-    TEXT_COLOUR,
-    WATER_COLOUR,
-    WATER_LINE,
-    labels,
-    legend,
-    new_figure,
-    panel,
-    save_figure,
-    tidy,
-    title,
-)
+from report import style
 
 LABEL_SIZE = 7.5
 LIQUEFIED, CLAY = "#d55e00", "#ddaa77"
@@ -91,7 +76,7 @@ def draw_section(ax: Axes, scene: Scene, *, names: bool = True, whole_domain: bo
         _draw_velocity(ax, scene, zone.polygon, zone.initial_velocity)
     _draw_water_line(ax, scene, x_limits)
     _draw_ground(ax, scene, x_limits, y_limits)
-    tidy(ax)
+    style.tidy(ax)
 
 
 def save_scene_picture(scene: Scene, path: str | Path, *, points: bool = False) -> None:
@@ -101,16 +86,16 @@ def save_scene_picture(scene: Scene, path: str | Path, *, points: bool = False) 
     height = (width - 1.2) * (y_limits[1] - y_limits[0]) / (x_limits[1] - x_limits[0])
     table = 0.2 * (len(scene.materials) + 1) + 0.25
     total = height + table + 1.35
-    figure = new_figure(total, width)
+    figure = style.new_figure(total, width)
     ax = figure.add_axes((0.065, (table + 0.65) / total, 0.92, height / total))
     draw_section(ax, scene)
     if points:
         _draw_points(ax, scene)
-    labels(ax, "x (m)", "y (m)")
+    style.labels(ax, "x (m)", "y (m)")
     figure.text(0.065, 1.0 - 0.3 / total, _title(scene), fontsize=12, weight="bold", va="center")
     figure.text(0.065, 1.0 - 0.53 / total, _subtitle(scene), fontsize=9, va="center")
     _material_table(figure, scene, total)
-    save_figure(figure, path, dpi=150)
+    style.save_figure(figure, path, dpi=150)
 
 
 def save_gallery(scenes: Sequence[Scene], path: str | Path, *, columns: int = 5) -> None:
@@ -124,20 +109,20 @@ def save_gallery(scenes: Sequence[Scene], path: str | Path, *, columns: int = 5)
     cell_width = 13.0 / columns if columns > 2 else 5.5
     cell_height = (cell_width - 0.25) * tallest / widest + 0.34
     width, total = columns * cell_width + 0.2, rows * cell_height + 0.62
-    figure = new_figure(total, width)
+    figure = style.new_figure(total, width)
     for number, scene in enumerate(scenes):
         row, column = divmod(number, columns)
         bottom = total - (row + 1) * cell_height
         left = 0.15 + column * cell_width
-        ax = panel(figure, left, bottom, cell_width - 0.2, cell_height - 0.3)
+        ax = style.panel(figure, left, bottom, cell_width - 0.2, cell_height - 0.3)
         draw_section(ax, scene, names=False)
         bottom_y = ax.get_ylim()[0]
         ax.set_ylim(bottom_y, bottom_y + tallest)
         ax.set_anchor("SW")
-        title(ax, _title(scene), fontsize=7.5, pad=2.0, fontweight="normal")
+        style.title(ax, _title(scene), fontsize=7.5, pad=2.0, fontweight="normal")
         _scale_bar(ax, scene)
     _legend(figure)
-    save_figure(figure, path, dpi=150)
+    style.save_figure(figure, path, dpi=150)
 
 
 def _limits(scene: Scene, whole_domain: bool) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -155,7 +140,7 @@ def _draw_water(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> None:
         return
     x, level = _water_table(scene, x_limits)
     ground = scene.ground.height(x)
-    ax.fill_between(x, ground, np.maximum(level, ground), color=WATER_COLOUR, lw=0, zorder=1)
+    ax.fill_between(x, ground, np.maximum(level, ground), color=style.WATER_COLOUR, lw=0, zorder=1)
 
 
 def _draw_water_line(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> None:
@@ -163,7 +148,9 @@ def _draw_water_line(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> N
         return
     x, level = _water_table(scene, x_limits)
     shown = np.where(level >= scene.ground.height(x), level, np.nan)
-    ax.plot(x, shown, color=WATER_LINE, lw=1.1, ls=(0, (6, 2)), zorder=4, path_effects=HALO)
+    ax.plot(
+        x, shown, color=style.WATER_LINE, lw=1.1, ls=(0, (6, 2)), zorder=4, path_effects=style.HALO
+    )
 
 
 def _water_table(scene: Scene, x_limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -180,12 +167,15 @@ def _draw_ground(
     bends = [x for x, _ in scene.ground.points if x_limits[0] < x < x_limits[1]]
     x = np.array([x_limits[0], *bends, x_limits[1]])
     y = scene.ground.height(x)
-    ax.fill_between(x, y_limits[0], y, color=GROUND_COLOUR, lw=0, zorder=3)
-    ax.plot(x, y, color=GROUND_LINE, lw=1.0, zorder=3)
+    ax.fill_between(x, y_limits[0], y, color=style.GROUND_COLOUR, lw=0, zorder=3)
+    ax.plot(x, y, color=style.GROUND_LINE, lw=1.0, zorder=3)
     if scene.domain.walls == "closed":
         for wall in (scene.domain.x_min, scene.domain.x_max):
             ax.plot(
-                [wall, wall], [scene.ground.height(wall), y_limits[1]], color=GROUND_LINE, lw=1.4
+                [wall, wall],
+                [scene.ground.height(wall), y_limits[1]],
+                color=style.GROUND_LINE,
+                lw=1.4,
             )
 
 
@@ -236,8 +226,8 @@ def _label(ax: Axes, polygon: Sequence, lines: Sequence[str]) -> None:
         va="center",
         fontsize=LABEL_SIZE,
         linespacing=1.25,
-        color=TEXT_COLOUR,
-        path_effects=HALO,
+        color=style.TEXT_COLOUR,
+        path_effects=style.HALO,
         zorder=7,
         clip_on=True,
     )
@@ -274,7 +264,7 @@ def _material_table(figure: Figure, scene: Scene, total: float) -> None:
     step = 0.2 / total
     y = (0.2 * (len(scene.materials) + 1)) / total
     for x, head in zip(columns, heads, strict=True):
-        figure.text(x, y, head, fontsize=SMALL, color="#555555", va="center")
+        figure.text(x, y, head, fontsize=style.SMALL, color="#555555", va="center")
     for name, material in scene.materials.items():
         y -= step
         figure.add_artist(
@@ -298,7 +288,7 @@ def _material_table(figure: Figure, scene: Scene, total: float) -> None:
             f"{material.poisson_ratio:g}",
         )
         for x, value in zip(columns[1:], values, strict=True):
-            figure.text(x, y, value, fontsize=8, color=TEXT_COLOUR, va="center")
+            figure.text(x, y, value, fontsize=8, color=style.TEXT_COLOUR, va="center")
 
 
 def _scale_bar(ax: Axes, scene: Scene) -> None:
@@ -309,7 +299,7 @@ def _scale_bar(ax: Axes, scene: Scene) -> None:
     length *= max(m for m in (1.0, 2.0, 5.0) if m * length <= scene.domain.width / 4.0)
     (left, right), (_, top) = ax.get_xlim(), ax.get_ylim()
     y, end = top - 0.02 * (right - left), right - 0.03 * (right - left)
-    ax.plot([end - length, end], [y, y], color=TEXT_COLOUR, lw=1.2, zorder=8)
+    ax.plot([end - length, end], [y, y], color=style.TEXT_COLOUR, lw=1.2, zorder=8)
     label = f"{length:g} m"
     y -= 0.01 * (right - left)
     ax.text(end - 0.5 * length, y, label, fontsize=6.5, ha="center", va="top", zorder=8)
@@ -323,9 +313,14 @@ def _legend(figure: Figure) -> None:
         Patch(facecolor=FRICTIONAL[1], label="47°", **edge),
         Patch(facecolor=COHESIVE[0], label="c over 5 kPa, φ 20°", **edge),
         Patch(facecolor=COHESIVE[1], label="47°", **edge),
-        Patch(facecolor=GROUND_COLOUR, edgecolor=GROUND_LINE, linewidth=0.6, label="rigid base"),
-        Patch(facecolor=WATER_COLOUR, linewidth=0, label="pool"),
-        Line2D([], [], color=WATER_LINE, lw=1.1, ls=(0, (6, 2)), label="water table"),
+        Patch(
+            facecolor=style.GROUND_COLOUR,
+            edgecolor=style.GROUND_LINE,
+            linewidth=0.6,
+            label="rigid base",
+        ),
+        Patch(facecolor=style.WATER_COLOUR, linewidth=0, label="pool"),
+        Line2D([], [], color=style.WATER_LINE, lw=1.1, ls=(0, (6, 2)), label="water table"),
         Line2D([], [], color="black", lw=1.2, marker=">", markersize=4, label="initial velocity"),
     ]
-    legend(figure, handles, columns=len(handles), fontsize=7.5)
+    style.legend(figure, handles, columns=len(handles), fontsize=7.5)

@@ -88,3 +88,20 @@ def test_what_cannot_be_shown_is_named(tmp_path):
         Picture(tmp_path / "a.txt", description="").html()
     with pytest.raises(InputError, match=r"a\.png: cannot be read"):
         Picture(tmp_path / "a.png", description="").html()
+
+
+def test_a_table_is_the_same_on_a_terminal():
+    rows = [["00_base", "−1.5 ± 0.2", None, "as before"], ["weak", "12.25", None, ""]]
+    lines = Table(["model", "S_r (°)", "none", "note"], rows, "σ'_v0").text().splitlines()
+    assert lines == [
+        "sigma'_v0",
+        "model        S_r (deg)  note",
+        "00_base  -1.5 +- 0.2  as before".replace("  -1.5", "  -1.5"),
+        "weak           12.25",
+    ]
+    assert Table(["a"], []).text() == ""
+
+
+def test_a_number_keeps_its_unit_on_one_line():
+    text = Paragraph("27.5 ± 1.6 kPa on 3 m").html().replace("\N{NO-BREAK SPACE}", "_")
+    assert text == "<p>27.5_±_1.6_kPa on 3_m</p>"
