@@ -95,8 +95,8 @@ def test_a_table_is_the_same_on_a_terminal():
     lines = Table(["model", "S_r (°)", "none", "note"], rows, "σ'_v0").text().splitlines()
     assert lines == [
         "sigma'_v0",
-        "model        S_r (deg)  note",
-        "00_base  -1.5 +- 0.2  as before".replace("  -1.5", "  -1.5"),
+        "model      S_r (deg)  note",
+        "00_base  -1.5 +- 0.2  as before",
         "weak           12.25",
     ]
     assert Table(["a"], []).text() == ""
