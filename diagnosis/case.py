@@ -88,7 +88,7 @@ class DiagnosisCase(Case):
         return model
 
     def options(self, model: EngineModel) -> Options:
-        """What the statistics are told, of effects that can act here alone."""
+        """What the statistics know of the effects that can act here."""
         settings, question = self.config.diagnosis, self.question
         acting = {candidate.name for candidate in model.candidates}
         wanted = None

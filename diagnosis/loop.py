@@ -35,7 +35,7 @@ def find(
     Args:
         model: what is diagnosed.
         options: what may be done otherwise.
-        say: told of every stage in a line.
+        say: called for each stage in a line.
         count: measurements to suggest at most.
 
     Raises:
@@ -94,7 +94,7 @@ def diagnose(
         case: name of the case.
         title: the name in words.
         left_out: candidates that are not tested although the model does not list them, and why.
-        say: told of every stage in a line.
+        say: called for each stage in a line.
 
     Raises:
         WorkFailed: no run of the base model could be read.

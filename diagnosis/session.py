@@ -82,7 +82,7 @@ class Session:
 
     @cached_property
     def options(self) -> Options:
-        """What the statistics are told."""
+        """What the statistics know."""
         return self.case.options(self.model)
 
     @property
@@ -157,7 +157,7 @@ class Session:
         return replace(self, case=case, hypothesis=model)
 
     def timeless(self, document: Document) -> Document:
-        """A document without what hangs on the clock or on runs that were kept before."""
+        """A document without what depends on the clock or on runs that were kept before."""
         changes: dict[str, Any] = {"runs": document.runs.model_copy(update={"computed": None})}
         if isinstance(document, Verdict):
             changes |= {"seconds": None, "hashes": self.hashes, "manifest": self.manifest}
@@ -178,7 +178,7 @@ class Session:
         write_json(path, {**self._timing_before(path), command: own})
 
     def _timing_before(self, path: Path) -> dict[str, Any]:
-        """What earlier commands have told; what is no such file is told of and written anew."""
+        """Timings of earlier commands; a file that cannot be read is reported and rewritten."""
         if not path.is_file():
             return {}
         try:
@@ -249,7 +249,7 @@ def open_session(
         spacing_m: of material points; None: the case's own.
         threads: CPU threads; None: all.
         say: told a line of what is going on.
-        on_run: told of each run of a batch.
+        on_run: called for each run of a batch.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.

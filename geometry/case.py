@@ -112,7 +112,7 @@ class Case:
             spacing_m: wins over all of these, and is not multiplied.
 
         Raises:
-            InputError: the section cannot be had at that spacing; one line.
+            InputError: the section is not available at that spacing; one line.
         """
         asked = [question for question in questions if question is not None]
         own = next((q.spacing_m for q in asked if q.spacing_m is not None), self.drawn.spacing)

@@ -21,7 +21,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def fixed(value: float | None, places: int = 1) -> str | None:
-    """A number with so many decimal places; None stays None."""
+    """A number with this many decimal places; None stays None."""
     return None if value is None else _without_sign_of_zero(f"{value:.{places}f}")
 
 

@@ -28,7 +28,7 @@ from pipeline.cli import WorkFailed
 
 #: Levels of the strengths in the scan, as shares of their bounds.
 LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: A derivative is taken anew where the search has moved farther than this.
+#: A derivative is taken again where the search has moved farther than this.
 STALE = 0.35
 #: Times that the derivative is taken at most before C is known.
 TIMES_ANEW = 3

@@ -4,7 +4,7 @@
 
 costs about 35 forward runs: a scan and searches of the base model, replicates, the second transfer
 scheme and the finer cells. `explain`, `diagnose` and `suggest` go on from a comparison; in another
-process make it anew, from a model that keeps its runs it costs nothing.
+process make it again, from a model that keeps its runs it costs nothing.
 """
 
 from __future__ import annotations

@@ -161,7 +161,7 @@ class EngineModel:
 
     @cached_property
     def curves(self) -> list[Curve]:
-        """Strength of the liquefied soil as a function of what it might hang on."""
+        """Strength of the liquefied soil as a function of what it might depend on."""
         zones = liquefied_zones(self.setup.scene)
         if not zones or not self.engine.effects or not self.keeps_runs:
             return []

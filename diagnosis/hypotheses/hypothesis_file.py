@@ -90,10 +90,10 @@ class Hypothesis(Document):
 
 
 def merged(document: dict[str, Any], changes: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """A scene document with changes laid over it; zones are told by their name.
+    """A scene document with changes laid over it; zones are identified by name.
 
     Raises:
-        InputError: a zone that does not exist, a part that is no mapping.
+        InputError: a zone that does not exist, a part that is not a mapping.
     """
     result = dict(document)
     for key, change in changes.items():

@@ -125,7 +125,7 @@ class Proposal:
 
 @runtime_checkable
 class Model(Protocol):
-    """A model whose missing physics is sought.
+    """A model whose missing physics is searched for.
 
     Attributes:
         parameters: what is calibrated.

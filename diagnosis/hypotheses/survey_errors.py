@@ -25,7 +25,7 @@ DATUM_SHIFT, DATUM_TILT, BOUNDARY = "datum_shift", "datum_tilt", "boundary_"
 
 #: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
 RUNGS, BOUNDARY_RUNGS = (1.0, 2.0, 4.0), (0.5, 1.0, 2.0)
-#: A levelling line needs so many elevations: the error of fewer is what their own std is for.
+#: A levelling line needs this many elevations: the error of fewer is what their own std is for.
 LEAST_ELEVATIONS = 4
 
 

@@ -1,14 +1,14 @@
 """What a model errs more once it has an effect (steps 1 and 8).
 
 C holds the model's own error where the base model fits. An effect that has been adopted brings an
-error in proportion to its size: what it does hangs on the cells and the transfer scheme, too. At
+error in proportion to its size: what it does depends on the cells and the transfer scheme, too. At
 the fit with the effect the paired runs of step 1 are made once more, and by what their differences
 have changed, b_t and b, the covariance grows:
 
     C' = C + b_t b_t' + 0.7 b b' + 0.3 diag b^2
 
 A further effect has to be worth having in C'. In C it would be asked for by what the cells make of
-the first, as softening was beside a large pore pressure.
+the first, as softening was with a large pore pressure.
 """
 
 from __future__ import annotations

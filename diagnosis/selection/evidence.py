@@ -53,7 +53,7 @@ def ln_evidence(data: Data, fit: Fit, candidates: int) -> float:
 
 
 def ln_choices(candidates: int, effects: int) -> float:
-    """Ln of the number of models with so many effects out of so many candidates."""
+    """Ln of the number of models with this many effects out of this many candidates."""
     return math.log(math.comb(max(candidates, effects), effects))
 
 

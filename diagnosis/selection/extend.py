@@ -1,9 +1,9 @@
-"""Extend: a model with one effect more, calibrated anew, against the model before.
+"""Extend: a model with one effect more, calibrated again, against the model before.
 
     extension = extend(model, comparison, options, before=("weak_base",), add="shaking")
 
-An engineer names the effect; the loop is not asked. The same conditions are told, but the model is
-made whether it passes them or not.
+An engineer names the effect; the loop is not asked. The same conditions are reported, but the model
+is made whether it passes them or not.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ from inversion.estimation.response_surface import Spreads, Surface, Surrogate
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Unknowns
 
-#: Explanations with less probability are not worth telling apart, and no more than so many are.
+#: Explanations with less probability are not worth telling apart, and no more than this many are.
 LEAST_SHARE, MOST_RIVALS = 0.02, 4
 #: Spreads of a prediction of which nothing is known, in units of the noise of a run: of its mean,
 #: of its slopes, of their products, and of what these do not describe.

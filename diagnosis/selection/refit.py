@@ -1,4 +1,4 @@
-"""Step 7: models with effects, calibrated anew.
+"""Step 7: models with effects, calibrated again.
 
 The signatures have been run at finite amplitudes, so the response surface knows about where a model
 with an effect fits: its two deepest valleys are run, each with two jitters of the points, and a few
@@ -83,7 +83,7 @@ class FittedModel:
         held_out: misfit of the held-out numbers.
         surface: around the fit, for what comes after.
         surrogate: that its search has taught; None where there was none.
-        judged: by jitters that it was not sought with.
+        judged: by jitters that it was not fitted with.
         sloped: its derivative is its own, by central differences.
     """
 
@@ -200,7 +200,7 @@ def refit(
         seeds: runs whose mean the surface's anchor is.
         near: unknowns (q,) to start from; None: along the valley of the new effect.
         rival: sum of squares of the best of its rivals; a model that is far from it once the valley
-            has been walked is not sought any further.
+            has been walked is not refined further.
 
     Returns:
         the model at its fit; None where no run succeeded or none was allowed.
@@ -225,7 +225,7 @@ def refit(
 
 
 def judge(context: RefitContext, model: FittedModel) -> FittedModel:
-    """A refit judged by jitters of the points that it was not sought with.
+    """A refit judged by jitters of the points that it was not fitted with.
 
     A search ends where surrogate and noise agree with the data; fresh noise does not. Where it
     moves the fit, it is judged there once more.

@@ -183,7 +183,7 @@ def measurement_lines(
 
 
 def runs_part(runs: Runs) -> verdict.Runs:
-    """Forward runs so far. How many of them were simulated now hangs on what was kept before."""
+    """Forward runs so far. How many of them were simulated now depends on what was kept before."""
     return verdict.Runs(
         asked=runs.asked,
         computed=runs.computed,

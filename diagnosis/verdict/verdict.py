@@ -137,7 +137,7 @@ class WaterfallStep(StrictDocument):
 
 
 class Refit(StrictDocument):
-    """The model with this effect, calibrated anew."""
+    """The model with this effect, calibrated again."""
 
     effects: dict[str, float] = Field(description="all amplitudes, earlier effects included")
     amplitude: float = Field(description="of this effect")

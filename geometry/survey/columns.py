@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-#: A column thinner than this [m], or than one spacing, is no deposit any more.
+#: A column thinner than this [m], or than one spacing, does not count as deposit.
 THINNEST_COLUMN = 0.5
 #: Kernel length over the thinnest column; at 1 m spacing the standard deviation is then 1.4 m.
 #: Shorter follows single points, longer rounds the front off: figures in docs/method/geometry.md.

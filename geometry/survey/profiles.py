@@ -1,4 +1,4 @@
-"""Measured surfaces: polylines in a CSV file beside the measurements of a case.
+"""Measured surfaces: polylines in a CSV file next to the measurements of a case.
 
 In: a CSV with the columns `x_m`, `y_m` and, where parts of the line are of different worth, `part`.
 Out: a `Profile`. A file that is empty, unsorted or not a table of numbers is refused in one line.

@@ -55,7 +55,7 @@ class SlideDuration(Single):
         """Duration [s], 0 where nothing moved; derivative by the frames it depends on [s/m].
 
         It runs from the first moment at which the way is `between[0]` of the last one to the first
-        at which it is `between[1]`. Less than a thousandth of the spacing is no motion.
+        at which it is `between[1]`. Less than a thousandth of the spacing does not count as motion.
         """
         positions, time = frames_of(deposit, self.name)
         if not deposit.at_rest:

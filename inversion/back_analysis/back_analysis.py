@@ -385,7 +385,7 @@ class BackAnalysis:
 
     @cached_property
     def _refined(self) -> np.ndarray:
-        """The answer with the linear step that would be next; changes are told from it, (p,)."""
+        """The answer with the next linear step; changes are measured from it, (p,)."""
         own = self._problem(self.case.setup)
         own.prediction = self.found.look.prediction
         return own.refined
@@ -445,7 +445,7 @@ class BackAnalysis:
         return found
 
     def _problem(self, setup: Setup) -> Problem:
-        """A question a little beside the answer's."""
+        """A question close to the answer's."""
         return Problem(
             self.engine_of(setup), self.objective_of(setup), self.found.values, self.slope
         )

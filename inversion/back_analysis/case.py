@@ -42,7 +42,7 @@ class InversionCase(Case):
 
     @property
     def parameters(self) -> Parameters:
-        """What is sought."""
+        """What is to be found."""
         return self.setup.parameters
 
     def objective(self, setup: Setup | None = None) -> Objective:
@@ -71,7 +71,7 @@ class InversionCase(Case):
 
     @cached_property
     def sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
-        """The sensitivities with their setups, and lines about those that cannot be had.
+        """The sensitivities with their setups, and lines about those that are not available.
 
         At a coarser spacing than the case asks for, a change may leave a zone thinner than a
         spacing; that is no mistake in the question, so such a sensitivity is left out and told.

@@ -87,7 +87,7 @@ def side_by_side(result: Result, folder: Path) -> list[EngineAnswer]:
 
 
 def _rows(result: Result) -> list[EngineAnswer]:
-    """What an engine other than the reference tells of itself."""
+    """What an engine other than the reference reports about itself."""
     rows = [row for row in result.engines if not (row.engine == REFERENCE and row.std)]
     return rows or [own_answer(result)]
 

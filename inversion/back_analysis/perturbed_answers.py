@@ -100,7 +100,7 @@ class Problem:
     def refined(self) -> np.ndarray:
         """Present best with the linear step that would be next, (p,).
 
-        Below the tolerance no further run is worth it, yet a change of the answer is told from
+        Below the tolerance no further run is worth it, yet a change of the answer is measured from
         the difference of two such points, so what each still lacks is taken into account.
         """
         if not np.isfinite(self.loss):

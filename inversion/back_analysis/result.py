@@ -25,7 +25,7 @@ FILE_NAME = "result.json"
 
 
 class ParameterAnswer(StrictDocument):
-    """One sought number."""
+    """One unknown number."""
 
     name: str = Field(description="name in the question")
     label: str = Field(description="in words")

@@ -1,7 +1,7 @@
 """A back-analysis by the learned simulator, with the material point method as its judge.
 
 The stages of `inversion.back_analysis.back_analysis` with other engines: first the learned
-simulator alone finds an answer, as in the paper; then the material point method runs beside it at a
+simulator alone finds an answer, as in the paper; then the material point method also runs at a
 few states around that answer (`inversion.engines.model_error`); corrected by their mean difference,
 and with their covariance in that of the fit, it answers again. What the material point method says
 at the answer is kept.
@@ -48,7 +48,7 @@ class SurrogateAnalysis(BackAnalysis):
     Attributes:
         model: the simulator.
         rollouts: where its rollouts and their derivatives are kept.
-        on_frame: told of each frame of a rollout.
+        on_frame: called for each frame of a rollout.
         pairs: both engines around the fit; None: not asked yet.
         alone: the answer without any correction.
         judged: what the material point method predicts at the answer.
@@ -116,7 +116,7 @@ class SurrogateAnalysis(BackAnalysis):
         self.say(f"answer of the learned simulator alone: {self._told(self.found)}")
 
     def compare(self) -> None:
-        """Run the material point method beside it around the answer: its error from now on."""
+        """Run the material point method next to it around the answer: its error from now on."""
         parameters, values = self.case.parameters, self.found.values
         around = posterior(self.objective, self.found.look.derivative, values)
         states, width = states_around(
@@ -142,7 +142,7 @@ class SurrogateAnalysis(BackAnalysis):
         self.say(f"material point method minus learned simulator: {', '.join(told[:6])}")
 
     def search(self) -> None:
-        """The answer with the correction; where it lies far from the pairs, these are run anew."""
+        """The answer with the correction; where it lies far from the pairs, these are run again."""
         self._search_on()
         if not self.pairs.holds(self.case.parameters, self.found.values):
             self.say("the answer has left the states of the runs beside it: they run once more")

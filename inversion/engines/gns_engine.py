@@ -92,7 +92,7 @@ class GNSEngine:
         store: where rollouts and derivatives are kept.
         model: the simulator.
         mode: of the derivative: the cheaper, or one of them.
-        on_frame: told of each frame of a rollout: its number, and of how many at most.
+        on_frame: called for each frame of a rollout: its number, and of how many at most.
 
     Raises:
         InputError: the scene or the settings hold what no learned simulator has been shown.

@@ -1,4 +1,4 @@
-"""The error of a learned simulator, measured by runs of the material point method beside it.
+"""The error of a learned simulator, measured by runs of the material point method next to it.
 
 In: two engines of one question and a handful of states around its fit. Out: `Pairs`, what the two
 predict there. The mean of their differences corrects the learned one, and 1.2 times the covariance
@@ -77,7 +77,7 @@ def states_around(
     """An answer and states spread evenly around it, within the bounds; always the same ones.
 
     Args:
-        parameters: what is sought.
+        parameters: what is to be found.
         values: the answer (p,).
         std: its standard deviations in scaled parameters, (p,).
         count: of the states, the answer among them.

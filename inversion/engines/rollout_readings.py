@@ -1,7 +1,8 @@
 """What is measured on a rollout, with its derivatives with respect to the positions.
 
 In: all frames of a rollout. Out: the numbers of the measurements by their own definitions, and how
-they change with the positions in each frame they hang on, as `gns.rollout.differentiate` takes it.
+they change with the positions in each frame they depend on, as `gns.rollout.differentiate` takes
+it.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ class RolloutReading:
 def _by_frame(parts: Sequence[tuple[np.ndarray, np.ndarray]], frames: int) -> dict:
     """Derivatives (m, N, 2) by frame from those of each measurement, (m_e, K) and (m_e, K, N, 2).
 
-    A frame that only some of the numbers hang on has zeros for the others.
+    A frame that only some of the numbers depend on has zeros for the others.
     """
     count = sum(len(numbers) for numbers, _ in parts)
     found: dict[int, np.ndarray] = {}

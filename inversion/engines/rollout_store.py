@@ -81,7 +81,7 @@ class RolloutStore:
         return found if found is not None and all(name in found for name in names) else None
 
     def keep_rows(self, key: str, rows: Mapping[str, np.ndarray]) -> None:
-        """Keep derivatives that have just been worked out, beside those that are there."""
+        """Keep derivatives that have just been worked out, in addition to those that are there."""
         self.differentiated += 1
         self._rows[key] = {**self._rows.get(key, {}), **rows}
         if self.folder is not None:

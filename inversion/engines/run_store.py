@@ -56,7 +56,7 @@ class KeptRun:
         vertical_stress: effective, before failure, compression positive, (N,) float32 [Pa].
         volume: of the points after the slide, (N,) float64 [m2]; None: as it was.
         status: "finished" or "failed"; reason: why.
-        end_s: simulated motion [s]; at_rest: it stopped of itself.
+        end_s: simulated motion [s]; at_rest: it stopped by itself.
         wall_time_s: computing time when it was computed [s].
         readings: of measurements that need the whole history, by `Measured.reading_key`.
     """
@@ -118,7 +118,7 @@ class RunStore:
         folder: of the files; None: in memory alone.
         device: "cpu" or "cuda".
         threads: CPU threads; None: all.
-        on_run: told of each run of a batch.
+        on_run: called for each run of a batch.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class RunStore:
         for key, (_, settings) in missing.items():
             groups.setdefault(settings.model_dump_json(), []).append(key)
         done = 0
-        # Taichi tells of its start on the standard output, where results alone belong.
+        # Taichi reports its start on the standard output, where results alone belong.
         with redirect_stdout(sys.stderr):
             for members in groups.values():
                 for place, run in simulate_each(

@@ -124,7 +124,7 @@ def _promise(search: Search, look: Look) -> float:
 
 
 def further_starts(parameters: Parameters, number: int) -> Sequence[np.ndarray]:
-    """First guesses beside the question's own, (p,) each: weaker, stronger, other angles."""
+    """Further first guesses, (p,) each: weaker, stronger, other angles."""
     found = []
     for factor, share in OTHER_STARTS[:number]:
         inside = parameters.low + share * (parameters.high - parameters.low)

@@ -21,8 +21,8 @@ import numpy as np
 
 #: Share of the covariances that is kept where few runs have shown them.
 KEPT = 0.7
-#: Noise of simulated data and of the prediction beside it, in that of one run: theirs, and what the
-#: mean of several runs still has.
+#: Noise of simulated data and of the prediction next to it, in that of one run: theirs, and what
+#: the mean of several runs still has.
 SYNTHETIC = 1.25
 
 

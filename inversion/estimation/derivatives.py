@@ -38,7 +38,7 @@ class FiniteSteps:
     """Chooses steps; learns from every derivative.
 
     Attributes:
-        parameters: what is sought.
+        parameters: what is to be found.
         noise: standard deviation of the fitted numbers over seeds, (k,); zeros: no noise known.
         factor: least effect of a step, in units of the noise.
         whitener: (k, k), makes the errors of the fitted numbers independent, of variance 1; None:

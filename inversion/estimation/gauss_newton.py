@@ -49,7 +49,7 @@ def gauss_newton(search: Search, first: Look) -> Found:
     """Search from a look with its derivative.
 
     Args:
-        search: the problem; told of every look.
+        search: the problem; it is notified of each look.
         first: where it begins; its run must not have failed.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Where nothing moves at the start, lower all strengths that are sought until something does.
+"""Where nothing moves at the start, lower all strengths to be found until something does.
 
 On a slope that stands, the runout does not depend on the strength and its derivative says nothing.
 So, before the first iteration, the strengths are multiplied by one factor after the other of a
@@ -47,12 +47,12 @@ def scan(search: Search, first: Look, least_m: float) -> Look:
     the loss no smaller.
 
     Args:
-        search: told of every run, as iteration 0.
+        search: notified of each run, as iteration 0.
         first: where nothing moves, or the derivative says nothing.
         least_m: how much must move [m].
 
     Raises:
-        WorkFailed: no strength is sought, or nothing moves at the lowest bounds either.
+        WorkFailed: no strength is searched for, or nothing moves at the lowest bounds either.
     """
     parameters = search.objective.parameters
     strengths = parameters.strengths
@@ -97,7 +97,7 @@ def look_around(search: Search, start: np.ndarray, best: Look) -> Look | None:
     share the runs.
 
     Args:
-        search: told of every run, as belonging to the iteration it has reached.
+        search: notified of each run, as belonging to the iteration it has reached.
         start: first guess of the question (p,).
         best: where the search ended.
     """

@@ -19,7 +19,7 @@ from pipeline.cli import InputError
 LEAST_SERIES, SHARE = 8, 0.2
 #: Where the block begins, as a share of the series: past the middle, so that both ends are fitted.
 BEGIN = 0.6
-#: A whole measurement is held out where at least so many of its kind were made.
+#: A whole measurement is held out where at least this many of its kind were made.
 LEAST_ALIKE = 4
 
 

@@ -33,7 +33,7 @@ class Objective:
     """The function that is made small; f are the k fitted numbers, p the parameters.
 
     Attributes:
-        parameters: what is sought.
+        parameters: what is to be found.
         targets: what was measured.
         loss: runout or misfit.
         tolerance: loss below which a prediction is good enough.

@@ -1,6 +1,6 @@
 """What every search shares: the problem, the looks at the engine, the way a search ended.
 
-A *look* is one forward run with its derivative (or one run of the scan). Every look is told to
+A *look* is one forward run with its derivative (or one run of the scan). Every look is reported to
 `on_look`, so that progress can be shown, and kept for the history.
 """
 
@@ -62,7 +62,7 @@ class Search:
         max_iterations: looks with a derivative after the first, for each place the search
             starts from.
         max_runs: simulations after which no further look is taken.
-        on_look: told of each look.
+        on_look: called for each look.
     """
 
     engine: Forward

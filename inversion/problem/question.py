@@ -1,4 +1,4 @@
-"""The question of a back-analysis: what is sought, what it must fit, what else might be so.
+"""The question of a back-analysis: what is to be found, what it must fit, what else might be so.
 
 In: `inversion.yaml` of a case folder. Out: a checked `Question`. Keys carry the units people use.
 Every form of the document is described in docs/method/inversion.md.
@@ -60,7 +60,7 @@ class Prior(Document):
 
 
 class ParameterSpec(Document):
-    """One number that is sought: a property shared by some zones, or the level of the pool."""
+    """One number to be found: a property shared by some zones, or the level of the pool."""
 
     name: str = Field(min_length=1, description="unique in the question")
     label: str = Field("", description="in words, for tables and the report; empty: made of zones")
@@ -119,7 +119,7 @@ class ParameterSpec(Document):
 
 
 class Variant(Document):
-    """Another reading of the same question, solved and reported beside the answer."""
+    """Another reading of the same question, solved and reported in addition to the answer."""
 
     name: str = Field(min_length=1, description="in words; unique among the variants")
     water: Water | None = Field(None, description="none, buoyant or pore_pressure; null: as it is")
@@ -187,7 +187,7 @@ class TransferScheme(Document):
 
 
 class FixedProperty(Document):
-    """A property that is not sought has another value."""
+    """A property that is not a parameter has another value."""
 
     name: str = Field(min_length=1, description="in words; unique among the sensitivities")
     kind: Literal["property"]
@@ -336,7 +336,7 @@ def _place(zone: str) -> str:
 
 
 def check_zones(question: Question, scene: Scene, source: str) -> None:
-    """Every zone that is named must be one of the scene; a level that is sought must be there.
+    """Every zone that is named must be one of the scene; an unknown level must be there.
 
     Raises:
         InputError: naming the first that is not.

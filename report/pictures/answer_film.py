@@ -12,11 +12,11 @@ from report.data.back_analysis import BackAnalysisData
 
 NAME = "runout"
 LARGEST_BYTES = 3_000_000
-"""A film up to this size is put into the page; a larger one lies beside it."""
+"""A film up to this size is put into the page; a larger one lies next to it."""
 
 
 def save_film(data: BackAnalysisData) -> Path | None:
-    """Save the film of the answer beside the page; None where there is no trajectory or case."""
+    """Save the film of the answer next to the page; None where there is no trajectory or case."""
     if data.run is None or data.case is None:
         return None
     from report.pictures.case_history import save_case_film
