@@ -15,6 +15,8 @@ import numpy as np
 
 from mpm_taichi.effects.framework.base import Effect
 from mpm_taichi.effects.framework.registry import effects_on, kernel_effects
+from mpm_taichi.materials.law import MaterialLaw
+from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB
 from mpm_taichi.solver import layout
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.solver.initial_state import PreparedScene, prepare
@@ -50,6 +52,7 @@ def simulate(
     threads: int | None = None,
     on_frame: OnFrame | None = None,
     on_finished: OnFinished | None = None,
+    law: MaterialLaw = MOHR_COULOMB,
 ) -> list[Run]:
     """Simulate scenes and return their runs in the order of the scenes.
 
@@ -60,13 +63,15 @@ def simulate(
         threads: CPU threads; None: all this process may use.
         on_frame: called with (place in `scenes`, time [s], kinetic energy [J/m]) per chunk.
         on_finished: called with (place in `scenes`, run) as soon as a run is done.
+        law: the material law of all soils.
 
     Raises:
-        InputError: an effect that does not exist, a moving kinematic zone, an unknown device.
+        InputError: an effect that does not exist or that the law does not know, a moving kinematic
+            zone, an unknown device.
     """
     runs: list[Run | None] = [None] * len(scenes)
     for place, run in simulate_each(
-        scenes, settings, device=device, threads=threads, on_frame=on_frame
+        scenes, settings, device=device, threads=threads, on_frame=on_frame, law=law
     ):
         runs[place] = run
         if on_finished is not None:
@@ -81,6 +86,7 @@ def simulate_each(
     device: str = "cpu",
     threads: int | None = None,
     on_frame: OnFrame | None = None,
+    law: MaterialLaw = MOHR_COULOMB,
 ) -> Iterator[tuple[int, Run]]:
     """Yield (place in `scenes`, run) as runs end; holds only the runs in flight. See `simulate`.
 
@@ -89,7 +95,7 @@ def simulate_each(
     """
     groups: dict[tuple[Effect, ...], list[tuple[int, Scene]]] = {}
     for place, scene in enumerate(scenes):
-        check_scene(scene)
+        check_scene(scene, law)
         groups.setdefault(kernel_effects(scene), []).append((place, scene))
     threads = start(device, threads)
     in_flight = max(SLOTS[device], PER_THREAD * threads if device == "cpu" else 0)
@@ -99,6 +105,7 @@ def simulate_each(
             averaged=settings.volumetric_averaging,
             corrected=settings.volume_correction,
             effects=effects,
+            law=law,
         )
         yield from _simulate_group(members, settings, device, kernels, in_flight, on_frame)
 
@@ -132,7 +139,7 @@ def _simulate_group(
         for slot in range(number):
             if slot not in flying and waiting:
                 place, scene = waiting.pop()
-                arrivals[slot] = Flight(place, prepare(scene, settings))
+                arrivals[slot] = Flight(place, prepare(scene, settings, kernels.law))
         slots = _make_room(slots, flying, arrivals, number, device, kernels)
         if arrivals:
             slots.fetch()
@@ -158,9 +165,14 @@ def _simulate_group(
                 del flying[slot]
 
 
-def check_scene(scene: Scene) -> None:
+def check_scene(scene: Scene, law: MaterialLaw = MOHR_COULOMB) -> None:
     """Refuse what a scene may say but the solver cannot do; one line for a person."""
-    effects_on(scene)
+    for one in effects_on(scene):
+        if one.effect.strength is not None and law.strength_constants is None:
+            raise InputError(
+                f"{scene.name}: effects: {one.effect.name}: changes the strength, which the "
+                f"material law {law.name!r} does not provide for"
+            )
     saturated = sum(one.saturated_density is not None for one in scene.materials.values())
     if len(scene.materials) + saturated > layout.MAX_ROWS:
         raise InputError(
