@@ -328,7 +328,7 @@ def predict(
     from inversion.prediction.prediction_case import prediction_case
     from inversion.prediction.prediction_document import document_of
     from pipeline.files import write_json
-    from report.charts.prediction import save_prediction_picture
+    from report.prediction import save_prediction_picture
 
     for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
         if value < least:

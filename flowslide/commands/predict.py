@@ -45,9 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Predict, write, print."""
     from flowslide import api
-    from inversion.prediction.prediction_document import summary
     from pipeline.config import load_config
     from pipeline.progress import Progress
+    from report.prediction import summary
 
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)

@@ -1,4 +1,4 @@
-"""What a prediction leaves: `prediction.json`, and the table on the terminal."""
+"""What a prediction leaves: `prediction.json`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,10 @@ from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import ENVELOPE, QUANTILES, Distribution, Envelope
 from inversion.prediction.prediction_case import PredictionCase
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
-from pipeline.table import aligned
 
 #: Points of an exceedance curve, and probabilities told in the table, %.
 CURVE_POINTS = 101
 DIGITS = 4
-#: A larger share of slides at the edge of the domain is reported.
-EDGE_TOLD = 1e-3
 
 
 def document_of(
@@ -105,63 +102,6 @@ def _at_the_edge(case: PredictionCase, found: Distribution, number: int) -> floa
     edge = scene.domain.x_min if entry.toe_side == "left" else scene.domain.x_max
     room = abs(edge - case.feet[entry.toe_side])
     return _round(np.mean(found.samples[:, number] > room - 2.0 * scene.spacing))
-
-
-def summary(document: dict[str, Any]) -> str:
-    """The answer in a table, for people."""
-    lines = [f"{document['case']}: " + "; ".join(s["words"] for s in document["strengths"])]
-    heading = ["", "mean", "std", *(f"{percent} %" for percent in QUANTILES), "measured",
-               "P(beyond it)"]  # fmt: skip
-    rows = [heading]
-    for entry in document["quantities"]:
-        measured, probability = entry["measured"], entry["probability_beyond_measured"]
-        rows.append(
-            [f"{entry['name']} ({entry['unit']})", f"{entry['mean']:.1f}", f"{entry['std']:.1f}"]
-            + [f"{value:.1f}" for value in entry["quantiles"].values()]
-            + ["" if measured is None else f"{measured:g}",
-               "" if probability is None else f"{100 * probability:.1f} %"]
-        )  # fmt: skip
-    lines += ["", aligned(rows)]
-    toes = [entry for entry in document["quantities"] if entry["type"] == "toe_runout"]
-    if toes:
-        lines += ["", "probability that the toe runs farther than", aligned(_exceedances(toes))]
-    else:
-        lines.append("no toe moves")
-    for entry in toes:
-        if entry["probability_at_the_edge"] > EDGE_TOLD:
-            lines.append(
-                f"{entry['name']}: {100 * entry['probability_at_the_edge']:.1f} % of the slides "
-                "reach the edge of the domain and would run farther; give the scene a wider domain"
-            )
-    if document["failed_runs"]:
-        lines.append(f"{document['failed_runs']} simulations failed and are left out")
-    if document["runs_cut_off"]:
-        lines.append(
-            f"{document['runs_cut_off']} simulations were cut off in motion and would run farther; "
-            "give them longer: duration_s of inversion.yaml, or --set simulation.duration_s"
-        )
-    lines.append(f"{len(document['runs'])} simulations, {document['samples']} samples")
-    return "\n".join(lines)
-
-
-def _exceedances(toes: Sequence[dict[str, Any]]) -> list[list[str]]:
-    """Round distances, and the probability of each toe to run farther."""
-    last = max(max(entry["exceedance"]["beyond"]) for entry in toes)
-    step = _round_step(max(last, 1e-6) / 8.0)
-    places = np.arange(0.0, last + step, step)
-    rows = [[f"{place:g} m" for place in places]]
-    rows[0].insert(0, "")
-    for entry in toes:
-        curve = entry["exceedance"]
-        chance = np.interp(places, curve["beyond"], curve["probability"], left=1.0, right=0.0)
-        rows.append([entry["name"], *(f"{100 * p:.1f} %" for p in chance)])
-    return rows
-
-
-def _round_step(step: float) -> float:
-    """The next of 1, 2, 5, 10, ..."""
-    power = 10.0 ** np.floor(np.log10(step))
-    return float(next(m for m in (1.0, 2.0, 5.0, 10.0) if m * power >= step * 0.999) * power)
 
 
 def _round(value: float) -> float:

@@ -17,10 +17,11 @@ from geometry.scenes.scene import load_scene
 from inversion.prediction.known_strength import KnownStrength, parse_strength, placed
 from inversion.prediction.predict import envelope, noise_at, predict
 from inversion.prediction.prediction_case import prediction_case
-from inversion.prediction.prediction_document import document_of, summary
+from inversion.prediction.prediction_document import document_of
 from inversion.prediction.response import Monotone, Surface, design, monotone
 from inversion.problem.forward import Prediction
 from pipeline.cli import InputError, WorkFailed
+from report.prediction import summary
 from tests.inversion.analytic import Formula
 
 

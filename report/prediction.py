@@ -1,7 +1,12 @@
-"""The picture of a prediction: the section with the band of final surfaces, exceedance curves."""
+"""The report of a prediction: a table for the terminal, and one picture.
+
+In: the document of `inversion.prediction`, and the scene. Out: text; a PNG with the section, the
+band of final surfaces and the exceedance curves of the toes.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +14,71 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from geometry.scenes.scene import Scene
+from inversion.prediction.prediction_document import QUANTILES
+from report.numbers import fixed
 from report.pictures.scene import draw_section
 from report.style import LINE, labels, new_figure, panel, save_figure, tidy
+from report.table import Table
 
+#: Least share of slides at the edge of the domain that is reported.
+EDGE_SHOWN = 1e-3
 TOES = ("#0072b2", "#cc79a7")
 BAND, MEDIAN, MEASURED = "#222222", "#111111", "#009e73"
+
+
+def summary(document: dict[str, Any]) -> str:
+    """The answer for a terminal or a log."""
+    rows = []
+    for entry in document["quantities"]:
+        probability = entry["probability_beyond_measured"]
+        rows.append(
+            [f"{entry['name']} ({entry['unit']})", fixed(entry["mean"]), fixed(entry["std"]),
+             *map(fixed, entry["quantiles"].values()),
+             None if entry["measured"] is None else f"{entry['measured']:g}",
+             None if probability is None else f"{100 * probability:.1f} %"]
+        )  # fmt: skip
+    header = ["quantity", "mean", "std", *(f"{percent} %" for percent in QUANTILES), "measured",
+              "P(beyond it)"]  # fmt: skip
+    strengths = "; ".join(strength["words"] for strength in document["strengths"])
+    lines = [f"{document['case']}: {strengths}", "", Table(header, rows).text(), ""]
+    toes = [entry for entry in document["quantities"] if entry["type"] == "toe_runout"]
+    lines.append(_exceedances(toes).text() if toes else "no toe moves")
+    for entry in toes:
+        if entry["probability_at_the_edge"] > EDGE_SHOWN:
+            lines.append(
+                f"{entry['name']}: {100 * entry['probability_at_the_edge']:.1f} % of the slides "
+                "reach the edge of the domain and would run farther; use a scene with a wider "
+                "domain"
+            )
+    if document["failed_runs"]:
+        lines.append(f"{document['failed_runs']} simulations failed and are left out")
+    if document["runs_cut_off"]:
+        lines.append(
+            f"{document['runs_cut_off']} simulations were cut off in motion and would run farther; "
+            "increase duration_s of inversion.yaml, or use --set simulation.duration_s"
+        )
+    lines.append(f"{len(document['runs'])} simulations, {document['samples']} samples")
+    return "\n".join(lines)
+
+
+def _exceedances(toes: Sequence[dict[str, Any]]) -> Table:
+    """Round distances, and the probability that each toe runs farther."""
+    last = max(max(entry["exceedance"]["beyond"]) for entry in toes)
+    step = _round_step(max(last, 1e-6) / 8.0)
+    places = np.arange(0.0, last + step, step)
+    rows = []
+    for entry in toes:
+        curve = entry["exceedance"]
+        chance = np.interp(places, curve["beyond"], curve["probability"], left=1.0, right=0.0)
+        rows.append([entry["name"], *(f"{100 * p:.1f} %" for p in chance)])
+    header = ["", *(f"{place:g} m" for place in places)]
+    return Table(header, rows, "probability that the toe runs farther than")
+
+
+def _round_step(step: float) -> float:
+    """The next of 1, 2, 5, 10, ..."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(next(m for m in (1.0, 2.0, 5.0, 10.0) if m * power >= step * 0.999) * power)
 
 
 def save_prediction_picture(scene: Scene, document: dict[str, Any], path: str | Path) -> None:
