@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.__main__ import main
 from diagnosis.verdict.verdict import load_verdict
+from flowslide.command_line import main
 from pipeline.files import read_json
 
 TUTORIAL = Path("docs/how-to/find-a-hidden-effect.md")
-PROGRAM = "python -m diagnosis "
+PROGRAM = "flowslide "
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 NEAR, LEAST = 0.15, 0.25
 """Numbers may differ by this share, or by this, on another machine."""
