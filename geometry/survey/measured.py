@@ -299,11 +299,6 @@ class Measured(Document):
         return getattr(self, self.key("model_std"))
 
     @property
-    def words(self) -> str:
-        """The type in words."""
-        return self.type.replace("_", " ")  # type: ignore[attr-defined]
-
-    @property
     def constructed(self) -> bool:
         """True for data drawn by hand: shown, but in no fit and no score unless asked."""
         return self.confidence == "constructed"

@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from geometry.scenes.limits import check_level
 from geometry.scenes.scene import Document, Scene, document_error
 from geometry.survey.checks import check_in_domain, check_in_section
-from geometry.survey.measured import Measured, SingleLength, single_lengths
+from geometry.survey.measured import Measured
 from geometry.survey.registry import Measurement, measurement_types
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe import Side
@@ -80,11 +80,6 @@ class Measurements(Document):
                 f"{self.case}: no set of measurements {wanted!r}; there are {', '.join(self.sets)}"
             )
         return list(self.sets[wanted])
-
-    @property
-    def numbers(self) -> list[SingleLength]:
-        """The measurements of the default set that are one length each."""
-        return single_lengths(self.chosen())
 
     @property
     def profiles(self) -> list[SurfaceProfile]:

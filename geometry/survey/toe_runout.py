@@ -23,7 +23,6 @@ def toe_runout(
     spacing: float,
     side: Side,
     initial_toe: float,
-    anchor_x: float | None = None,
     derivative: bool = False,
 ) -> float | tuple[float, np.ndarray]:
     """Distance of the toe from the foot of the section, outward positive.
@@ -34,21 +33,13 @@ def toe_runout(
         spacing: distance between material points [m].
         side: left or right of the dam.
         initial_toe: x of the foot before the slide [m], `Scene.foot`.
-        anchor_x: see `toe`.
         derivative: return also the derivative.
 
     Returns:
         Runout [m], or with `derivative` (runout, (N, 2)).
     """
     outward = outward_of(side)
-    result = toe(
-        position,
-        volume,
-        spacing=spacing,
-        side=side,
-        anchor_x=anchor_x,
-        derivative=derivative,
-    )
+    result = toe(position, volume, spacing=spacing, side=side, derivative=derivative)
     if derivative:
         return outward * (result[0] - initial_toe), outward * result[1]
     return outward * (result - initial_toe)

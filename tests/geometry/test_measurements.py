@@ -8,7 +8,7 @@ import yaml
 
 from geometry.scenes.fill import fill
 from geometry.survey.crest_settlement import CrestSettlement
-from geometry.survey.measured import Deposit
+from geometry.survey.measured import Deposit, single_lengths
 from geometry.survey.measurements import load_measurements
 from geometry.survey.profiles import load_profile
 from pipeline.cli import InputError
@@ -30,11 +30,11 @@ def test_the_constructed_deposit_reads_as_measured(case_folder, dam, deposit):
     measurements = load_measurements(case_folder)
     before = fill(dam).position
     after = Deposit(deposit(1.0), before, 1.0, 1.0, {"left": measurements.foot("left")})
-    readings = {m.type: float(m.observe(after)[0]) for m in measurements.numbers}
+    readings = {m.type: float(m.observe(after)[0]) for m in single_lengths(measurements.chosen())}
     assert readings["toe_runout"] == pytest.approx(53.0, abs=0.5)
     assert readings["crest_settlement"] == pytest.approx(20.0, abs=0.5)
     assert readings["freeboard"] == pytest.approx(1.7, abs=0.2)
-    for measurement in measurements.numbers:
+    for measurement in single_lengths(measurements.chosen()):
         assert not measurement.constructed
 
 

@@ -12,6 +12,7 @@ from geometry.__main__ import main as geometry
 from geometry.case import load_case
 from geometry.scenes.drawings import read_section
 from geometry.scenes.scene import load_scene
+from geometry.survey.measured import single_lengths
 from geometry.survey.measurements import load_measurements
 from inversion.__main__ import main
 from inversion.back_analysis.case import inversion_case
@@ -90,7 +91,7 @@ def test_a_runout_in_numbers_and_no_water(dry, tmp_path):
     scene, measurements = load_scene(folder / "scene.yaml"), load_measurements(folder)
     assert scene.spacing == 0.25 and not scene.has_water  # 7 m / 25, the next smaller round one
     assert scene.materials["base"].liquefied and not scene.materials["cap"].liquefied
-    left, right = measurements.numbers
+    left, right = single_lengths(measurements.chosen())
     assert (left.value_m, left.std_m, left.std_is) == (3.0, 0.4, "published")
     assert (right.value_m, right.std_m, right.std_is) == (6.0, 0.6, "assumed")
     assert measurements.upstream == "right" and not measurements.profiles
@@ -135,7 +136,7 @@ def test_the_profile_keeps_its_numbers_and_has_room(dry, tmp_path):
     folder = new(tmp_path / "far", "--liquefied", "base", "--profile", survey, section=dry)
     (entry,) = load_measurements(folder, load_scene(folder / "scene.yaml")).profiles
     assert entry.profile.x[0] == -31.23456789
-    (toe,) = load_measurements(folder).numbers
+    (toe,) = single_lengths(load_measurements(folder).chosen())
     assert (toe.side, toe.value_m) == ("left", 31.235)
     domain = load_scene(folder / "scene.yaml").domain
     assert domain.x_min < -31.24 and np.isclose(domain.width % 0.5, 0.0)
