@@ -5,23 +5,9 @@ In: a `Model` (parameters, measurements, candidate effects, and forward runs of 
 tested, with every number behind it. The paper has no counterpart; it ends where its model and the
 survey disagree.
 
-The statistics know nothing of the material point method: `diagnosis.model` is all they see.
-Nothing heavy is imported here.
+The statistics know nothing of the material point method: `diagnosis.hypotheses.model` is all they
+see. Nothing heavy is imported here.
 """
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from diagnosis.verdict.verdict import Verdict
 
 PHYSICS_VERSION = 2
 """Raised whenever the same runs and the same measurements give another verdict."""
-
-
-def diagnose(*arguments: Any, **keywords: Any) -> Verdict:
-    """The verdict on a model; see `diagnosis.loop.diagnose`."""
-    from diagnosis.loop import diagnose as run
-
-    return run(*arguments, **keywords)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from diagnosis.adequacy.compare import Comparison, compare
+from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.hypotheses.hypothesis_file import (
     BASE,
     Hypothesis,
@@ -17,13 +18,17 @@ from diagnosis.hypotheses.hypothesis_file import (
     load_hypothesis,
     new_name,
 )
-from diagnosis.loop import find
 from diagnosis.selection.extend import Extension, check_addition, extend
 from diagnosis.session import Session
 from diagnosis.signatures.explain import explain
-from diagnosis.verdict.documents import compare_document, explain_document
-from diagnosis.verdict.kept_steps import judge, judge_anew, keep, kept_step, step_of
-from diagnosis.verdict.stages import effect_answers
+from diagnosis.verdict.fitted_models import (
+    effect_answers,
+    judge,
+    judge_anew,
+    keep,
+    kept_step,
+    step_of,
+)
 from diagnosis.verdict.validation_case import validated
 from diagnosis.verdict.verdict import (
     COMPARE_FILE,
@@ -35,7 +40,7 @@ from diagnosis.verdict.verdict import (
     WaterfallStep,
     save_document,
 )
-from diagnosis.verdict.verdict_document import Diagnosed, verdict_document
+from diagnosis.verdict.verdict_builder import compare_document, explain_document, verdict_document
 from pipeline.cli import InputError
 
 
@@ -100,7 +105,7 @@ def explained(session: Session) -> ExplainDocument:
 
 def diagnosed(session: Session) -> Verdict:
     """Run the loop on a session's model, and write what was found."""
-    found = find(session.model, session.options, session.say)
+    found = diagnose(session.model, session.options, session.say)
     verdict = verdict_document(
         found,
         case=session.case.name,
@@ -116,7 +121,7 @@ def diagnosed(session: Session) -> Verdict:
     return verdict
 
 
-def _keep_models(session: Session, found: Diagnosed) -> None:
+def _keep_models(session: Session, found: Diagnosis) -> None:
     """Write the models of the loop beside those of a person; those of an earlier loop give way."""
     data, way = found.comparison.base.data, found.tried_models.way
     parent = session.hypothesis_name

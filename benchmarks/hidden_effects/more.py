@@ -91,12 +91,12 @@ def suggested(
     folder: Path, store: RunStore, config: Config
 ) -> tuple[Digest, list[int], list[Measured]]:
     """The verdict on a case, places of what it suggests next, and all that could be measured."""
-    from diagnosis.loop import find, next_measurements
-    from diagnosis.verdict.verdict_document import verdict_document
+    from diagnosis.diagnose import diagnose, next_measurements
+    from diagnosis.verdict.verdict_builder import verdict_document
 
     case = diagnosis_case(load_case(folder, config))
     model = case.model(store)
-    found = find(model, case.options(model))
+    found = diagnose(model, case.options(model))
     verdict = verdict_document(found, case=case.name, title=case.title)
     possible = possible_measurements(case.setup)
     firsts = {proposal.index: number for number, proposal in enumerate(model.proposals)}

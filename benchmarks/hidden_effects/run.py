@@ -47,13 +47,14 @@ class Part:
 
 def diagnosed(folder: Path, variant: str, store: RunStore, config: Config) -> Digest:
     """The verdict of the diagnosis on one case, short."""
-    from diagnosis import diagnose  # scipy takes its time
+    from diagnosis.diagnose import diagnose  # scipy takes its time
+    from diagnosis.verdict.verdict_builder import verdict_document
 
     began = time.perf_counter()
     case = diagnosis_case(load_case(folder, config))
     model = case.model(store)
     options = replace(case.options(model), **VARIANTS[variant])
-    verdict = diagnose(model, options, case=case.name, title=case.title)
+    verdict = verdict_document(diagnose(model, options), case=case.name, title=case.title)
     seconds = time.perf_counter() - began
     return digest_of(verdict).model_copy(update={"seconds": round(seconds, 2)})
 

@@ -6,8 +6,8 @@ projected in the same way:
 - *chi2*: sum of squares, on n + n_prior - p degrees of freedom;
 - *autocorrelation*: of neighbours along the series, together; errors that run on are no noise;
 - *groups*: the measurement that is farthest off as a whole;
-- *score*: the largest score of any candidate (`diagnosis.signatures.scores`), where signatures are
-known;
+- *score*: the largest score of any candidate (`diagnosis.signatures.signatures`), where
+  signatures are known;
 - *held_out*: misfit of the held-out numbers, predicted conditional on the fitted residuals, with
   covariance C_h|f + G V G', G = J_h - C_hf C_ff^-1 J_f.
 

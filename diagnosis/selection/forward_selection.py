@@ -28,8 +28,7 @@ from diagnosis.selection.refit import (
 )
 from diagnosis.selection.unknown_curve import runs_wanted
 from diagnosis.signatures.explain import Explanation
-from diagnosis.signatures.scores import Scores, score_all
-from diagnosis.signatures.signatures import Signature, take_signatures
+from diagnosis.signatures.signatures import Scores, Signature, score_all, take_signatures
 from inversion.estimation.response_surface import Surface
 
 #: Share of the drop that is asked for which a further effect has to promise before it is refitted:

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.signatures.scores import Score, Scores
-from diagnosis.signatures.signatures import Signature
+from diagnosis.signatures.signatures import Score, Scores, Signature
 from inversion.estimation.misfit import System
 from inversion.estimation.unknowns import Unknowns
 

@@ -24,8 +24,13 @@ from diagnosis.signatures.confounding import (
     representative,
     visibility,
 )
-from diagnosis.signatures.scores import Scores, score_all
-from diagnosis.signatures.signatures import Signature, check_by_second_seed, take_signatures
+from diagnosis.signatures.signatures import (
+    Scores,
+    Signature,
+    check_by_second_seed,
+    score_all,
+    take_signatures,
+)
 from pipeline.cli import InputError
 
 

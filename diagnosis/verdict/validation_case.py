@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.engine_model import EngineModel
 from diagnosis.verdict.verdict import ValidationCase
-from diagnosis.verdict.verdict_document import Diagnosed
 from inversion.estimation.covariance import covariance
 from inversion.estimation.surface_search import Fit
 from inversion.problem.forward import State, state
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SEEDS = 4
 
 
-def validated(session: Session, found: Diagnosed) -> ValidationCase | None:
+def validated(session: Session, found: Diagnosis) -> ValidationCase | None:
     """Judge the answer on the case that `validation_case` names; None where there is none."""
     other = session.case.validation_case
     if other is None:

@@ -19,8 +19,7 @@ from diagnosis.adequacy.adequacy import (
     standardised_sum,
 )
 from diagnosis.adequacy.windows import worst_window
-from diagnosis.signatures.scores import score_all
-from diagnosis.signatures.signatures import Signature
+from diagnosis.signatures.signatures import Signature, score_all
 from inversion.estimation.data import places_of
 from inversion.estimation.hold_out import HoldOut
 from inversion.estimation.misfit import System, augmented_residual, system

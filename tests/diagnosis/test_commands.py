@@ -20,7 +20,7 @@ from benchmarks.hidden_effects.making.sections import load_section
 from diagnosis.__main__ import main
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import load_hypothesis
-from diagnosis.verdict.kept_steps import kept_step
+from diagnosis.verdict.fitted_models import kept_step
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, load_verdict
 from geometry.case import load_case
 from inversion.problem.forward import state

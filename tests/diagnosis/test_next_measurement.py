@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from diagnosis.diagnose import diagnose, next_measurements
 from diagnosis.hypotheses.model import Proposal, Proposing
-from diagnosis.loop import find, next_measurements
 from diagnosis.options import Options
 from diagnosis.selection.next_measurement import Rival, greedy, proposal_error, read_at, separation
 from inversion.estimation.hold_out import HoldOut
@@ -152,7 +152,7 @@ def test_what_tells_the_survivors_apart_comes_first(order):
     model = offering(3, {"bend": 1.5}, [OFFERS[place] for place in order],
                      hold_out=HoldOut(groups=("history",)))  # fmt: skip
     assert isinstance(model, Proposing)
-    found = find(model, QUICK)
+    found = diagnose(model, QUICK)
     shares = found.decision.probability
     assert shares[("bend",)] > 0.02 and shares[("like_bend",)] > 0.02, "two survive"
     suggested = found.next_measurement
@@ -167,7 +167,7 @@ def test_what_tells_the_survivors_apart_comes_first(order):
 def test_where_the_model_is_adequate_it_is_what_would_have_shown_most():
     offers = [("blind", 0.0, {}), ("sees late motion", 0.0, {"late": 3.0})]
     model = offering(21, {}, offers)
-    found = find(model, QUICK)
+    found = diagnose(model, QUICK)
     assert found.decision.verdict == "adequate"
     first, second = found.next_measurement
     assert first.proposal.name == "sees late motion" and first.gain > 1.0
@@ -176,7 +176,7 @@ def test_where_the_model_is_adequate_it_is_what_would_have_shown_most():
 
 def test_numbers_that_were_not_measured_are_read_from_the_runs():
     model = offering(3, {"bend": 1.5}, OFFERS)
-    found = find(model, QUICK)
+    found = diagnose(model, QUICK)
     fit = found.tried_models.models[("bend",)].fit
     mean, slope = read_at(model, found.comparison, fit.space, fit.x)
     (exact,) = model.propose([fit.space.state(fit.x)])
@@ -188,12 +188,12 @@ def test_numbers_that_were_not_measured_are_read_from_the_runs():
 
 def test_the_error_of_a_proposal_is_the_survey_s_and_the_model_s():
     model = offering(3, {}, OFFERS)
-    found = find(model, QUICK)
+    found = diagnose(model, QUICK)
     error = proposal_error(model, found.comparison, QUICK)
     # These readings have no noise of the points, so what is left is the survey's.
     assert error == pytest.approx(np.eye(3), abs=1e-9)
 
 
 def test_a_model_that_proposes_nothing_gets_no_suggestion():
-    assert next_measurements(find(straight(3, {"bend": 1.5}), QUICK), 2) == []
-    assert next_measurements(find(offering(3, {"bend": 1.5}, []), QUICK), 2) == []
+    assert next_measurements(diagnose(straight(3, {"bend": 1.5}), QUICK), 2) == []
+    assert next_measurements(diagnose(offering(3, {"bend": 1.5}, []), QUICK), 2) == []

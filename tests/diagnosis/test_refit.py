@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis import diagnose
 from diagnosis.adequacy.compare import Comparison, compare
+from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
 from diagnosis.selection.refit import ANCHORED, FittedModel, refit
 from diagnosis.signatures.explain import Explanation, explain
+from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
 
@@ -97,7 +98,11 @@ def test_no_second_effect_for_what_the_cells_make_of_the_first():
         readings = truth({"late": 2.8, "step": 2.5}) + errors(seed)
         model = Straight(readings, skewed={"late": ("step", 0.9)})
         options = replace(OPTIONS, seed=seed)
-        needless += len(diagnose(model, options, case="c", title="t").answer.effects) > 1
+        needless += (
+            len(verdict_document(diagnose(model, options), case="c", title="t").answer.effects) > 1
+        )
         exact = straight(seed, {"late": 2.8, "step": 2.5})
-        wanted += len(diagnose(exact, options, case="c", title="t").answer.effects) > 1
+        wanted += (
+            len(verdict_document(diagnose(exact, options), case="c", title="t").answer.effects) > 1
+        )
     assert needless <= 1 and wanted >= 5

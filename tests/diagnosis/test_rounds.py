@@ -9,9 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis import diagnose
 from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit
-from diagnosis.loop import find
+from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.selection import forward_selection
 from diagnosis.selection.decide import excess, still_failing
@@ -25,7 +24,7 @@ from diagnosis.selection.forward_selection import (
 )
 from diagnosis.selection.refit import FittedModel
 from diagnosis.verdict.verdict import Verdict
-from diagnosis.verdict.verdict_document import verdict_document
+from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Amplitude
 from tests.diagnosis.straight import straight
@@ -33,7 +32,7 @@ from tests.diagnosis.straight import straight
 
 def verdict_on(seed: int, effects: dict[str, float], **options) -> Verdict:
     asked = Options(draws=400, replicates=3, seed=seed, **options)
-    return diagnose(straight(seed, effects), asked, case="c", title="t")
+    return verdict_document(diagnose(straight(seed, effects), asked), case="c", title="t")
 
 
 def names(verdict: Verdict) -> tuple[str, ...]:
@@ -68,7 +67,7 @@ def test_what_looks_alike_is_not_told_apart():
 
 def test_rivals_that_are_near_have_derivatives_of_their_own():
     model = straight(2, {"bend": 1.5})
-    found = find(model, Options(draws=400, replicates=3, seed=2))
+    found = diagnose(model, Options(draws=400, replicates=3, seed=2))
     tried = found.tried_models.models
     assert tried[("bend",)].sloped and tried[("like_bend",)].sloped
     assert not tried[("step",)].sloped, "far from the best, its own derivative would be wasted"
@@ -147,15 +146,15 @@ def test_an_answer_that_leaves_much_of_the_misfit_does_not_stand():
 def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch):
     model = straight(0, {"late": 2.5, "step": 2.5})
     asked = Options(draws=400, replicates=3, seed=0)
-    dof = find(model, asked).explanation.adequacy.dof
+    dof = diagnose(model, asked).explanation.adequacy.dof
 
     def taken(*arguments, **keywords):
         raise AssertionError("signatures were taken anew")
 
     monkeypatch.setattr(forward_selection, "take_signatures", taken)
     with pytest.raises(AssertionError, match="taken anew"):
-        find(straight(0, {"late": 2.5, "step": 2.5}), asked)
-    alone = find(straight(0, {"late": 2.5, "step": 2.5}), replace(asked, spare=dof - 1))
+        diagnose(straight(0, {"late": 2.5, "step": 2.5}), asked)
+    alone = diagnose(straight(0, {"late": 2.5, "step": 2.5}), replace(asked, spare=dof - 1))
     assert len(alone.tried_models.current.model.names) == 1
 
 
@@ -228,7 +227,7 @@ def test_a_random_pattern_that_nobody_chose_names_nothing():
     model = straight(3, {"late": 2.0})
     model.candidates = [replace(one, by_chance=one.name == "late") for one in model.candidates]
     asked = Options(draws=400, replicates=3, seed=3)
-    found = find(model, asked)
+    found = diagnose(model, asked)
     assert found.tried_models.current.model.names == ("late",), "it fits, and that is said"
     assert found.decision.verdict == "unknown_effect" and found.decision.by_chance == ("late",)
     assert not found.decision.final.model.names
@@ -237,14 +236,14 @@ def test_a_random_pattern_that_nobody_chose_names_nothing():
     (late,) = [one for one in told.candidates if one.name == "late"]
     assert not late.refit.accepted and late.refit.why_not == "one random pattern of many"
     assert "late, one random pattern of many" in told.sentence
-    known = diagnose(straight(3, {"late": 2.0}), asked, case="c", title="t")
+    known = verdict_document(diagnose(straight(3, {"late": 2.0}), asked), case="c", title="t")
     assert known.verdict == "identified" and names(known) == ("late",)
 
 
 def test_beside_a_random_pattern_only_what_was_found_before_it_stays():
     model = straight(0, {"late": 4.0, "step": 2.0})
     model.candidates = [replace(one, by_chance=one.name == "step") for one in model.candidates]
-    found = find(model, Options(draws=400, replicates=3, seed=0))
+    found = diagnose(model, Options(draws=400, replicates=3, seed=0))
     assert found.tried_models.current.model.names == ("late", "step")
     assert found.decision.verdict == "unknown_effect"
     assert found.decision.final.model.names == ("late",)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from diagnosis.case import diagnosis_case
+from diagnosis.diagnose import diagnose
 from diagnosis.hypotheses.model import Model
-from diagnosis.loop import diagnose
 from diagnosis.options import Options
+from diagnosis.verdict.verdict_builder import verdict_document
 from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
@@ -85,7 +86,7 @@ def test_the_diagnosis_finds_the_hidden_effect(embankment, formula):
     assert isinstance(model, Model) and model.curves == []
     options = replace(case.options(model), draws=2000)
     assert isinstance(options, Options)
-    verdict = diagnose(model, options, case=case.name, title=case.title)
+    verdict = verdict_document(diagnose(model, options), case=case.name, title=case.title)
     assert verdict.verdict == "identified"
     (effect,) = verdict.answer.effects
     assert effect.name == "weak_base" and effect.amplitude == pytest.approx(HIDDEN, abs=0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.adequacy.calibration import calibrate
 from diagnosis.options import Options
-from diagnosis.verdict.stages import fitted_to_part
+from diagnosis.verdict.fitted_models import fitted_to_part
 from diagnosis.verdict.verdict import Verdict, save_document
 from inversion.back_analysis.result import FittedTo, Result, save_result
 from report.back_analysis import write_report

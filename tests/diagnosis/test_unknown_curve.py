@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.hypotheses.model import CURVE, Candidate, Curve
-from diagnosis.loop import find
 from diagnosis.options import Options
 from diagnosis.selection.unknown_curve import PRIOR_STD, FoundCurve, runs_wanted
-from diagnosis.verdict.verdict_document import Diagnosed, curve_part
+from diagnosis.verdict.verdict_builder import curve_part
 from inversion.estimation.hold_out import HoldOut
 from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, slopes
@@ -85,11 +85,11 @@ def layered(seed: int, hidden: str, **more) -> Layered:
     return Layered(truth + errors(seed), hold_out=HoldOut(groups=()), **more)
 
 
-def sought(seed: int, hidden: str, **more) -> Diagnosed:
-    return find(layered(seed, hidden, **more), QUICK)
+def sought(seed: int, hidden: str, **more) -> Diagnosis:
+    return diagnose(layered(seed, hidden, **more), QUICK)
 
 
-def expected(found: Diagnosed) -> np.ndarray:
+def expected(found: Diagnosis) -> np.ndarray:
     """ln multiplier of the calibrated strength that the hidden law means, at the knots."""
     fit = found.tried_models.way[-1].model.fit
     curve = found.curve.curve
@@ -97,7 +97,7 @@ def expected(found: Diagnosed) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def by_weight() -> list[Diagnosed]:
+def by_weight() -> list[Diagnosis]:
     """Slides whose strength follows the weight above."""
     return [sought(seed, "overburden") for seed in range(5)]
 
@@ -153,8 +153,8 @@ def test_the_verdict_tells_it(by_weight):
 def test_it_costs_about_what_is_kept_for_it():
     with_curves, without = layered(2, "overburden"), layered(2, "overburden")
     without.curves = []
-    assert find(without, QUICK).curve is None
-    assert find(with_curves, QUICK).curve is not None
+    assert diagnose(without, QUICK).curve is None
+    assert diagnose(with_curves, QUICK).curve is not None
     # A run of each coefficient, and two calibrations.
     assert 10 < with_curves.runs - without.runs <= runs_wanted(with_curves.curves) == 35
 
@@ -162,13 +162,13 @@ def test_it_costs_about_what_is_kept_for_it():
 def test_no_curve_is_sought_where_the_model_is_adequate():
     plain = Layered(Layered(np.ones(SIZE)).predict([State((STRENGTH, 32.0))])[0] + errors(4),
                     hold_out=HoldOut(groups=()))  # fmt: skip
-    found = find(plain, QUICK)
+    found = diagnose(plain, QUICK)
     assert found.decision.verdict == "adequate" and found.curve is None
     assert not any(CURVE in name for state in plain._kept for name, _ in state.effects)
 
 
 def test_no_curve_is_promised_where_the_allowance_is_over():
     model = layered(0, "overburden")
-    found = find(model, replace(QUICK, allowance=30))
+    found = diagnose(model, replace(QUICK, allowance=30))
     assert found.decision.verdict == "unknown_effect" and found.curve is None
     assert model.runs <= 40

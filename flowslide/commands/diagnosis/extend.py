@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Extend, write, print."""
     from diagnosis.answers import extended
     from diagnosis.hypotheses.hypothesis_file import FOLDER
-    from diagnosis.verdict.stages import effect_answers, measurement_lines
+    from diagnosis.verdict.fitted_models import effect_answers, measurement_lines
     from report.diagnosis import measurements_text
     from report.tables.diagnosis import steps_table
 

@@ -24,13 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Suggest, print."""
-    from diagnosis.loop import find
-    from diagnosis.verdict.verdict_document import next_part, sentence
+    from diagnosis.diagnose import diagnose
+    from diagnosis.verdict.verdict_builder import next_part, sentence
     from report.tables.diagnosis import next_table
 
     at_least_one("--n", arguments.n)
     with session_of(arguments, "suggestion") as session:
-        found = find(session.model, session.options, session.say, count=arguments.n)
+        found = diagnose(session.model, session.options, session.say, count=arguments.n)
     lines = next_part(found.next_measurement)
     print(f"{sentence(found)}\n")
     print(next_table(lines).text() or "Nothing can be suggested here.")

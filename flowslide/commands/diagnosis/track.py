@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Print the way, write its page."""
     from diagnosis.answers import tracked
     from diagnosis.hypotheses.hypothesis_file import hypothesis_files
-    from diagnosis.verdict.kept_steps import kept_step
+    from diagnosis.verdict.fitted_models import kept_step
     from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "track") as session:

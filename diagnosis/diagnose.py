@@ -1,25 +1,24 @@
 """The whole loop: compare, explain, add effects until the model is adequate, decide.
 
-    verdict = diagnose(model, options, case="my_dam", title="My dam")
+    found = diagnose(model, options)
+    verdict = verdict_document(found, case="my_dam", title="My dam")
 
 It knows nothing of the model but `diagnosis.hypotheses.model.Model`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
-from diagnosis.adequacy.compare import compare
+from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.hypotheses.model import Model, Proposing
 from diagnosis.options import Options
-from diagnosis.selection.decide import decide
-from diagnosis.selection.forward_selection import run_rounds
+from diagnosis.selection.decide import Decision, decide
+from diagnosis.selection.forward_selection import TriedModels, run_rounds
 from diagnosis.selection.next_measurement import Suggestion, suggest
-from diagnosis.selection.unknown_curve import find_curve
-from diagnosis.signatures.explain import explain
-from diagnosis.verdict.verdict import Verdict
-from diagnosis.verdict.verdict_document import Diagnosed, verdict_document
+from diagnosis.selection.unknown_curve import FoundCurve, find_curve
+from diagnosis.signatures.explain import Explanation, explain
 
 Say = Callable[[str], None]
 
@@ -27,9 +26,34 @@ Say = Callable[[str], None]
 NEXT = 3
 
 
-def find(
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that a diagnosis found.
+
+    Attributes:
+        model: what was diagnosed.
+        options: what was asked for.
+        comparison: of the base model.
+        explanation: of its misfit.
+        tried_models: all models that were tried.
+        decision: the verdict.
+        curve: the unknown strength curve, where one was sought.
+        next_measurement: what would tell the surviving explanations apart.
+    """
+
+    model: Model
+    options: Options
+    comparison: Comparison
+    explanation: Explanation
+    tried_models: TriedModels
+    decision: Decision
+    curve: FoundCurve | None = None
+    next_measurement: Sequence[Suggestion] = ()
+
+
+def diagnose(
     model: Model, options: Options, say: Say = lambda line: None, *, count: int = NEXT
-) -> Diagnosed:
+) -> Diagnosis:
     """Run the loop.
 
     Args:
@@ -59,7 +83,7 @@ def find(
     for adopted in tried_models.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
     decision = decide(tried_models, explanation.by_chance, options)
-    found = Diagnosed(model, options, comparison, explanation, tried_models, decision)
+    found = Diagnosis(model, options, comparison, explanation, tried_models, decision)
     if decision.verdict == "unknown_effect" and model.curves:
         say("nothing in the list explains it: seeking a strength curve that would")
         found = replace(found, curve=find_curve(explanation.context, decision.final.model,
@@ -67,7 +91,7 @@ def find(
     return replace(found, next_measurement=next_measurements(found, count))
 
 
-def next_measurements(found: Diagnosed, count: int) -> list[Suggestion]:
+def next_measurements(found: Diagnosis, count: int) -> list[Suggestion]:
     """What to measure next, best first; none where the model proposes nothing."""
     if not isinstance(found.model, Proposing):
         return []
@@ -75,29 +99,3 @@ def next_measurements(found: Diagnosed, count: int) -> list[Suggestion]:
         found.model, found.comparison, found.explanation, found.tried_models, found.decision,
         found.options, count=count,
     )  # fmt: skip
-
-
-def diagnose(
-    model: Model,
-    options: Options,
-    *,
-    case: str,
-    title: str,
-    left_out: Mapping[str, str] | None = None,
-    say: Say = lambda line: None,
-) -> Verdict:
-    """The verdict on a model.
-
-    Args:
-        model: what is diagnosed.
-        options: what may be done otherwise.
-        case: name of the case.
-        title: the name in words.
-        left_out: candidates that are not tested although the model does not list them, and why.
-        say: called for each stage in a line.
-
-    Raises:
-        WorkFailed: no run of the base model could be read.
-        InputError: an option names what the model does not know.
-    """
-    return verdict_document(find(model, options, say), case=case, title=title, left_out=left_out)

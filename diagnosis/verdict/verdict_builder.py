@@ -1,28 +1,36 @@
-"""`compare.json` and `explain.json`, and the parts of a verdict that they share.
+"""`compare.json`, `explain.json` and `verdict.json`, each with a sentence in words.
 
-In: what `compare` and `explain` found. Out: documents of `diagnosis.verdict.verdict` with a
-sentence in words.
+In: what was compared, explained, tried and decided. Out: documents of `diagnosis.verdict.verdict`.
+Nothing is decided here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from diagnosis.adequacy.compare import Comparison
+from diagnosis.adequacy.windows import worst_window
+from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.model import Candidate, Model
 from diagnosis.options import Options
+from diagnosis.selection.forward_selection import AdoptedModel
+from diagnosis.selection.next_measurement import Suggestion
 from diagnosis.selection.refit import FittedModel
+from diagnosis.selection.unknown_curve import FoundCurve
 from diagnosis.signatures.explain import Explanation
 from diagnosis.verdict import verdict
-from diagnosis.verdict.stages import (
+from diagnosis.verdict.fitted_models import (
+    effect_answers,
     fitted_to_part,
+    judge,
     measurement_lines,
     parameter_words,
     runs_part,
     spread,
     stage,
+    step_of,
 )
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import system
@@ -264,3 +272,188 @@ def hidden_part(explanation: Explanation, model: Model) -> dict[str, dict[str, f
 def _finite(values: np.ndarray) -> list[float]:
     """Numbers that a document can hold; what could not be read changes nothing."""
     return [float(value) for value in np.nan_to_num(values)]
+
+
+def verdict_document(
+    found: Diagnosis, *, case: str, title: str, left_out: Mapping[str, str] | None = None
+) -> verdict.Verdict:
+    """The document.
+
+    Args:
+        found: by the diagnosis.
+        case: name of the case.
+        title: the name in words.
+        left_out: further candidates that were not tested, and why.
+    """
+    model, comparison, explanation = found.model, found.comparison, found.explanation
+    base, final = comparison.base, found.decision.final
+    has_effects = bool(final.model.names)
+    first = base_stage(model, comparison, explanation)
+    return verdict.Verdict(
+        case=case,
+        title=title,
+        sentence=sentence(found),
+        verdict=found.decision.verdict,
+        tested=sorted(explanation.names),
+        forbidden=sorted(found.options.forbidden),
+        answer=_answer(found),
+        parameters=parameter_words(model.parameters),
+        fitted_to=fitted_to_part(base, model.targets),
+        base=first,
+        final=_stage_of(found, final) if has_effects else first,
+        steps=_steps(found),
+        candidates=candidate_lines(
+            model, explanation, found.options, refits=_refits(found), left_out=left_out
+        ),
+        confounding=confounding_part(explanation),
+        signatures=signatures_part(model, comparison, explanation),
+        measurements=measurement_lines(
+            model.targets,
+            comparison.places,
+            base.data,
+            base.covariance.survey,
+            base.fit.prediction,
+            final.model.fit.prediction if has_effects else None,
+        ),
+        hidden=hidden_part(explanation, model),
+        unknown_curve=None if found.curve is None else curve_part(found.curve),
+        next_measurement=next_part(found.next_measurement),
+        runs=runs_part(base.runs),
+        seconds=None,
+        hashes={},
+        manifest={},
+    )
+
+
+def curve_part(found: FoundCurve) -> verdict.UnknownCurve:
+    """The unknown strength curve with its band."""
+    low, high = found.band
+    return verdict.UnknownCurve(
+        variable=found.curve.variable,
+        words=found.curve.words,
+        unit=found.curve.unit,
+        knots=list(found.curve.knots),
+        multiplier=found.multiplier.tolist(),
+        low=low.tolist(),
+        high=high.tolist(),
+        chi2=dict(found.chi2),
+        ln_evidence=dict(found.ln_evidence),
+    )
+
+
+def next_part(suggested: Sequence[Suggestion]) -> list[verdict.NextMeasurement]:
+    """What to measure next."""
+    return [
+        verdict.NextMeasurement(name=one.proposal.name, words=one.proposal.words, gain=one.gain)
+        for one in suggested
+    ]
+
+
+def sentence(found: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    decision, final = found.decision, found.decision.final
+    p = found.tried_models.way[0].adequacy.p_combined
+    among = f"among the {len(found.explanation.names)} effects tested"
+    match decision.verdict:
+        case "adequate":
+            return (
+                f"The base model explains the measurements within their errors (p {p:.2g}); "
+                f"nothing is missing {among}."
+            )
+        case "suspect":
+            return (
+                f"The base model is suspect (p {p:.2g}), but no effect {among} improves it enough "
+                "to be named."
+            )
+        case "unknown_effect" if decision.by_chance:
+            return (
+                f"The base model does not explain the measurements (p {p:.2g}). Best {among} fits "
+                f"{_joined(decision.by_chance)}, one random pattern of many, which names nothing: "
+                "what is missing varies from place to place."
+            )
+        case "unknown_effect" if final.model.names:
+            return (
+                f"With {_joined(final.model.names)} the model still fails: something else is "
+                f"missing that is not {among}."
+            )
+        case "unknown_effect":
+            return (
+                f"The base model does not explain the measurements (p {p:.2g}), and no effect "
+                f"{among} does."
+            )
+        case "identified":
+            return (
+                f"The measurements ask for {_joined(final.model.names)}, {among}: {_fall(found)}."
+            )
+        case _:
+            rivals = [_joined(names) if names else "none" for names in decision.sets]
+            if decision.untried:
+                rivals.append("what could not be tried within the runs allowed")
+            return f"The measurements ask for one of {'; '.join(rivals)}, {among}: {_fall(found)}."
+
+
+def _fall(found: Diagnosis) -> str:
+    """How far the error falls."""
+    before, after = found.tried_models.way[0], found.decision.final
+    text = (
+        f"chi2 falls from {before.adequacy.chi2:.0f} to {after.adequacy.chi2:.0f} "
+        f"(noise {after.adequacy.dof})"
+    )
+    if after.adequacy.held_out.n:
+        text += (
+            f", on held-out data from {before.adequacy.held_out.chi2:.1f} to "
+            f"{after.adequacy.held_out.chi2:.1f} (noise {after.adequacy.held_out.n})"
+        )
+    return text
+
+
+def _joined(names: Sequence[str]) -> str:
+    return " and ".join(name.replace("_", " ") for name in names)
+
+
+def _answer(found: Diagnosis) -> verdict.Answer:
+    words = {c.name: (c.unit, c.words) for c in found.model.candidates}
+    final = found.decision.final
+    return verdict.Answer(
+        effects=effect_answers(found.comparison.base.data, final.model.fit, words),
+        set_90=[
+            verdict.NamedSet(names=list(names), probability=share)
+            for names, share in found.decision.sets.items()
+        ],
+    )
+
+
+def _stage_of(found: Diagnosis, adopted: AdoptedModel) -> verdict.FittedModelSummary:
+    return stage(
+        found.comparison.base.data,
+        adopted.model.fit,
+        adopted.adequacy,
+        worst_window(adopted.judged, found.comparison.places),
+        found.model.targets,
+    )
+
+
+def _steps(found: Diagnosis) -> list[verdict.WaterfallStep]:
+    """Every model that was adopted, in order."""
+    data, way = found.comparison.base.data, found.tried_models.way
+    return [
+        step_of(
+            "_".join(adopted.model.names) or "base",
+            number,
+            judge(data, adopted.model.fit),
+            note=adopted.note,
+            ln_evidence=adopted.model.ln_evidence - way[0].model.ln_evidence,
+        )
+        for number, adopted in enumerate(way)
+    ]
+
+
+def _refits(found: Diagnosis) -> dict[str, verdict.Refit]:
+    """Refits of the first round."""
+    data, before = found.comparison.base.data, found.tried_models.way[0].model
+    refits = {}
+    for name, (after, why) in found.tried_models.first.items():
+        if not why and name in found.explanation.by_chance:
+            why = "one random pattern of many"
+        refits[name] = refit_part(name, data, before, after, why)
+    return refits
