@@ -194,7 +194,7 @@ def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains
     near = [refitted(5.0 - 1.4 * k, 30.0, 4.0, name) for k, name in enumerate(("a", "b", "c", "d"))]
     tried_models = TriedModels({model.names: model for model in (now, *near)})
     monkeypatch.setattr(
-        forward_selection, "adopted",
+        forward_selection, "with_own_derivative",
         lambda context, model: replace(model, ln_evidence=model.ln_evidence + 2.5, sloped=True),
     )  # fmt: skip
     found = forward_selection._on_equal_terms(
