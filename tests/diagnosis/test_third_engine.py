@@ -23,7 +23,8 @@ from inversion.prediction.predict import predict
 from inversion.problem.forward import Forward
 from pipeline.cli import InputError
 from pipeline.progress import Watch
-from report.back_analysis.summary import summary
+from report.back_analysis import summary
+from report.data.back_analysis import BackAnalysisData
 from tests.diagnosis.formula_engine import FORMULA, FormulaEngine
 
 TRUTH, HIDDEN = 12.0, 0.4
@@ -63,7 +64,7 @@ def test_the_back_analysis_finds_the_strength(embankment, formula, tmp_path):
     assert result.engine == "formula" and store.computed == 0
     assert result.answer.reached
     assert result.answer.parameters[0].value == pytest.approx(TRUTH, rel=0.02)
-    assert "back-analysis by formula at" in summary(result)
+    assert "back-analysis by formula at" in summary(BackAnalysisData(tmp_path, result))
     assert Result.model_validate_json(result.model_dump_json()) == result
     assert side_by_side(result, tmp_path / formula.folder) == []
 
