@@ -21,7 +21,7 @@ import mpm_taichi
 from inversion import PHYSICS_VERSION
 from inversion.back_analysis import result_builder
 from inversion.back_analysis.case import InversionCase
-from inversion.back_analysis.equivalent_answers import Stop, walk
+from inversion.back_analysis.equivalent_answers import EquivalentAnswer, walk
 from inversion.back_analysis.perturbed_answers import Problem, resolve
 from inversion.back_analysis.result import (
     Noise,
@@ -40,7 +40,7 @@ from inversion.estimation.calibrate import calibrate, further_starts
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import Posterior, posterior, root_mean_square
-from inversion.estimation.search import Found, Look, Search
+from inversion.estimation.search import Evaluation, Search, SearchResult
 from inversion.problem.forward import Forward
 from inversion.problem.question import Sensitivity
 from pipeline.cli import WorkFailed
@@ -64,9 +64,9 @@ class BackAnalysis:
     store: RunStore
     say: Callable[[str], None] = lambda line: None
     watch: Watch = field(default_factory=Watch)
-    found: Found | None = None
+    found: SearchResult | None = None
     spread: Posterior | None = None
-    stops: list[Stop] = field(default_factory=list)
+    stops: list[EquivalentAnswer] = field(default_factory=list)
     starts: list[Start] = field(default_factory=list)
     variants: list[VariantAnswer] = field(default_factory=list)
     sensitivities: list[SensitivityAnswer] = field(default_factory=list)
@@ -106,16 +106,16 @@ class BackAnalysis:
     def _expected_runs(self, stage: str) -> int:
         """About how many simulations a stage takes, for the progress alone."""
         settings, question = self.case.config.inversion, self.case.question
-        look = 1 + len(self.case.parameters.names)
+        evaluation = 1 + len(self.case.parameters.names)
         changes = len(question.sensitivities)
         return {
-            "answer": settings.step_seeds + 5 * look,
-            "starts": (settings.starts - 1) * 4 * look,
-            "equally good": 4 * look if look > 2 else 0,
+            "answer": settings.step_seeds + 5 * evaluation,
+            "starts": (settings.starts - 1) * 4 * evaluation,
+            "equally good": 4 * evaluation if evaluation > 2 else 0,
             "seeds": 2 * settings.noise_seeds,
-            "variants": 3 * look * len(question.variants),
+            "variants": 3 * evaluation * len(question.variants),
             "sensitivities": 4 * changes,
-        }.get(stage, 2 * look)
+        }.get(stage, 2 * evaluation)
 
     # --- what an engine decides ---
 
@@ -157,10 +157,10 @@ class BackAnalysis:
 
     def tell_doubts(self) -> None:
         """What a reader of the answer must know."""
-        for line in result_builder.doubts(self.found.look.prediction, self.case.setup.settings):
+        for line in result_builder.doubts(self.found.best.prediction, self.case.setup.settings):
             self.remark(line)
         for line in result_builder.unknown_derivatives(
-            self.case.parameters, self.found.look.derivative
+            self.case.parameters, self.found.best.derivative
         ):
             self.remark(line)
 
@@ -180,7 +180,7 @@ class BackAnalysis:
             before = self.engine.runs
             self.stops = walk(
                 self.engine, self.objective, self.found.values, self.slope,
-                self.spread.flat, self.found.look.loss,
+                self.spread.flat, self.found.best.loss,
             )  # fmt: skip
             self.runs += self.engine.runs - before
             self.say(f"other answers that fit as well: {len(self.stops)}")
@@ -236,11 +236,11 @@ class BackAnalysis:
                     words=changed.words,
                     values=parameters.as_mapping(found.values),
                     ratios=result_builder.ratios(
-                        found.look.prediction, found.values, parameters.names
+                        found.best.prediction, found.values, parameters.names
                     ),
-                    loss=found.look.loss,
+                    loss=found.best.loss,
                     reached=found.reached,
-                    predicted=targets.named(found.look.prediction.values),
+                    predicted=targets.named(found.best.prediction.values),
                     measured=targets.named(targets.measured, targets.fitted),
                     at_bound=result_builder.bounded(
                         parameters.names, parameters.at_bound(found.values)
@@ -301,7 +301,7 @@ class BackAnalysis:
     def _side(self, changed: Changed, problem: Problem) -> Side:
         parameters, targets = self.case.parameters, changed.setup.targets
         here, there = self._refined, problem.refined
-        sigma, new_sigma = self.found.look.prediction.sigma_v0_kpa, problem.prediction.sigma_v0_kpa
+        sigma, new_sigma = self.found.best.prediction.sigma_v0_kpa, problem.prediction.sigma_v0_kpa
         new_sigma = np.where(np.isnan(new_sigma), sigma, new_sigma)  # the engine does not know it
         with np.errstate(invalid="ignore"):
             ratio_change = there / new_sigma - here / sigma
@@ -322,9 +322,9 @@ class BackAnalysis:
 
     def _told_derivative(self) -> np.ndarray:
         """The derivative at the answer without what is noise: that tells nothing."""
-        look, mask = self.found.look, self.objective.targets.fitted
-        signal = self.steps.signal(look.derivative[mask], look.steps)
-        return look.derivative * signal[None, :]
+        evaluation, mask = self.found.best, self.objective.targets.fitted
+        signal = self.steps.signal(evaluation.derivative[mask], evaluation.steps)
+        return evaluation.derivative * signal[None, :]
 
     # --- the result ---
 
@@ -332,17 +332,17 @@ class BackAnalysis:
         """All that was found."""
         case, found = self.case, self.found
         mask = self.objective.targets.fitted
-        resolved = self.steps.resolved(found.look.derivative[mask], found.look.steps)
+        resolved = self.steps.resolved(found.best.derivative[mask], found.best.steps)
         noise_std = dict(self.noise.answer_std) if self.noise else {}
         changes = dict(self.ratio_changes)
         if noise_std:
             sigma = dict(
-                zip(case.parameters.names, found.look.prediction.sigma_v0_kpa, strict=True)
+                zip(case.parameters.names, found.best.prediction.sigma_v0_kpa, strict=True)
             )
             changes[result_builder.NOISE_SOURCE] = {
                 name: noise_std[name] / sigma[name]
                 for name in result_builder.ratios(
-                    found.look.prediction, found.values, case.parameters.names
+                    found.best.prediction, found.values, case.parameters.names
                 )
             }
         return Result(
@@ -357,11 +357,11 @@ class BackAnalysis:
                 case, self.objective, found, self.spread, self.stops, resolved,
                 self.sensitivities, changes, noise_std, self.more_sources,
             ),
-            iterations=result_builder.iterations(found.looks, self.objective),
+            iterations=result_builder.iterations(found.evaluations, self.objective),
             starts=self.starts,
             variants=self.variants,
             sensitivities=self.sensitivities,
-            measurements=result_builder.measurements(self.objective, found.look.prediction),
+            measurements=result_builder.measurements(self.objective, found.best.prediction),
             noise=self.noise,
             classical=[],
             remarks=self.remarks,
@@ -381,13 +381,13 @@ class BackAnalysis:
     @property
     def slope(self) -> np.ndarray:
         """Derivative of the fitted numbers by the scaled parameters at the answer, (k, p)."""
-        return self.objective.fitted_derivative(self.found.look.derivative, self.found.values)
+        return self.objective.fitted_derivative(self.found.best.derivative, self.found.values)
 
     @cached_property
     def _refined(self) -> np.ndarray:
         """The answer with the next linear step; changes are measured from it, (p,)."""
         own = self._problem(self.case.setup)
-        own.prediction = self.found.look.prediction
+        own.prediction = self.found.best.prediction
         return own.refined
 
     def _manifest(self) -> dict[str, Any]:
@@ -424,10 +424,10 @@ class BackAnalysis:
             seeds=seeds,
             max_iterations=settings.max_iterations,
             max_runs=settings.max_runs,
-            on_look=self._tell_look if tell else None,
+            on_evaluation=self._tell_evaluation if tell else None,
         )
 
-    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> Found | None:
+    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> SearchResult | None:
         """Another search with the noise that is known; None, and a line, where there is none."""
         engine = self.engine_of(setup)
         noise = self.steps.noise
@@ -454,21 +454,27 @@ class BackAnalysis:
         resolve(problems)
         self.runs += sum(problem.engine.runs for problem in problems)
 
-    def _tell_look(self, look: Look) -> None:
+    def _tell_evaluation(self, evaluation: Evaluation) -> None:
         parameters, targets = self.case.parameters, self.objective.targets
         values = ", ".join(
             f"{spec.name} {value:.4g} {spec.unit}"
-            for spec, value in zip(parameters.specs, look.values, strict=True)
+            for spec, value in zip(parameters.specs, evaluation.values, strict=True)
         )
         predicted = ", ".join(
             f"{name} {value:.1f} m"
-            for name, value in targets.named(look.prediction.values, targets.fitted).items()
+            for name, value in targets.named(evaluation.prediction.values, targets.fitted).items()
         )
-        name = {"scan": "scan", "start": "start"}.get(look.kind, f"iteration {look.iteration}")
-        loss = f"loss {look.loss:.3g}" if np.isfinite(look.loss) else look.prediction.reason
-        self.say(f"{name}: {values}: {predicted}: {loss} ({look.runs} simulations)")
+        name = {"scan": "scan", "start": "start"}.get(
+            evaluation.kind, f"iteration {evaluation.iteration}"
+        )
+        loss = (
+            f"loss {evaluation.loss:.3g}"
+            if np.isfinite(evaluation.loss)
+            else evaluation.prediction.reason
+        )
+        self.say(f"{name}: {values}: {predicted}: {loss} ({evaluation.runs} simulations)")
 
-    def _told(self, found: Found) -> str:
+    def _told(self, found: SearchResult) -> str:
         values = ", ".join(
             f"{spec.name} {value:.4g}"
             for spec, value in zip(self.case.parameters.specs, found.values, strict=True)

@@ -26,7 +26,7 @@ ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class Stop:
+class EquivalentAnswer:
     """One of the equally good answers.
 
     Attributes:
@@ -78,7 +78,7 @@ def walk(
     slope: np.ndarray,
     flat: np.ndarray,
     loss: float,
-) -> list[Stop]:
+) -> list[EquivalentAnswer]:
     """Walk along flat directions.
 
     Args:
@@ -100,13 +100,15 @@ def walk(
         for along in range(len(flat))
         for sense in (1.0, -1.0)
     ]
-    found: list[Stop] = []
+    found: list[EquivalentAnswer] = []
     while walkers:
         problems = [_ahead(engine, data_alone, walker) for walker in walkers]
         resolve(problems, rounds=ROUNDS)
         for walker, problem in zip(walkers, problems, strict=True):
             if problem.loss < good_enough:
-                found.append(Stop(walker.along, problem.values, problem.prediction, problem.loss))
+                found.append(
+                    EquivalentAnswer(walker.along, problem.values, problem.prediction, problem.loss)
+                )
                 walker.values, walker.slope = problem.values, problem.slope
                 walker.left -= 1
                 if any(objective.parameters.at_bound(problem.values)):

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from inversion.estimation.gauss_newton import broyden
+from inversion.estimation.gauss_newton import bounded_step, broyden
 from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
 
@@ -116,9 +115,9 @@ class Problem:
         if self.frozen is not None:  # a heavy weight: no step along the direction
             matrix = np.concatenate([matrix, 1e3 * self.frozen[None, :]])
             residuals = np.append(residuals, 0.0)
-        low = np.minimum(np.maximum(parameters.fitted_low - here, -self.box), -1e-12)
-        high = np.maximum(np.minimum(parameters.fitted_high - here, self.box), 1e-12)
-        return lsq_linear(matrix, -residuals, bounds=(low, high), method="bvls").x
+        low = np.maximum(parameters.fitted_low - here, -self.box)
+        high = np.minimum(parameters.fitted_high - here, self.box)
+        return bounded_step(matrix, -residuals, low, high)
 
 
 def resolve(problems: Sequence[Problem], rounds: int = ROUNDS) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from inversion.back_analysis.case import InversionCase
-from inversion.back_analysis.equivalent_answers import Stop
+from inversion.back_analysis.equivalent_answers import EquivalentAnswer
 from inversion.back_analysis.result import (
     Answer,
     Correlation,
@@ -22,7 +22,7 @@ from inversion.back_analysis.result import (
 )
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import Posterior, direction_in_words, interval
-from inversion.estimation.search import Found, Look
+from inversion.estimation.search import Evaluation, SearchResult
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Prediction
 from pipeline.config import SimulationSettings
@@ -44,30 +44,30 @@ def ratios(prediction: Prediction, values: np.ndarray, names: Sequence[str]) -> 
     }
 
 
-def iterations(looks: Sequence[Look], objective: Objective) -> list[Iteration]:
+def iterations(evaluations: Sequence[Evaluation], objective: Objective) -> list[Iteration]:
     """The history."""
     return [
         Iteration(
-            iteration=look.iteration,
-            kind=look.kind,
-            accepted=look.accepted,
-            values=objective.parameters.as_mapping(look.values),
-            loss=look.loss if np.isfinite(look.loss) else None,
-            predicted=objective.targets.named(look.prediction.values),
-            runs_so_far=look.runs,
-            seconds=round(look.seconds, 3),
+            iteration=evaluation.iteration,
+            kind=evaluation.kind,
+            accepted=evaluation.accepted,
+            values=objective.parameters.as_mapping(evaluation.values),
+            loss=evaluation.loss if np.isfinite(evaluation.loss) else None,
+            predicted=objective.targets.named(evaluation.prediction.values),
+            runs_so_far=evaluation.runs,
+            seconds=round(evaluation.seconds, 3),
         )
-        for look in looks
+        for evaluation in evaluations
     ]
 
 
-def start_of(found: Found, objective: Objective) -> Start:
+def start_of(found: SearchResult, objective: Objective) -> Start:
     """One of several starts."""
     parameters = objective.parameters
     return Start(
-        start=parameters.as_mapping(found.looks[0].values),
+        start=parameters.as_mapping(found.evaluations[0].values),
         answer=parameters.as_mapping(found.values),
-        loss=found.look.loss,
+        loss=found.best.loss,
         reached=found.reached,
         iterations=found.iterations,
         runs=found.runs,
@@ -134,9 +134,9 @@ def unknown_derivatives(parameters: Parameters, derivative: np.ndarray) -> list[
 def answer(
     case: InversionCase,
     objective: Objective,
-    found: Found,
+    found: SearchResult,
     spread: Posterior,
-    stops: Sequence[Stop],
+    stops: Sequence[EquivalentAnswer],
     resolved: np.ndarray,
     sensitivities: Sequence[SensitivityAnswer],
     ratio_changes: Mapping[str, Mapping[str, float]],
@@ -173,7 +173,7 @@ def answer(
             for name, std in zip(parameters.names, spread.std, strict=True)
         ]
     )
-    look = found.look
+    evaluation = found.best
     errors = [] if objective.loss == "runout" else [SURVEY_ERRORS, *(more_sources or {})]
     return Answer(
         fitted_to=fitted_to(targets, targets.fitted, errors),
@@ -187,7 +187,7 @@ def answer(
             ratio_changes,
             stops,
         ),  # fmt: skip
-        loss=look.loss,
+        loss=evaluation.loss,
         loss_unit=objective.unit,
         tolerance=objective.tolerance,
         reached=found.reached,
@@ -216,11 +216,13 @@ def answer(
         ],
         derivative={
             name: parameters.as_mapping(np.nan_to_num(row))
-            for name, row, wanted in zip(targets.names, look.derivative, targets.shown, strict=True)
+            for name, row, wanted in zip(
+                targets.names, evaluation.derivative, targets.shown, strict=True
+            )
             if wanted and not np.all(np.isnan(row))
         },
         derivative_resolved=dict(zip(parameters.names, map(bool, resolved), strict=True)),
-        steps=parameters.as_mapping(look.steps),
+        steps=parameters.as_mapping(evaluation.steps),
     )
 
 
@@ -231,16 +233,16 @@ def bounded(names: Sequence[str], bounds: Sequence[str | None]) -> list[str]:
 
 def _parameters(
     case: InversionCase,
-    found: Found,
+    found: SearchResult,
     spread: Posterior,
     total: np.ndarray,
     sources: Mapping[str, Mapping[str, float]],
     intervals: Sequence[tuple[float, float]],
     ratio_changes: Mapping[str, Mapping[str, float]],
-    stops: Sequence[Stop],
+    stops: Sequence[EquivalentAnswer],
 ) -> list[ParameterAnswer]:
     parameters = case.parameters
-    prediction = found.look.prediction
+    prediction = found.best.prediction
     ratio = ratios(prediction, found.values, parameters.names)
     before = parameters.prior_std * np.where(parameters.logarithmic, found.values, 1.0)
     good = np.array([found.values, *[stop.values for stop in stops]])

@@ -65,25 +65,25 @@ def save_sections(analysis: BackAnalysis, path: Path) -> None:
     `iteration` (K,), `accepted` (K,), `loss` (K,), `values` (K, p), `names` (p,), `zone` (N,),
     `zone_names`, `spacing` [m], `answer`: the line of the answer.
     """
-    looks = analysis.found.looks
+    evaluations = analysis.found.evaluations
     points = fill(analysis.case.scene)
     count = len(points)
-    kept = [look.prediction.positions for look in looks]
+    kept = [evaluation.prediction.positions for evaluation in evaluations]
     final = np.stack([p if len(p) == count else np.full((count, 2), np.nan) for p in kept])
     answer = next(
         place
-        for place, look in enumerate(looks)
-        if look.accepted and np.array_equal(look.values, analysis.found.values)
+        for place, evaluation in enumerate(evaluations)
+        if evaluation.accepted and np.array_equal(evaluation.values, analysis.found.values)
     )
     write_arrays(
         path,
         {
             "initial": points.position.astype(np.float32),
             "final": final.astype(np.float32),
-            "iteration": np.array([look.iteration for look in looks], np.int32),
-            "accepted": np.array([look.accepted for look in looks]),
-            "loss": np.array([look.loss for look in looks]),
-            "values": np.array([look.values for look in looks]),
+            "iteration": np.array([evaluation.iteration for evaluation in evaluations], np.int32),
+            "accepted": np.array([evaluation.accepted for evaluation in evaluations]),
+            "loss": np.array([evaluation.loss for evaluation in evaluations]),
+            "values": np.array([evaluation.values for evaluation in evaluations]),
             "names": np.array(analysis.case.parameters.names),
             "zone": points.zone,
             "zone_names": np.array([zone.name for zone in analysis.case.scene.zones]),

@@ -30,7 +30,7 @@ from inversion.engines.trained_model import Model
 from inversion.estimation.calibrate import calibrate
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import posterior
-from inversion.estimation.search import Found
+from inversion.estimation.search import SearchResult
 from inversion.problem.forward import Forward, Prediction
 from inversion.problem.question import Sensitivity
 from pipeline.cli import InputError
@@ -60,7 +60,7 @@ class SurrogateAnalysis(BackAnalysis):
     rollouts: RolloutStore
     on_frame: Callable[[int, int], None] | None = None
     pairs: Pairs | None = None
-    alone: Found | None = None
+    alone: SearchResult | None = None
     judged: Prediction | None = None
     judged_alone: Prediction | None = None
     answer_std: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -118,7 +118,7 @@ class SurrogateAnalysis(BackAnalysis):
     def compare(self) -> None:
         """Run the material point method next to it around the answer: its error from now on."""
         parameters, values = self.case.parameters, self.found.values
-        around = posterior(self.objective, self.found.look.derivative, values)
+        around = posterior(self.objective, self.found.best.derivative, values)
         states, width = states_around(
             parameters,
             values,
@@ -186,7 +186,7 @@ class SurrogateAnalysis(BackAnalysis):
         )
         engines = [
             self._engine(
-                "gns", "without correction", self.alone.values, self.alone.look.prediction
+                "gns", "without correction", self.alone.values, self.alone.best.prediction
             ),
             self._engine("mpm", "at that answer", self.alone.values, self.judged_alone),
             own_answer(result),
@@ -214,7 +214,7 @@ class SurrogateAnalysis(BackAnalysis):
     def _uncorrected(self, setup: Setup) -> GNSEngine:
         return GNSEngine(setup, self.rollouts, self.model, on_frame=self.on_frame)
 
-    def _fit(self, start: np.ndarray) -> Found:
+    def _fit(self, start: np.ndarray) -> SearchResult:
         """A search with the engine and objective that are known by now."""
         method = self.case.config.inversion.method
         search = self._search(self.engine, self.steps, tell=True)
@@ -223,34 +223,41 @@ class SurrogateAnalysis(BackAnalysis):
         return found
 
     def _search_on(self) -> None:
-        """Search from the present answer; the looks follow those before."""
+        """Search from the present answer; the evaluations follow those before."""
         before, method = self.found, self.case.config.inversion.method
         found = self._fit(before.values)
-        last = before.looks[-1]
-        looks = [
+        last = before.evaluations[-1]
+        evaluations = [
             replace(
-                look,
-                kind=method if look.kind == "start" else look.kind,
-                iteration=look.iteration + last.iteration + 1,
-                runs=look.runs + before.runs,
-                seconds=look.seconds + last.seconds,
+                evaluation,
+                kind=method if evaluation.kind == "start" else evaluation.kind,
+                iteration=evaluation.iteration + last.iteration + 1,
+                runs=evaluation.runs + before.runs,
+                seconds=evaluation.seconds + last.seconds,
             )
-            for look in found.looks
+            for evaluation in found.evaluations
         ]
-        place = next(number for number, look in enumerate(found.looks) if look is found.look)
+        place = next(
+            number
+            for number, evaluation in enumerate(found.evaluations)
+            if evaluation is found.best
+        )
         self.found = replace(
-            found, look=looks[place], looks=[*before.looks, *looks], runs=found.runs + before.runs
+            found,
+            best=evaluations[place],
+            evaluations=[*before.evaluations, *evaluations],
+            runs=found.runs + before.runs,
         )
 
     def _judge(self) -> None:
         """The material point method at the answer; the stress before failure is its own."""
         (self.judged,) = self.truth.predict([self.found.values])
         prediction = replace(
-            self.found.look.prediction,
+            self.found.best.prediction,
             sigma_v0_kpa=self.judged.sigma_v0_kpa,
             sigma_v0_std_kpa=self.judged.sigma_v0_std_kpa,
         )
-        self.found = replace(self.found, look=replace(self.found.look, prediction=prediction))
+        self.found = replace(self.found, best=replace(self.found.best, prediction=prediction))
         targets = self.objective.targets
         told = targets.named(self.judged.values, targets.fitted)
         self.say(
@@ -261,21 +268,21 @@ class SurrogateAnalysis(BackAnalysis):
 
     def _uncertainty(self) -> None:
         """What the survey leaves open, and how much the surrogate's error adds to it."""
-        derivative, values = self.found.look.derivative, self.found.values
+        derivative, values = self.found.best.derivative, self.found.values
         survey = self.case.objective().covariance
         whole = posterior(self.objective, derivative, values)
         self.spread = posterior(self.objective, derivative, values, errors=survey)
         self.answer_std = np.sqrt(np.maximum(whole.std**2 - self.spread.std**2, 0.0))
         names = self.case.parameters.names
         self.more_sources[SOURCE] = dict(zip(names, map(float, self.answer_std), strict=True))
-        sigma = self.found.look.prediction.sigma_v0_kpa
+        sigma = self.found.best.prediction.sigma_v0_kpa
         self.ratio_changes[SOURCE] = {
             name: float(std / stress)
             for name, std, stress in zip(names, self.answer_std, sigma, strict=True)
             if np.isfinite(stress)
         }
 
-    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> Found | None:
+    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> SearchResult | None:
         """Another search; None, and a line, also where the simulator does not know the reading."""
         try:
             return super()._calibrated(name, setup, start)

@@ -1,8 +1,9 @@
 """Calibration: from a first guess to the answer, by the method asked for.
 
-In: a `Search` and first guesses. Out: `Found`. A start at which nothing moves, or whose derivative
-says nothing, goes through the geometric scan first; a search that ends far from the data looks
-around once and goes on from the best place it sees; a misfit of many numbers is smoothed at last.
+In: a `Search` and first guesses. Out: `SearchResult`. A start at which nothing moves, or whose
+derivative says nothing, goes through the geometric scan first; a search that ends far from the data
+looks around once and goes on from the best place it sees; a misfit of many numbers is smoothed at
+last.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import numpy as np
 from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
 from inversion.estimation.geometric_scan import look_around, moved, scan
 from inversion.estimation.lbfgsb import lbfgsb
-from inversion.estimation.search import Found, Look, Search
-from inversion.estimation.smoothing import polish
+from inversion.estimation.search import Evaluation, Search, SearchResult
+from inversion.estimation.smoothing import smoothed
 from inversion.estimation.unknowns import Parameters
 
 Method = Literal["gauss_newton", "lbfgsb"]
@@ -33,7 +34,7 @@ MOST_WORSE = 3.0
 OTHER_STARTS = ((0.65, 0.25), (1.6, 0.75), (0.45, 0.6), (2.2, 0.4))
 
 
-def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: float) -> Found:
+def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: float) -> SearchResult:
     """Search from one first guess.
 
     Args:
@@ -45,82 +46,84 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
     Raises:
         WorkFailed: nothing moves at all, or the first run failed.
     """
-    first = search.look(start, "start", 0)
+    first = search.evaluate(start, "start", 0)
     if _says_nothing(search, first, least_m):
         best = scan(search, first, least_m)
         search.measure_noise(None, best.values)
-        first = first if best is first else search.look(best.values, "scan", 0)
+        first = first if best is first else search.evaluate(best.values, "scan", 0)
     else:
         search.measure_noise(first, start)
     found = _searched(search, first, method)
-    if _far_off(search, found.look) and search.runs < search.max_runs:
-        better = look_around(search, search.objective.parameters.start, found.look)
+    if _far_off(search, found.best) and search.runs < search.max_runs:
+        better = look_around(search, search.objective.parameters.start, found.best)
         if better is not None:
             search.start_again()
-            first = search.look(better.values, "scan", better.iteration)
+            first = search.evaluate(better.values, "scan", better.iteration)
             found = _searched(search, first, method)
     return _polished(search, found)
 
 
-def _searched(search: Search, first: Look, method: Method) -> Found:
-    """Search from a look; an end that is not a minimum is not an end.
+def _searched(search: Search, first: Evaluation, method: Method) -> SearchResult:
+    """Search from an evaluation; an end that is not a minimum is not an end.
 
     L-BFGS-B may stop at a point whose derivative still promises a better fit, when its line search
     fails in a ripple of the loss. It then starts once more from there, with no memory of curvature.
     """
     found = METHODS[method](search, first)
-    if method != "lbfgsb" or found.look is first or found.reached or search.exhausted:
+    if method != "lbfgsb" or found.best is first or found.reached or search.exhausted:
         return found
-    if _promise(search, found.look) < LEAST_PROMISE:
+    if _promise(search, found.best) < LEAST_PROMISE:
         return found
     search.start_again()
-    return METHODS[method](search, found.look)
+    return METHODS[method](search, found.best)
 
 
-def _polished(search: Search, found: Found) -> Found:
+def _polished(search: Search, found: SearchResult) -> SearchResult:
     """The bottom of the valley, where many numbers are fitted and the simulation has noise."""
     if search.objective.loss != "misfit" or not np.any(search.steps.noise > 0):
         return found
-    if not np.isfinite(found.look.loss) or search.exhausted:
+    if not np.isfinite(found.best.loss) or search.exhausted:
         return found
-    look = polish(search, found.look)
-    if look is None:
+    evaluation = smoothed(search, found.best)
+    if evaluation is None:
         return found
     ripple = np.sum((search.objective.survey_whitener * search.steps.noise[None, :]) ** 2)
-    if not look.loss <= found.look.loss + MOST_WORSE * ripple:
-        search.reject(look)
+    if not evaluation.loss <= found.best.loss + MOST_WORSE * ripple:
+        search.reject(evaluation)
         return found
-    return replace(found, look=look, runs=search.runs, words=f"{found.words}, smoothed")
+    return replace(found, best=evaluation, runs=search.runs, words=f"{found.words}, smoothed")
 
 
-def _far_off(search: Search, look: Look) -> bool:
+def _far_off(search: Search, evaluation: Evaluation) -> bool:
     """The fit is worse than the survey's errors explain: chance does so once in 30,000 times."""
     objective = search.objective
-    if not np.isfinite(look.loss):
+    if not np.isfinite(evaluation.loss):
         return True
     if objective.loss == "runout":
-        return look.loss > max(
+        return evaluation.loss > max(
             objective.tolerance, FAR_OFF**2 * float(np.trace(objective.covariance))
         )
     numbers = len(objective.covariance)
-    return look.loss > numbers + FAR_OFF * np.sqrt(2.0 * numbers)
+    return evaluation.loss > numbers + FAR_OFF * np.sqrt(2.0 * numbers)
 
 
-def _says_nothing(search: Search, look: Look, least_m: float) -> bool:
+def _says_nothing(search: Search, evaluation: Evaluation, least_m: float) -> bool:
     """The fit is bad, and nothing moves or no step promises to make it better."""
-    if not np.isfinite(look.loss) or look.loss < search.objective.tolerance:
+    if not np.isfinite(evaluation.loss) or evaluation.loss < search.objective.tolerance:
         return False
-    if not moved(search, look, least_m).any():
+    if not moved(search, evaluation, least_m).any():
         return True
-    return _promise(search, look) < LEAST_PROMISE
+    return _promise(search, evaluation) < LEAST_PROMISE
 
 
-def _promise(search: Search, look: Look) -> float:
-    """Share of the sum of squares that the best linear step from a look would remove."""
+def _promise(search: Search, evaluation: Evaluation) -> float:
+    """Share of the sum of squares that the best linear step from an evaluation would remove."""
     residuals = search.objective.residuals(
-        look.prediction, search.objective.parameters.to_fitted(look.values)
+        evaluation.prediction, search.objective.parameters.to_fitted(evaluation.values)
     )
-    return best_step(search, look, LARGEST_BOX).gain / max(float(residuals @ residuals), 1e-300)
+    return best_step(search, evaluation, LARGEST_BOX).gain / max(
+        float(residuals @ residuals), 1e-300
+    )
 
 
 def further_starts(parameters: Parameters, number: int) -> Sequence[np.ndarray]:

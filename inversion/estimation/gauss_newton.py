@@ -13,9 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from inversion.estimation.search import Found, Look, Search
+from inversion.estimation.search import Evaluation, Search, SearchResult
 from pipeline.cli import WorkFailed
 
 #: First, smallest and largest half-width of the box, in scaled parameters.
@@ -45,15 +44,17 @@ class Step:
     gain: float
 
 
-def gauss_newton(search: Search, first: Look) -> Found:
-    """Search from a look with its derivative.
+def bounded_step(
+    matrix: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray, *, ridge: float = 0.0
+) -> np.ndarray:
+    """The step (q,) within bounds that brings `matrix @ step` nearest to `right` (n,).
 
     Args:
         search: the problem; it is notified of each look.
         first: where it begins; its run must not have failed.
 
     Raises:
-        WorkFailed: the run of the first look failed.
+        WorkFailed: the run of the first evaluation failed.
     """
     objective = search.objective
     if not np.isfinite(first.loss):
@@ -67,7 +68,7 @@ def gauss_newton(search: Search, first: Look) -> Found:
             break
         iteration += 1
         values = objective.parameters.to_values(step.fitted)
-        trial = search.look(values, "gauss_newton", iteration)
+        trial = search.evaluate(values, "gauss_newton", iteration)
         actual = _sum(search, best) - _sum(search, trial)
         ratio = actual / max(step.gain, 1e-12)
         if not np.isfinite(ratio) or actual <= 0.0:
@@ -83,25 +84,27 @@ def gauss_newton(search: Search, first: Look) -> Found:
     reached = best.loss < objective.tolerance
     if objective.loss == "misfit":
         reached = words.startswith(LEAST)
-    return Found(best, reached, words, search.looks, search.runs)
+    return SearchResult(best, reached, words, search.evaluations, search.runs)
 
 
 def taught_by(
-    search: Search, look: Look, trial: Look, taught: np.ndarray | None
+    search: Search, evaluation: Evaluation, trial: Evaluation, taught: np.ndarray | None
 ) -> np.ndarray | None:
-    """The derivative of the residuals (n, p) at a look after a step that was taken back.
+    """The derivative of the residuals (n, p) at an evaluation after a step that was taken back.
 
     Better (`broyden`) where the residuals moved against what the derivative says; else as it was
-    (`taught`, None: the look's own).
+    (`taught`, None: the evaluation's own).
     """
     if not np.isfinite(trial.loss):
         return taught
     objective, parameters = search.objective, search.objective.parameters
-    here, there = parameters.to_fitted(look.values), parameters.to_fitted(trial.values)
-    matrix = objective.jacobian(look.derivative, look.values) if taught is None else taught
+    here, there = parameters.to_fitted(evaluation.values), parameters.to_fitted(trial.values)
+    matrix = (
+        objective.jacobian(evaluation.derivative, evaluation.values) if taught is None else taught
+    )
     step = there - here
     moved = objective.residuals(trial.prediction, there)
-    moved = moved - objective.residuals(look.prediction, here)
+    moved = moved - objective.residuals(evaluation.prediction, here)
     if moved @ (matrix @ step) >= 0.0:
         return taught
     return broyden(matrix, step, moved)
@@ -115,24 +118,26 @@ def broyden(slope: np.ndarray, step: np.ndarray, moved: np.ndarray) -> np.ndarra
     return slope + np.outer(moved - slope @ step, step) / (step @ step)
 
 
-def best_step(search: Search, look: Look, box: float, taught: np.ndarray | None = None) -> Step:
-    """Least squares of the linearised residuals within the bounds and the box around a look.
+def best_step(
+    search: Search, evaluation: Evaluation, box: float, taught: np.ndarray | None = None
+) -> Step:
+    """Least squares of the linearised residuals within the bounds and the box around an evaluation.
 
     Args:
         search: the problem.
-        look: where it is linearised.
+        evaluation: where it is linearised.
         box: half-width, in scaled parameters.
-        taught: derivative of the residuals (n, p) in place of the look's own.
+        taught: derivative of the residuals (n, p) in place of the evaluation's own.
     """
     objective, parameters = search.objective, search.objective.parameters
-    here = parameters.to_fitted(look.values)
-    residuals = objective.residuals(look.prediction, here)
-    matrix = objective.jacobian(look.derivative, look.values) if taught is None else taught
+    here = parameters.to_fitted(evaluation.values)
+    residuals = objective.residuals(evaluation.prediction, here)
+    matrix = (
+        objective.jacobian(evaluation.derivative, evaluation.values) if taught is None else taught
+    )
     low = np.maximum(parameters.fitted_low - here, -box)
     high = np.minimum(parameters.fitted_high - here, box)
-    # lsq_linear wants the origin strictly inside; a bound that is active keeps a hair's breadth.
-    low, high = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
-    change = lsq_linear(matrix, -residuals, bounds=(low, high), method="bvls").x
+    change = bounded_step(matrix, -residuals, low, high)
     left = residuals + matrix @ change
     gain = float(residuals @ residuals - left @ left)
     small = np.where(parameters.logarithmic, SMALL_LOG / parameters.prior_std, SMALL_STEP)
@@ -144,24 +149,24 @@ def best_step(search: Search, look: Look, box: float, taught: np.ndarray | None 
     )
 
 
-def _sum(search: Search, look: Look) -> float:
-    if not np.isfinite(look.loss):
+def _sum(search: Search, evaluation: Evaluation) -> float:
+    if not np.isfinite(evaluation.loss):
         return float("inf")
-    fitted = search.objective.parameters.to_fitted(look.values)
-    residuals = search.objective.residuals(look.prediction, fitted)
+    fitted = search.objective.parameters.to_fitted(evaluation.values)
+    residuals = search.objective.residuals(evaluation.prediction, fitted)
     return float(residuals @ residuals)
 
 
-def _ended(search: Search, look: Look, step: Step, box: float) -> str:
+def _ended(search: Search, evaluation: Evaluation, step: Step, box: float) -> str:
     """Why the search is over, or "" if it goes on."""
     objective = search.objective
-    good = objective.loss == "runout" and look.loss < objective.tolerance
+    good = objective.loss == "runout" and evaluation.loss < objective.tolerance
     if good and step.small:
-        return f"loss {look.loss:.2g} below the tolerance {objective.tolerance:g}"
-    if step.gain < STATIONARY * max(_sum(search, look), 1e-9) or (
+        return f"loss {evaluation.loss:.2g} below the tolerance {objective.tolerance:g}"
+    if step.gain < STATIONARY * max(_sum(search, evaluation), 1e-9) or (
         objective.loss == "misfit" and step.gain < objective.tolerance
     ):
-        bound = [b for b in objective.parameters.at_bound(look.values) if b]
+        bound = [b for b in objective.parameters.at_bound(evaluation.values) if b]
         return LEAST + (", at a bound" if bound and not good else "")
     if box < SMALLEST_BOX:
         return "no step makes it smaller: the noise of the simulation is reached"

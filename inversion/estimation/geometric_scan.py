@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from inversion.estimation.search import Look, Search
+from inversion.estimation.search import Evaluation, Search
 from pipeline.cli import WorkFailed
 
 #: Ratio of the series, and runs of one batch: as many as there are usually processor cores.
@@ -24,24 +24,24 @@ AROUND_RATIO, AROUND_MOST = 1.25, 24
 
 
 def moved(
-    search: Search, look: Look, least_m: float, since: np.ndarray | None = None
+    search: Search, evaluation: Evaluation, least_m: float, since: np.ndarray | None = None
 ) -> np.ndarray:
     """Which fitted numbers differ by more than `least_m` from before the slide, (k,) bool.
 
     Args:
         search: the problem.
-        look: where.
+        evaluation: where.
         least_m: how much [m].
-        since: numbers (k,) to compare with instead, such as those of another look.
+        since: numbers (k,) to compare with instead, such as those of another evaluation.
     """
     mask = search.objective.targets.fitted
-    before = look.prediction.at_start[mask] if since is None else since
+    before = evaluation.prediction.at_start[mask] if since is None else since
     with np.errstate(invalid="ignore"):
-        return np.abs(look.prediction.values[mask] - before) > least_m
+        return np.abs(evaluation.prediction.values[mask] - before) > least_m
 
 
-def scan(search: Search, first: Look, least_m: float) -> Look:
-    """Lower the strengths geometrically; return the look with the least loss, the first included.
+def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
+    """Lower the strengths geometrically; the evaluation with the least loss, the first included.
 
     The scan ends when every fitted number has moved, or when some have and a further batch makes
     the loss no smaller.
@@ -71,11 +71,11 @@ def scan(search: Search, first: Look, least_m: float) -> Look:
             trials.append(parameters.clipped(lowered))
         improved = everything = False
         for values, prediction in zip(trials, search.engine.predict(trials), strict=True):
-            look = search.record(values, "scan", 0, prediction)
-            changed = moved(search, look, least_m, still)
+            evaluation = search.record(values, "scan", 0, prediction)
+            changed = moved(search, evaluation, least_m, still)
             anything, everything = anything or changed.any(), everything or changed.all()
-            if look.loss < best.loss:
-                best, improved = look, True
+            if evaluation.loss < best.loss:
+                best, improved = evaluation, True
         lowest = np.all(trials[-1][strengths] <= parameters.low[strengths])
         if anything and (everything or not improved or lowest or search.exhausted):
             return best
@@ -90,8 +90,8 @@ def scan(search: Search, first: Look, least_m: float) -> Look:
             )
 
 
-def look_around(search: Search, start: np.ndarray, best: Look) -> Look | None:
-    """Try strengths between the bounds, in the ratios of `start`; the best look if it is better.
+def look_around(search: Search, start: np.ndarray, best: Evaluation) -> Evaluation | None:
+    """Try strengths between the bounds, in the ratios of `start`; the best, if it is better.
 
     The places do not depend on where the search ended, so that several searches of one question
     share the runs.
@@ -114,10 +114,10 @@ def look_around(search: Search, start: np.ndarray, best: Look) -> Look | None:
         and np.all((factor * start <= parameters.high)[strengths])
     ]
     trials = [np.where(strengths, factor * start, start) for factor in inside]
-    iteration = max(look.iteration for look in search.looks)
-    looks = [
+    iteration = max(evaluation.iteration for evaluation in search.evaluations)
+    evaluations = [
         search.record(values, "scan", iteration, prediction)
         for values, prediction in zip(trials, search.engine.predict(trials), strict=True)
     ]
-    nearest = min(looks, key=lambda look: look.loss, default=best)
+    nearest = min(evaluations, key=lambda evaluation: evaluation.loss, default=best)
     return nearest if nearest.loss < best.loss else None

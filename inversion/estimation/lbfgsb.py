@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from inversion.estimation.misfit import Objective
-from inversion.estimation.search import Found, Look, Search
+from inversion.estimation.search import Evaluation, Search, SearchResult
 from pipeline.cli import WorkFailed
 
 #: A unit step: of the logarithm of a strength, and degrees of a friction angle.
@@ -25,8 +25,8 @@ class _Ended(Exception):  # noqa: N818
     """The loss is below the tolerance, or the allowance is used up."""
 
 
-def lbfgsb(search: Search, first: Look) -> Found:
-    """Search from a look with its derivative; see `gauss_newton.gauss_newton`."""
+def lbfgsb(search: Search, first: Evaluation) -> SearchResult:
+    """Search from an evaluation with its derivative; see `gauss_newton.gauss_newton`."""
     objective, parameters = search.objective, search.objective.parameters
     if not np.isfinite(first.loss):
         raise WorkFailed(f"the simulation at the start failed: {first.prediction.reason}")
@@ -39,22 +39,22 @@ def lbfgsb(search: Search, first: Look) -> Found:
         nonlocal best
         values = parameters.to_values(scaled * unit)
         if np.allclose(values, first.values, rtol=1e-12):
-            look = first
+            evaluation = first
         else:
             if search.exhausted:
                 raise _Ended
-            number = max(kept.iteration for kept in search.looks) + 1
-            look = search.look(values, "lbfgsb", number)
-        if not np.isfinite(look.loss):  # a guard stopped the run: turn the line search back
-            search.reject(look)
+            number = max(kept.iteration for kept in search.evaluations) + 1
+            evaluation = search.evaluate(values, "lbfgsb", number)
+        if not np.isfinite(evaluation.loss):  # a guard stopped the run: turn the line search back
+            search.reject(evaluation)
             return 1e3 * scale * max(first.loss, 1.0), np.zeros(len(unit))
-        if look.loss < best.loss:
-            best = look
-        elif look is not first:
-            search.reject(look)
-        if look.loss < objective.tolerance and objective.loss == "runout":
+        if evaluation.loss < best.loss:
+            best = evaluation
+        elif evaluation is not first:
+            search.reject(evaluation)
+        if evaluation.loss < objective.tolerance and objective.loss == "runout":
             raise _Ended
-        value, slope = value_and_gradient(objective, look)
+        value, slope = value_and_gradient(objective, evaluation)
         return scale * value, scale * slope * unit
 
     bounds = list(zip(parameters.fitted_low / unit, parameters.fitted_high / unit, strict=True))
@@ -78,15 +78,17 @@ def lbfgsb(search: Search, first: Look) -> Found:
             if reached
             else f"stopped after {search.runs} simulations, as allowed"
         )
-    return Found(best, reached, words, search.looks, search.runs)
+    return SearchResult(best, reached, words, search.evaluations, search.runs)
 
 
-def value_and_gradient(objective: Objective, look: Look) -> tuple[float, np.ndarray]:
+def value_and_gradient(objective: Objective, evaluation: Evaluation) -> tuple[float, np.ndarray]:
     """The function that is minimised and its gradient by the scaled parameters (p,)."""
-    derivative = objective.fitted_derivative(look.derivative, look.values)
+    derivative = objective.fitted_derivative(evaluation.derivative, evaluation.values)
     if objective.loss == "runout":  # paper: the squared runout error
-        difference = objective.difference(look.prediction)
+        difference = objective.difference(evaluation.prediction)
         return float(difference @ difference), 2.0 * derivative.T @ difference
-    residuals = objective.residuals(look.prediction, objective.parameters.to_fitted(look.values))
-    matrix = objective.jacobian(look.derivative, look.values)
+    residuals = objective.residuals(
+        evaluation.prediction, objective.parameters.to_fitted(evaluation.values)
+    )
+    matrix = objective.jacobian(evaluation.derivative, evaluation.values)
     return float(residuals @ residuals), 2.0 * matrix.T @ residuals

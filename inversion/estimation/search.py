@@ -1,4 +1,4 @@
-"""What every search shares: the problem, the looks at the engine, the way a search ended.
+"""What every search shares: the problem, its evaluations so far, the way a search ended.
 
 A *look* is one forward run with its derivative (or one run of the scan). Every look is reported to
 `on_look`, so that progress can be shown, and kept for the history.
@@ -21,7 +21,7 @@ Kind = Literal["start", "scan", "lbfgsb", "gauss_newton"]
 
 
 @dataclass(frozen=True)
-class Look:
+class Evaluation:
     """One evaluation of the engine, p parameters, m numbers.
 
     Attributes:
@@ -51,7 +51,7 @@ class Look:
 
 @dataclass
 class Search:
-    """A problem under search, with all looks so far.
+    """A problem under search, with all evaluations so far.
 
     Attributes:
         engine: the forward engine.
@@ -59,7 +59,7 @@ class Search:
         steps: chooses the finite differences.
         seeds: engines that differ in the seed of the jitter; they measure the noise at the first
             point where something moves. Empty: the noise in `steps` is taken as it is.
-        max_iterations: looks with a derivative after the first, for each place the search
+        max_iterations: evaluations with a derivative after the first, for each place the search
             starts from.
         max_runs: simulations after which no further look is taken.
         on_look: called for each look.
@@ -71,8 +71,8 @@ class Search:
     seeds: Sequence[Forward] = ()
     max_iterations: int = 20
     max_runs: int = 200
-    on_look: Callable[[Look], None] | None = None
-    looks: list[Look] = field(default_factory=list)
+    on_evaluation: Callable[[Evaluation], None] | None = None
+    evaluations: list[Evaluation] = field(default_factory=list)
     began: float = field(default_factory=time.perf_counter)
     runs_before: int = field(init=False)
     _for_noise: int = field(init=False, default=0)
@@ -88,7 +88,7 @@ class Search:
 
     @property
     def exhausted(self) -> bool:
-        """No further look is allowed."""
+        """No further evaluation is allowed."""
         iterations = self._iterations - self._iterations_before
         return iterations >= self.max_iterations or self.runs >= self.max_runs
 
@@ -102,9 +102,9 @@ class Search:
 
     @property
     def _iterations(self) -> int:
-        return max((look.iteration for look in self.looks), default=0)
+        return max((evaluation.iteration for evaluation in self.evaluations), default=0)
 
-    def look(self, values: np.ndarray, kind: Kind, iteration: int) -> Look:
+    def evaluate(self, values: np.ndarray, kind: Kind, iteration: int) -> Evaluation:
         """Run at `values` with the derivative; learn the next steps from it."""
         steps = self.steps.steps(values)
         prediction, derivative, taken = self.engine.derivative(values, steps)
@@ -112,17 +112,17 @@ class Search:
             self.steps.learn(derivative[self.objective.targets.fitted], values)
         return self.record(values, kind, iteration, prediction, derivative, taken)
 
-    def measure_noise(self, look: Look | None, values: np.ndarray) -> None:
-        """Measure the noise at `values`; a look's derivative there then gives the next steps."""
+    def measure_noise(self, evaluation: Evaluation | None, values: np.ndarray) -> None:
+        """Measure the noise at `values`; the next steps follow from the derivative there."""
         if not self.seeds:
             return
         mask = self.objective.targets.fitted
         self.steps.noise, _ = measured_noise(self.seeds, values, mask)
         self._for_noise += len(self.seeds)
-        if look is None or look.derivative is None:
+        if evaluation is None or evaluation.derivative is None:
             return
-        if look.prediction.status != "failed":
-            self.steps.learn(look.derivative[mask], look.values)
+        if evaluation.prediction.status != "failed":
+            self.steps.learn(evaluation.derivative[mask], evaluation.values)
 
     def record(
         self,
@@ -132,9 +132,9 @@ class Search:
         prediction: Prediction,
         derivative: np.ndarray | None = None,
         steps: np.ndarray | None = None,
-    ) -> Look:
-        """Keep a look; whether it is accepted is said later by `reject`."""
-        look = Look(
+    ) -> Evaluation:
+        """Keep an evaluation; whether it is accepted is said later by `reject`."""
+        evaluation = Evaluation(
             iteration=iteration,
             kind=kind,
             values=np.array(values, dtype=float),
@@ -146,41 +146,41 @@ class Search:
             runs=self.runs,
             seconds=time.perf_counter() - self.began,
         )
-        self.looks.append(look)
-        if self.on_look is not None:
-            self.on_look(look)
-        return look
+        self.evaluations.append(evaluation)
+        if self.on_evaluation is not None:
+            self.on_evaluation(evaluation)
+        return evaluation
 
-    def reject(self, look: Look) -> None:
-        """Mark a look as a step that was taken back."""
-        place = next(i for i, kept in enumerate(self.looks) if kept is look)
-        self.looks[place] = Look(**{**vars(look), "accepted": False})
+    def reject(self, evaluation: Evaluation) -> None:
+        """Mark an evaluation as a step that was taken back."""
+        place = next(i for i, kept in enumerate(self.evaluations) if kept is evaluation)
+        self.evaluations[place] = Evaluation(**{**vars(evaluation), "accepted": False})
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """How a search ended.
 
     Attributes:
-        look: the best point, with its derivative.
+        best: the best point, with its derivative.
         reached: its loss is below the tolerance.
         words: why the search ended.
-        looks: all of them, in order.
+        evaluations: all of them, in order.
         runs: simulations asked for.
     """
 
-    look: Look
+    best: Evaluation
     reached: bool
     words: str
-    looks: list[Look]
+    evaluations: list[Evaluation]
     runs: int
 
     @property
     def values(self) -> np.ndarray:
         """The answer, (p,)."""
-        return self.look.values
+        return self.best.values
 
     @property
     def iterations(self) -> int:
         """Iterations after the start."""
-        return max(look.iteration for look in self.looks)
+        return max(evaluation.iteration for evaluation in self.evaluations)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from inversion.estimation.search import Look, Search
+from inversion.estimation.search import Evaluation, Search
 
 #: Places on either side, in half-widths; half-width of a strength's logarithm, of an angle [deg].
 PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
@@ -22,11 +22,11 @@ MOST_MOVES = 3
 LEAST_RUNS = 5
 
 
-def polish(search: Search, best: Look) -> Look | None:
-    """A look at the bottom of the valley; None: not found, or outside the places tried.
+def smoothed(search: Search, best: Evaluation) -> Evaluation | None:
+    """An evaluation at the bottom of the valley; None: not found, or outside the places tried.
 
     Args:
-        search: of a fit with noise; told of the look.
+        search: of a fit with noise; given the evaluation.
         best: where the search ended.
     """
     parameters = search.objective.parameters
@@ -42,8 +42,8 @@ def polish(search: Search, best: Look) -> Look | None:
         if found is None:
             return None
         bottom = found
-    iteration = max(look.iteration for look in search.looks) + 1
-    return search.look(parameters.to_values(bottom), best.kind, iteration)
+    iteration = max(evaluation.iteration for evaluation in search.evaluations) + 1
+    return search.evaluate(parameters.to_values(bottom), best.kind, iteration)
 
 
 def _bottom(search: Search, centre: np.ndarray, half: np.ndarray) -> np.ndarray | None:

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data
+from inversion.estimation.gauss_newton import bounded_step
 from inversion.estimation.misfit import augmented_residual
 from inversion.estimation.response_surface import Surrogate
 from inversion.estimation.unknowns import Unknowns
@@ -25,6 +25,8 @@ JITTERS = ((1, 2), (3, 4), (5, 6), (7, 8))
 SEEN = 0.15
 #: Half-width in the parameters within which a surrogate may be believed at all.
 REACH = 3.0
+#: A hair of ridge: no step along what nothing is known of.
+RIDGE = 1e-6
 #: Two first guesses are different where some unknown differs by this much.
 APART = 0.3
 
@@ -82,7 +84,10 @@ def least(
     for _ in range(30):
         residual = augmented_residual(data, space, surrogate.predict(x), x)
         matrix = np.vstack([data.whitened(surrogate.slope(x)), space.prior[0]])
-        step = _bounded_step(matrix, residual, low - x, high - x, free)
+        step = np.zeros(len(x))
+        step[free] = bounded_step(
+            matrix[:, free], residual, (low - x)[free], (high - x)[free], ridge=RIDGE
+        )
         for share in (1.0, 0.4, 0.16, 0.06):
             trial = np.clip(x + share * step, low, high)
             total = surrogate.total(data, trial)
@@ -94,22 +99,6 @@ def least(
         if gained < 1e-4:
             break
     return x, best
-
-
-def _bounded_step(
-    matrix: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, free: np.ndarray
-) -> np.ndarray:
-    """Least squares step (q,) within bounds; a hair of ridge where nothing is known."""
-    step = np.zeros(matrix.shape[1])
-    some = np.vstack([matrix[:, free], 1e-6 * np.eye(int(free.sum()))])
-    right = np.concatenate([residual, np.zeros(int(free.sum()))])
-    found = np.linalg.lstsq(some, right, rcond=None)[0]
-    low, high = low[free], high[free]
-    if np.any(found < low) or np.any(found > high):
-        bounds = (np.minimum(low, -1e-12), np.maximum(high, 1e-12))
-        found = lsq_linear(some, right, bounds=bounds, method="bvls").x
-    step[free] = found
-    return step
 
 
 def best_of(

@@ -26,7 +26,7 @@ def test_a_search_that_ends_far_from_the_data_looks_around(start, method):
     search = problem([strength("a", low=2.0)], gone, goal, loss="misfit", tolerance=0.01)
     found = calibrate(search, np.array([start]), method=method, least_m=0.5)
     assert found.values[0] == pytest.approx(33.0, rel=0.01)
-    assert np.all(np.diff([look.runs for look in found.looks]) >= 0)
+    assert np.all(np.diff([look.runs for look in found.evaluations]) >= 0)
 
 
 @pytest.mark.parametrize("method", ["gauss_newton", "lbfgsb"])
@@ -49,7 +49,7 @@ def test_a_search_that_fits_does_not_look_around():
         [strength("a")], lambda v: np.array([80.0 - v[0]]), targets(53.0), tolerance=0.1
     )
     found = calibrate(search, np.array([30.0]), method="gauss_newton", least_m=0.5)
-    assert found.reached and not [look for look in found.looks if look.kind == "scan"]
+    assert found.reached and not [look for look in found.evaluations if look.kind == "scan"]
 
 
 def test_without_a_better_place_the_answer_stays():

@@ -44,7 +44,7 @@ def test_gradient_and_jacobian_against_finite_differences(loss):
     search = problem([strength("a"), angle("b")], dam, targets(53.0, std=3.0), loss=loss)
     values = np.array([22.0, 33.0])
     search.steps = FiniteSteps(search.objective.parameters, np.zeros(1))
-    look = search.look(values, "start", 0)
+    look = search.evaluate(values, "start", 0)
     exact = np.array([[-105 / 22.0, -0.3]])
     look = type(look)(**{**vars(look), "derivative": exact})
     objective, parameters = search.objective, search.objective.parameters
@@ -77,7 +77,7 @@ def test_gradient_and_jacobian_against_finite_differences(loss):
 def test_the_known_answer_is_found_as_the_paper_asks(method):
     search = problem([strength("a"), angle("b"), angle("c")], dam, targets(53.0))
     found = calibrate(search, np.array([30.0, 30.0, 30.0]), method=method, least_m=2.0)
-    assert found.reached and found.look.loss < 0.1
+    assert found.reached and found.best.loss < 0.1
     assert found.iterations <= 6 and found.runs <= 30
     runout_alone = 27.5 * np.exp(-0.3 * (found.values[1] - 30) / 105)
     assert found.values[0] == pytest.approx(runout_alone, rel=0.01)
@@ -86,7 +86,7 @@ def test_the_known_answer_is_found_as_the_paper_asks(method):
 def test_the_first_step_of_lbfgsb_is_a_tenth_of_a_strength():
     search = problem([strength("a"), angle("b")], dam, targets(53.0))
     found = calibrate(search, np.array([50.0, 30.0]), method="lbfgsb", least_m=2.0)
-    first, second = found.looks[:2]
+    first, second = found.evaluations[:2]
     assert second.values[0] / first.values[0] == pytest.approx(np.exp(-0.1), rel=0.01)
 
 
@@ -141,10 +141,10 @@ def test_a_derivative_of_the_wrong_sign_is_taught_better_by_the_runs_it_led_to()
         return prediction, derivative * [[-0.4, 1.0]], taken
 
     search.engine.derivative = wrong
-    first = search.look(np.array([45.0, 30.0]), "start", 0)
+    first = search.evaluate(np.array([45.0, 30.0]), "start", 0)
     found = gauss_newton(search, first)
-    assert found.reached and found.look.values[0] == pytest.approx(27.5, rel=0.01)
-    rejected = [look for look in found.looks if not look.accepted]
+    assert found.reached and found.best.values[0] == pytest.approx(27.5, rel=0.01)
+    rejected = [look for look in found.evaluations if not look.accepted]
     assert 0 < len(rejected) < 20
 
 
@@ -171,7 +171,7 @@ def test_where_nothing_moves_the_strengths_are_scanned_first():
     search = problem([strength("a", start=60.0)], stands_above_20, targets(25.0))
     found = calibrate(search, np.array([60.0]), method="gauss_newton", least_m=2.0)
     assert found.values[0] == pytest.approx(20 * np.exp(-25 / 60), rel=0.01)
-    scanned = [look for look in found.looks if look.kind == "scan"]
+    scanned = [look for look in found.evaluations if look.kind == "scan"]
     assert scanned and all(look.iteration == 0 for look in scanned)
     assert found.reached
 
@@ -193,9 +193,9 @@ def test_runs_that_fail_turn_the_search_back(method):
         return np.array([np.nan]) if values[0] < 24 else np.array([53 - 60 * (values[0] / 27 - 1)])
 
     search = problem([strength("a")], formula, targets(53.0))
-    first = search.look(np.array([88.0]), "start", 0)
+    first = search.evaluate(np.array([88.0]), "start", 0)
     found = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}[method](search, first)
-    assert found.look.loss < first.loss
+    assert found.best.loss < first.loss
     assert search.runs < 150
 
 
@@ -212,7 +212,7 @@ def test_no_search_goes_on_for_ever(method):
         [strength("a"), angle("b")], lambda v: np.array([20.0]), targets(53.0), noise=5.0,
         max_iterations=8, max_runs=60,
     )  # fmt: skip
-    first = search.look(np.array([30.0, 30.0]), "start", 0)
+    first = search.evaluate(np.array([30.0, 30.0]), "start", 0)
     found = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}[method](search, first)
     assert not found.reached and found.runs <= 63 and found.words
 
@@ -221,7 +221,7 @@ def test_the_allowance_of_runs_ends_looking_around_too():
     search = problem([strength("a"), angle("b")], dam, targets(200.0), max_runs=6)
     found = calibrate(search, np.array([30.0, 30.0]), method="gauss_newton", least_m=2.0)
     assert not found.reached and found.words.startswith("stopped after")
-    assert all(look.kind != "scan" for look in found.looks)
+    assert all(look.kind != "scan" for look in found.evaluations)
     assert found.runs <= 6 + 3
 
 
@@ -299,7 +299,7 @@ def test_noise_is_measured_over_seeds_before_the_second_derivative():
     )  # fmt: skip
     found = calibrate(search, np.array([30.0]), method="gauss_newton", least_m=2.0)
     assert 0.15 < search.steps.noise[0] < 0.8
-    second = found.looks[1]
+    second = found.evaluations[1]
     assert abs(second.derivative[0, 0] * second.steps[0]) >= 4.5 * search.steps.noise[0]
     assert found.runs == search.engine.runs + len(engines)
 

@@ -125,7 +125,7 @@ def test_a_constant_error_is_taken_off_and_the_rest_is_counted():
     def fit(engine, goal, start):
         objective = Objective(one, goal, "runout", 1e-4)
         search = Search(engine, objective, FiniteSteps(one, np.zeros(1)))
-        return objective, gauss_newton(search, search.look(start, "start", 0))
+        return objective, gauss_newton(search, search.evaluate(start, "start", 0))
 
     smooth = Formula(lambda values: right(values) + 5.0, ["toe 0"])
     _, alone = fit(smooth, goal, np.array([40.0]))

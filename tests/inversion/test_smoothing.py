@@ -40,7 +40,7 @@ def answers(seed: int) -> np.ndarray:
 
 def test_three_starts_end_nearer_to_each_other_and_to_the_truth(monkeypatch):
     smoothed = np.array([answers(seed) for seed in range(12)])
-    monkeypatch.setattr("inversion.estimation.calibrate.polish", lambda search, look: None)
+    monkeypatch.setattr("inversion.estimation.calibrate.smoothed", lambda search, look: None)
     plain = np.array([answers(seed) for seed in range(12)])
     apart = [np.median(np.ptp(np.log(kind), axis=1)) for kind in (plain, smoothed)]
     away = [np.sqrt(np.mean(np.log(kind / 25.0) ** 2)) for kind in (plain, smoothed)]
@@ -71,4 +71,4 @@ def test_a_bottom_at_the_rim_or_worse_than_the_ripple_is_not_taken():
     """Beyond 25 kPa the runs fail; on the other side the valley falls all the way to it."""
     search = noisy(20.0, 1, formula=lambda v: valley(v) if v[0] < 22.0 else np.full(6, np.nan))
     found = calibrate(search, np.array([18.0]), method="gauss_newton", least_m=0.1)
-    assert found.values[0] < 22.0 and np.isfinite(found.look.loss)
+    assert found.values[0] < 22.0 and np.isfinite(found.best.loss)
