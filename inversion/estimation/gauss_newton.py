@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from inversion.estimation.search import Evaluation, Search, SearchResult
 from pipeline.cli import WorkFailed
@@ -50,7 +51,28 @@ def bounded_step(
     """The step (q,) within bounds that brings `matrix @ step` nearest to `right` (n,).
 
     Args:
-        search: the problem; it is notified of each look.
+        matrix: (n, q).
+        right: (n,).
+        low: lower bounds, at most 0, (q,).
+        high: upper bounds, at least 0, (q,).
+        ridge: a hair of it keeps the step short along what nothing is known of; 0: none.
+    """
+    if ridge:
+        matrix = np.vstack([matrix, ridge * np.eye(matrix.shape[1])])
+        right = np.concatenate([right, np.zeros(matrix.shape[1])])
+        found = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        if not (np.any(found < low) or np.any(found > high)):
+            return found
+    # lsq_linear wants the origin strictly inside; a bound that is active keeps a hair's breadth.
+    bounds = (np.minimum(low, -1e-12), np.maximum(high, 1e-12))
+    return lsq_linear(matrix, right, bounds=bounds, method="bvls").x
+
+
+def gauss_newton(search: Search, first: Evaluation) -> SearchResult:
+    """Search from an evaluation with its derivative.
+
+    Args:
+        search: the problem; keeps every evaluation.
         first: where it begins; its run must not have failed.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Where nothing moves at the start, lower all strengths to be found until something does.
+"""Where nothing moves at the start, lower all strengths that are sought until something does.
 
 On a slope that stands, the runout does not depend on the strength and its derivative says nothing.
 So, before the first iteration, the strengths are multiplied by one factor after the other of a
@@ -47,12 +47,12 @@ def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
     the loss no smaller.
 
     Args:
-        search: notified of each run, as iteration 0.
+        search: keeps every run, as iteration 0.
         first: where nothing moves, or the derivative says nothing.
         least_m: how much must move [m].
 
     Raises:
-        WorkFailed: no strength is searched for, or nothing moves at the lowest bounds either.
+        WorkFailed: no strength is sought, or nothing moves at the lowest bounds either.
     """
     parameters = search.objective.parameters
     strengths = parameters.strengths
@@ -97,7 +97,7 @@ def look_around(search: Search, start: np.ndarray, best: Evaluation) -> Evaluati
     share the runs.
 
     Args:
-        search: notified of each run, as belonging to the iteration it has reached.
+        search: keeps every run, as belonging to the iteration it has reached.
         start: first guess of the question (p,).
         best: where the search ended.
     """

@@ -1,7 +1,7 @@
 """What every search shares: the problem, its evaluations so far, the way a search ended.
 
-A *look* is one forward run with its derivative (or one run of the scan). Every look is reported to
-`on_look`, so that progress can be shown, and kept for the history.
+An *evaluation* is one forward run with its derivative, or one run of the scan. `on_evaluation` is
+called with each, so that progress can be shown, and all are kept for the history.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Search:
             point where something moves. Empty: the noise in `steps` is taken as it is.
         max_iterations: evaluations with a derivative after the first, for each place the search
             starts from.
-        max_runs: simulations after which no further look is taken.
-        on_look: called for each look.
+        max_runs: simulations after which no further evaluation is taken.
+        on_evaluation: called with each evaluation.
     """
 
     engine: Forward
