@@ -16,10 +16,15 @@ EXTRAS := dxf,paraview,video,workflow,dev,docs
 READY := $(VENV)/.flowslide-installed
 IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH"
 
+# Counts the packages that pip names, on a terminal.
+COUNT := shown && /^Collecting/ { printf "\r\033[K  package %d of about %d: %s", ++k, all, $$2; fflush() } \
+  shown && /^Installing/ { printf "\r\033[K  unpacking %d packages\n", k; fflush() }
+
 .PHONY: lsfd test test-all verify docs lint format install clean
 .DELETE_ON_ERROR:
 
 lsfd: $(READY)
+	@echo "Back-analysis of the Lower San Fernando dam; log: results/logs/invert_lower_san_fernando.log"
 	@$(IN_VENV) snakemake --quiet all --show-failed-logs -- answer_lsfd
 	@cat results/lower_san_fernando/inversion/summary.txt
 
@@ -56,9 +61,10 @@ $(READY): pyproject.toml constraints.txt
 	@echo "installing into $(VENV) (a few minutes the first time)"
 	@"$(VENV)/bin/python" -m pip install --quiet --disable-pip-version-check \
 	  -c constraints.txt setuptools
-	@"$(VENV)/bin/python" -m pip install --quiet --disable-pip-version-check \
-	  -c constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]"
-	@touch "$@"
+	@{ "$(VENV)/bin/python" -m pip install --progress-bar off --disable-pip-version-check \
+	  -c constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]" && touch "$@"; } | \
+	  awk -v shown="$$(test -t 2 && echo yes)" -v all="$$(grep -c == constraints.txt)" '$(COUNT)'
+	@test "$@" -nt constraints.txt -a "$@" -nt pyproject.toml
 
 clean:
 	rm -rf results/test .pytest_cache .ruff_cache .hypothesis build flowslide.egg-info

@@ -516,7 +516,7 @@ def _default_scales() -> dict[str, ScaleSettings]:
 
 
 class Config(Settings):
-    """All settings. `python -m pipeline schema` prints the JSON schema."""
+    """All settings. `flowslide schema` prints the JSON schema."""
 
     results_folder: str = Field(
         "results", min_length=1, description="where the workflow puts everything it makes"

@@ -1,4 +1,4 @@
-"""Our data in the layout of the public GNS codes (`python -m gns pack --format geoelements`).
+"""Our data in the layout of the public GNS codes (`flowslide gns pack --format geoelements`).
 
 One NPZ file a split, `train.npz`, `valid.npz`, `test.npz`, each with the one key `gns_data`: an
 array of objects, one a run, each a tuple

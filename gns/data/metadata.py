@@ -134,7 +134,7 @@ def read_metadata(folder: str | Path) -> Metadata:
     if not path.is_file():
         raise InputError(
             f"{path}: no such file; {folder} holds no packed data, or packing has not ended "
-            "(python -m gns pack)"
+            "(flowslide gns pack)"
         )
     document = read_json(path)
     if not isinstance(document, dict):

@@ -144,7 +144,7 @@ def save_scores(path: str | Path, found: Sequence[Evaluated]) -> None:
 
 
 def read_mpm_seconds(path: str | Path) -> dict[int, float]:
-    """Time of each run in a table of `python -m mpm_taichi status --csv` [s].
+    """Time of each run in a table of `flowslide runs status --csv` [s].
 
     Raises:
         InputError: no such file, or not such a table.
@@ -157,7 +157,7 @@ def read_mpm_seconds(path: str | Path) -> dict[int, float]:
             raise
         raise InputError(
             f"{path}: has no numbers in columns index and wall_time_s; it is to be a table of "
-            "python -m mpm_taichi status --csv"
+            "flowslide runs status --csv"
         ) from None
     for index, seconds in found.items():
         if not 0.0 <= seconds < math.inf:

@@ -19,7 +19,7 @@ from pipeline.cli import InputError
 from pipeline.files import read_json, write_text
 
 HISTORY, SECTIONS, RUN = "history.csv", "sections.npz", "run.h5"
-#: Beside the folder of the result, as `python -m inversion classical` writes it.
+#: Beside the folder of the result, as `flowslide classical` writes it.
 CLASSICAL = Path("classical/classical.json")
 
 
@@ -129,11 +129,9 @@ def classical_beside(folder: Path) -> list[dict]:
     document = read_json(path)
     analyses = document.get("analyses") if isinstance(document, dict) else None
     if not isinstance(analyses, list):
-        raise InputError(
-            f"{path}: has no list `analyses`; write it by python -m inversion classical"
-        )
+        raise InputError(f"{path}: has no list `analyses`; write it by flowslide classical")
     try:
         check_classical(analyses)
     except ValueError as error:
-        raise InputError(f"{path}: {error}; write it by python -m inversion classical") from None
+        raise InputError(f"{path}: {error}; write it by flowslide classical") from None
     return analyses

@@ -180,7 +180,7 @@ def load_answers(paths: Iterable[str | Path]) -> list[OurAnswer]:
             found += answers_of(result)
         except (KeyError, TypeError):
             raise InputError(
-                f"{path}: is no answer of a back-analysis (python -m inversion invert writes them)"
+                f"{path}: is no answer of a back-analysis (flowslide invert writes them)"
             ) from None
     return found
 

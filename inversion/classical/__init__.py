@@ -4,7 +4,7 @@ In: a section before the slide (`geometry.scenes.scene.Scene`), the surface afte
 constructed or simulated), a slip surface, and the judgement calls of an analyst
 (`judgement.Judgement`).
 Out: for every method the residual strength S_r, its range over the judgement calls, and the
-histories behind it (`analysis.analyse`, `python -m inversion classical CASE`).
+histories behind it (`analysis.analyse`, `flowslide classical CASE`).
 
     section  ->  slices  ->  limit_equilibrium  ->  search
     section  ->  morph   ->  slide_forces       ->  kinetics, zif, imm  ->  analysis  ->  command

@@ -48,7 +48,7 @@ def load_model(folder: str | Path, device: str = "cpu") -> Model:
     path = folder / MODEL_FILE
     if not path.is_file():
         raise InputError(
-            f"{path}: no such file; a model is a folder with {MODEL_FILE}, as python -m gns train "
+            f"{path}: no such file; a model is a folder with {MODEL_FILE}, as flowslide gns train "
             "leaves it"
         )
     simulator = Simulator.load(path, device).requires_grad_(False)

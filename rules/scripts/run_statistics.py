@@ -1,6 +1,6 @@
 """Statistics of the runs of one scale: a picture and a page, from the table of the runs.
 
-In: `runs.csv` of `python -m mpm_taichi status --csv`. Out: `failed.txt`, `runs.png`,
+In: `runs.csv` of `flowslide runs status --csv`. Out: `failed.txt`, `runs.png`,
 `runs.html`. A run named in `failed.txt` is left out of everything later.
 """
 

@@ -1,6 +1,6 @@
 """`flowslide gns train`: learn from packed data, alone or under torchrun, in any number of pieces.
 
-    python -m gns train --scale coarse
+    flowslide gns train --scale coarse
     torchrun --nproc_per_node 3 -m gns train --scale large
 
 Started again, it goes on where it was stopped. It stops by itself on SIGTERM, after `--minutes`,
