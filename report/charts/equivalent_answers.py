@@ -76,9 +76,10 @@ def _axes(ax: Axes, parameters: list[ParameterAnswer], shared: bool) -> None:
         ax.axvline(number, color="#bbbbbb", linewidth=0.8, zorder=0)
         if not shared:
             for y, value in ((0, p.low), (1, p.high)):
-                ax.text(number + 0.03, y, with_unit(f"{value:g}", p.unit), fontsize=style.SMALL,
+                away, side = (-0.03, "right") if p is parameters[-1] else (0.03, "left")
+                ax.text(number + away, y, with_unit(f"{value:g}", p.unit), fontsize=style.SMALL,
                         color=style.NOTE, va="center", path_effects=style.HALO,
-                        zorder=5)  # fmt: skip
+                        ha=side, zorder=5)  # fmt: skip
     if shared:
         ax.set_ylim(bottom=0)
         style.labels(ax, "", unit_of(parameters[0].unit))

@@ -15,7 +15,7 @@ from report.data.back_analysis import BackAnalysisData
 from report.data.methods import Slide, Strength, slides
 from report.numbers import fixed, span
 
-ROW, ABOVE, LEFT, RIGHT = 0.28, 0.36, 2.0, 0.95
+ROW, ABOVE, LEFT, RIGHT = 0.28, 0.36, 2.0, 1.15
 
 
 def draw_methods(data: BackAnalysisData, path: Path) -> Path | None:
