@@ -80,6 +80,7 @@ def test_nothing_is_printed_and_nothing_is_left(tmp_path, monkeypatch, capsys):
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_a_back_analysis_stops_between_runs_and_goes_on(tmp_path):
     stop = threading.Event()
 

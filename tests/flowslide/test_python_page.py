@@ -13,6 +13,7 @@ CELL = re.compile(r"```python\n(?P<code>.*?)```(?:\n\n```text\n(?P<shown>.*?)```
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
+@pytest.mark.slow
 def test_the_page_prints_what_it_shows(root, tmp_path, monkeypatch):
     cells = list(CELL.finditer((root / PAGE).read_text("utf-8")))
     monkeypatch.chdir(tmp_path)
