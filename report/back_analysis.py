@@ -57,17 +57,20 @@ def summary(data: BackAnalysisData) -> str:
     )
     strengths = data.strengths or answer.parameters
     lines = [m for m in result.measurements if m.role != "constructed"]
+    # A terminal is narrower than a page: what the page alone shows is left out.
     found = [
-        tables.answer_table(data),
-        tables.measured_table(data, lines),
-        tables.engine_table(data),
-        *tables.method_tables(data),
-        tables.variant_table(data),
-        *tables.sensitivity_tables(data, strengths),
-        tables.starts_table(data),
-        tables.equally_good_table(data),
+        tables.answer_table(data).text(
+            without=["σ'_v0 (kPa)", "equally good", "first guess (bounds)"]
+        ),
+        tables.measured_table(data, lines).text(without=["by eye", "before the slide"]),
+        tables.engine_table(data).text(),
+        *(table.text() for table in tables.method_tables(data)),
+        tables.variant_table(data).text(without=["predicted", "loss"]),
+        *(table.text() for table in tables.sensitivity_tables(data, strengths)),
+        tables.starts_table(data).text(),
+        tables.equally_good_table(data).text(without=["loss"]),
     ]
-    parts = [heading, *(table.text() for table in found)]
+    parts = [heading, *found]
     parts += [two_strengths(data.folder).text()]
     parts += ["\n".join(map(plain, [*words.undetermined_sentences(data), *result.remarks]))]
     return "\n\n".join(part for part in parts if part)

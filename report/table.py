@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 
 from pipeline.table import aligned
 
@@ -17,6 +18,8 @@ SHORT, LONG = 14, 45
 #: A number, its sign and its unit are not separated at the end of a line.
 JOINED = re.compile(r"(?<=[\d±=<]) (?=[\d±%°]|(?:kPa|m|s|std)\b)|(?<=\bp) (?=[=<])")
 NUMBER = re.compile(r"\(?[+-]?[\d.]+(?:e[+-]?\d+)?(?:[ %)/,]|$)")
+#: Characters of a line of text; wider tables are folded.
+WIDTH = 120
 SPACE = "\N{NO-BREAK SPACE}"
 #: What a plain terminal or log shows instead of a character outside ASCII.
 PLAIN = str.maketrans(
@@ -48,13 +51,14 @@ class Table:
             f"<tbody>\n{body}\n</tbody></table></div>"
         )
 
-    def text(self, left: Collection[int] | None = None) -> str:
+    def text(self, left: Collection[int] | None = None, *, without: Collection[str] = ()) -> str:
         """The table as lines of plain text; empty without rows.
 
         Args:
+            without: headers of columns that are left out.
             left: numbers of the columns aligned to the left; None: those with words in them.
         """
-        table = self.without_empty_columns()
+        table = self.without_empty_columns(without)
         if not table.rows:
             return ""
         rows = [[plain("" if _missing(cell) else _shown(cell)) for cell in row]
@@ -62,14 +66,40 @@ class Table:
         if left is None:
             left = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if _words(column)]
         caption = f"{plain(self.caption)}\n" if self.caption else ""
-        return caption + aligned(rows, left=left)
+        lines = aligned(rows, left=left)
+        if max(map(len, lines.splitlines())) > WIDTH:
+            lines = _folded(rows, left)
+        return caption + lines
 
-    def without_empty_columns(self) -> Table:
-        """The table without columns that have nothing in them."""
-        kept = [k for k in range(len(self.header))
-                if any(row[k] not in (None, "") for row in self.rows)]  # fmt: skip
+    def without_empty_columns(self, without: Collection[str] = ()) -> Table:
+        """The table without columns that have nothing in them, or a header in `without`."""
+        kept = [k for k in range(len(self.header)) if self.header[k] not in without and
+                any(row[k] not in (None, "") for row in self.rows)]  # fmt: skip
         return replace(self, header=[self.header[k] for k in kept],
                        rows=[[row[k] for k in kept] for row in self.rows])  # fmt: skip
+
+
+def _folded(rows: Sequence[Sequence[str]], left: Collection[int]) -> str:
+    """Rows as lines of at most `WIDTH` characters, long cells folded over several of them."""
+    from rich.console import Console
+    from rich.table import Table as Grid
+
+    grid = Grid(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    for column, name in enumerate(rows[0]):
+        width = max(len(row[column]) for row in rows)
+        grid.add_column(
+            name,
+            justify="left" if column in left else "right",
+            overflow="fold",
+            no_wrap=column == 0 and width <= WIDTH // 3,
+        )
+    for row in rows[1:]:
+        grid.add_row(*row)
+    console = Console(
+        width=WIDTH, color_system=None, file=StringIO(), markup=False, highlight=False
+    )
+    console.print(grid)
+    return "\n".join(line.rstrip() for line in console.file.getvalue().splitlines())
 
 
 def text(words: str) -> str:
