@@ -113,6 +113,7 @@ def test_an_example_follows_from_its_position_alone(packed):
     assert not torch.equal(one.at(58).window[-1, :5], late.window[-1, :5])
 
 
+@pytest.mark.slow
 def test_all_of_an_example_is_on_the_device_of_the_training(packed):
     """The device `meta` stands for a GPU."""
     settings = SETTINGS.model_copy(update={"balance": 0.3})

@@ -36,6 +36,7 @@ def falling(drag, *, line=None, level=100.0, velocity=(0.0, 0.0), x=10.0):
 SETTINGS = SimulationSettings(duration_s=3.0, early_stop=False)
 
 
+@pytest.mark.slow
 def test_a_block_falls_towards_its_terminal_velocity():
     # L = 16 m2 / 64 m, so C_d = 0.1 is that of a slide with L = 2.5 m and C_d = 1.
     (run,) = simulate([falling(0.1)], SETTINGS, threads=1)

@@ -86,6 +86,7 @@ def test_company_threads_and_growing_arrays_change_nothing(monkeypatch):
     assert np.array_equal(runs[3].positions, simulate([slump()], settings)[0].positions)
 
 
+@pytest.mark.slow
 def test_an_open_domain_is_bit_for_bit_a_wide_one():
     """Place and time that an effect sees must not hang on how often the grid has grown."""
     pushed = {"shaking": {"amplitude": 0.5, "frequency_hz": 0.3}, "side_friction": 0.1,
