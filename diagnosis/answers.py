@@ -18,9 +18,9 @@ from diagnosis.hypotheses.hypothesis_file import (
     load_hypothesis,
     new_name,
 )
+from diagnosis.selection.explain import explain
 from diagnosis.selection.extend import Extension, check_addition, extend
 from diagnosis.session import Session
-from diagnosis.signatures.explain import explain
 from diagnosis.verdict.fitted_models import (
     effect_answers,
     judge,

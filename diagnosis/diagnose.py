@@ -15,10 +15,10 @@ from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.hypotheses.model import Model, Proposing
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision, decide
+from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.forward_selection import TriedModels, run_rounds
 from diagnosis.selection.next_measurement import Suggestion, suggest
 from diagnosis.selection.unknown_curve import FoundCurve, find_curve
-from diagnosis.signatures.explain import Explanation, explain
 
 Say = Callable[[str], None]
 

@@ -24,7 +24,7 @@ from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, Part, diagn
 from benchmarks.hidden_effects.scoring.digest import Digest, digest_of
 from benchmarks.hidden_effects.scoring.records import read_truth
 from diagnosis.case import diagnosis_case
-from diagnosis.selection.possible_measurements import possible_measurements
+from diagnosis.hypotheses.possible_measurements import possible_measurements
 from geometry.case import load_case
 from geometry.survey.measured import Deposit, Measured
 from geometry.survey.profiles import load_profile

@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
+from diagnosis.hypotheses.possible_measurements import possible_measurements, proposal_of
 from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
-from diagnosis.selection.possible_measurements import possible_measurements, proposal_of
 from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.engines.registry import REFERENCE, Engine, engine_named
 from inversion.engines.run_store import KeptRun, RunStore

@@ -16,12 +16,14 @@ effect which was not accepted is counted with the smaller one: what it has beyon
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from diagnosis.adequacy.adequacy import Adequacy
 from diagnosis.options import Options
 from diagnosis.selection.evidence import credible_set, probabilities
 from diagnosis.selection.forward_selection import AdoptedModel, TriedModels, why_not
-from diagnosis.verdict.verdict import Verdicts
+
+Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 
 
 @dataclass(frozen=True)

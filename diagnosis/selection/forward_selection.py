@@ -17,6 +17,7 @@ from diagnosis.adequacy.adequacy import Adequacy, ProjectedFit, Test, assess, ju
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
+from diagnosis.selection.explain import Explanation
 from diagnosis.selection.refit import (
     ANCHORED,
     FittedModel,
@@ -27,7 +28,6 @@ from diagnosis.selection.refit import (
     with_own_derivative,
 )
 from diagnosis.selection.unknown_curve import runs_wanted
-from diagnosis.signatures.explain import Explanation
 from diagnosis.signatures.signatures import Scores, Signature, score_all, take_signatures
 from inversion.estimation.response_surface import Surface
 

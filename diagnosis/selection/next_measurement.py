@@ -28,8 +28,8 @@ from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Proposal, Proposing
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
+from diagnosis.selection.explain import Explanation
 from diagnosis.selection.forward_selection import TriedModels
-from diagnosis.signatures.explain import Explanation
 from inversion.estimation.covariance import SYNTHETIC, jitter_covariance
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import system

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from diagnosis.selection.decide import Verdicts
 from inversion.back_analysis.result import FittedTo
 from inversion.estimation.data import Role
 from pipeline.config import validate_settings
@@ -22,8 +23,6 @@ from pipeline.files import read_json, write_json
 FILE_NAME = "verdict.json"
 COMPARE_FILE = "compare.json"
 EXPLAIN_FILE = "explain.json"
-
-Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 
 
 class ParameterWords(StrictDocument):

@@ -15,11 +15,11 @@ from diagnosis.adequacy.windows import worst_window
 from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.model import Candidate, Model
 from diagnosis.options import Options
+from diagnosis.selection.explain import Explanation
 from diagnosis.selection.forward_selection import AdoptedModel
 from diagnosis.selection.next_measurement import Suggestion
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.unknown_curve import FoundCurve
-from diagnosis.signatures.explain import Explanation
 from diagnosis.verdict import verdict
 from diagnosis.verdict.fitted_models import (
     effect_answers,

@@ -7,8 +7,8 @@ import pytest
 
 from diagnosis.adequacy.compare import compare
 from diagnosis.options import Options
+from diagnosis.selection.explain import explain
 from diagnosis.signatures.confounding import look_alike
-from diagnosis.signatures.explain import explain
 from tests.diagnosis.straight import signatures, straight
 
 OPTIONS = Options(draws=200, replicates=0, starts=1, second_scheme=False, resolution_factor=0.0)

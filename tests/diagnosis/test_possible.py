@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.model import Proposing
-from diagnosis.selection.possible_measurements import possible_measurements, site_of
+from diagnosis.hypotheses.possible_measurements import possible_measurements, site_of
 from geometry.case import load_case
 from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.surface_profile import SurfaceProfile

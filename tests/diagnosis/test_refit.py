@@ -11,8 +11,8 @@ from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
+from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.refit import ANCHORED, FittedModel, refit
-from diagnosis.signatures.explain import Explanation, explain
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth

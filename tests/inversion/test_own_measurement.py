@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from diagnosis.case import diagnosis_case
-from diagnosis.selection.possible_measurements import possible_measurements
+from diagnosis.hypotheses.possible_measurements import possible_measurements
 from flowslide.command_line import main as flowslide
 from geometry.case import load_case
 from geometry.survey import registry
