@@ -20,7 +20,7 @@ from geometry.case import SCENE_FILE, Case, load_case
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
-from inversion.engines.registry import Engine
+from inversion.engine_registry import Engine
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpm_taichi import layout
 from mpm_taichi.effects.framework.base import Effect
 from mpm_taichi.effects.framework.registry import effects_on, kernel_effects
 from mpm_taichi.materials.law import MaterialLaw
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB
-from mpm_taichi.solver import layout
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.solver.initial_state import PreparedScene, prepare
 from mpm_taichi.solver.kernels import build_kernels

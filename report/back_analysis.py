@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
-from inversion.engines.registry import engine_named
+from inversion.engine_registry import engine_named
 from report.data.back_analysis import BackAnalysisData
 from report.page import Paragraph, Picture, Section, folded, said, shown, tabulated, write_page
 from report.pictures.answer_film import LARGEST_BYTES, known_film, save_film

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,29 @@ ORDER = ["geometry", "mpm_taichi", "gns", "inversion", "diagnosis", "report", "f
 ALLOWED = {"pipeline": set()} | {
     name: {"pipeline", *ORDER[:position]} for position, name in enumerate(ORDER)
 }
+# The rooms of a package; a room loads only rooms to its left. What is imported inside a function
+# (the factory of an engine, a drawing) is a choice made while the program runs and is left out.
+ROOMS = {
+    "geometry": ["scenes", "random_scenes", "survey"],
+    "mpm_taichi": ["materials", "effects", "solver"],
+    "gns": ["data", "network", "rollout", "evaluation", "training"],
+    "inversion": [
+        "problem", "estimation", "engines", "classical", "catalogue", "back_analysis",
+        "prediction", "new_case",
+    ],
+    "diagnosis": ["hypotheses", "adequacy", "signatures", "selection", "verdict"],
+    "report": ["data", "sentences", "tables", "pictures", "charts"],
+    "flowslide": ["commands"],
+}  # fmt: skip
+# The hooks of effects are compiled into the step and use one of its functions.
+JOINTS = {("mpm_taichi/effects/framework/hooks.py", "mpm_taichi/solver/transfer.py")}
 PRESENT = [name for name in ALLOWED if (ROOT / name / "__init__.py").exists()]
 FILES = [path for name in PRESENT for path in sorted((ROOT / name).rglob("*.py"))]
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
 
 
 def imports(tree: ast.AST, *, package: str = "") -> Iterator[tuple[str, ast.stmt]]:
@@ -76,7 +98,7 @@ def loaded_with(path: Path, seen: set[Path] | None = None) -> set[str]:
         return set()
     seen.add(path)
     found: set[str] = set()
-    for module in imports_when_loaded(ast.parse(path.read_text()).body):
+    for module in imports_when_loaded(tree_of(path).body):
         found.add(top(module))
         parts = module.split(".")
         for length in range(1, len(parts) + 1):
@@ -91,7 +113,7 @@ def test_imports_go_to_the_left(path):
     package = path.relative_to(ROOT).parts[0]
     if path.name == "__main__.py":
         return  # a door: it hands the command line to flowslide.commands
-    for module, node in imports(ast.parse(path.read_text()), package=package):
+    for module, node in imports(tree_of(path), package=package):
         if top(module) in ALLOWED and top(module) != package:
             assert top(module) in ALLOWED[package], (
                 f"{relative(path)}:{node.lineno}: {package} may not import {module}"
@@ -99,9 +121,34 @@ def test_imports_go_to_the_left(path):
 
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
+def test_rooms_load_only_rooms_to_their_left(path):
+    """Files at the top of a package are in no room: they join the rooms, or serve all of them."""
+    package, *rest = path.relative_to(ROOT).parts[:-1]
+    if not rest:
+        return
+    rooms = ROOMS[package]
+    for module in imports_when_loaded(tree_of(path).body):
+        ours = module_file(module)
+        parts = ours.relative_to(ROOT).parts if ours else ()
+        if len(parts) < 3 or parts[0] != package or parts[1] == rest[0]:
+            continue
+        if (relative(path), "/".join(parts)) in JOINTS:
+            continue
+        assert rooms.index(parts[1]) < rooms.index(rest[0]), (
+            f"{relative(path)}: {package}/{rest[0]} may not import {module}"
+        )
+
+
+def test_every_room_has_its_place():
+    for package, rooms in ROOMS.items():
+        folders = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
+        assert folders == set(rooms), package
+
+
+@pytest.mark.parametrize("path", FILES, ids=relative)
 def test_taichi_and_torch_are_imported_where_they_belong(path):
     package = path.relative_to(ROOT).parts[0]
-    for module, node in imports(ast.parse(path.read_text())):
+    for module, node in imports(tree_of(path)):
         place = f"{relative(path)}:{node.lineno}"
         if top(module) == "taichi":
             assert package == "mpm_taichi", f"{place}: taichi belongs to mpm_taichi"
@@ -114,7 +161,7 @@ def test_taichi_and_torch_are_imported_where_they_belong(path):
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
 def test_only_reports_draw(path):
-    for module, node in imports(ast.parse(path.read_text())):
+    for module, node in imports(tree_of(path)):
         if top(module) == "matplotlib":
             place = f"{relative(path)}:{node.lineno}: drawing belongs to report"
             assert path.relative_to(ROOT).parts[0] == "report", place

@@ -72,7 +72,7 @@ def build(scenes: int, *, plain: bool = False):
 
 def speed(slots, points: int) -> float:
     """Million point-steps per second of one chunk of frames."""
-    from mpm_taichi.solver import layout
+    from mpm_taichi import layout
 
     before = int(slots.integers[:, layout.STEPS].sum())
     start = time.perf_counter()

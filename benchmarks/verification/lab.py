@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
+from mpm_taichi import layout
 from mpm_taichi.materials.mohr_coulomb import material_constants
-from mpm_taichi.solver import layout, runtime
+from mpm_taichi.solver import runtime
 from mpm_taichi.solver.boundary import LEFT, NEAR, RIGHT
 from mpm_taichi.solver.initial_state import prepare
 from mpm_taichi.solver.kernels import build_kernels

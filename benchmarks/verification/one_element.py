@@ -10,9 +10,9 @@ import numpy as np
 import taichi as ti
 
 from benchmarks.verification.mohr_coulomb_reference import Soil
+from mpm_taichi.layout import VEC4, VEC8, vec4
 from mpm_taichi.materials.elasticity import elastic_constants, elastic_trial
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, material_constants
-from mpm_taichi.solver.layout import VEC4, VEC8, vec4
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver.stress import area_rate, stress_functions
 

@@ -19,7 +19,7 @@ from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
 from diagnosis.hypotheses.possible_measurements import possible_measurements, proposal_of
 from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
 from geometry.scenes.scene import Scene, scene_from_mapping
-from inversion.engines.registry import REFERENCE, Engine, engine_named
+from inversion.engine_registry import REFERENCE, Engine, engine_named
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets

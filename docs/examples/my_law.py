@@ -13,9 +13,9 @@ flows as a Mohr-Coulomb soil with phi = 0 and the same c does. Source: de Souza 
 
 import taichi as ti
 
+from mpm_taichi.layout import SHEAR_MODULUS, vec4
 from mpm_taichi.materials.elasticity import CENTRE, HALF, LEAST_STRESS, OUT, TRIAL_XY, larger
 from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.solver.layout import SHEAR_MODULUS, vec4
 
 COHESION, HARDENING = range(2)
 """Constants: c [Pa]; H [Pa]."""

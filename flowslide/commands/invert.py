@@ -17,7 +17,7 @@ DESCRIPTION = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    from inversion.engines.registry import engines
+    from inversion.engine_registry import engines
 
     options.add_case(parser)
     parser.add_argument(

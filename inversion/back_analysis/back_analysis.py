@@ -33,7 +33,7 @@ from inversion.back_analysis.result import (
     VariantAnswer,
 )
 from inversion.back_analysis.variants import Changed
-from inversion.engines.registry import REFERENCE, engine_named
+from inversion.engine_registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.calibrate import calibrate, further_starts

@@ -20,10 +20,10 @@ from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.engine_choice import own_answer
 from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
 from inversion.back_analysis.variants import Changed
+from inversion.engine_registry import engine_named
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
 from inversion.engines.mpm_engine import MPMEngine
-from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.setup import Setup
 from inversion.engines.trained_model import Model

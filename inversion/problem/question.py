@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, document_error
-from inversion.engines.registry import engines
+from inversion.engine_registry import engines
 from pipeline.cli import InputError, say_once
 from pipeline.files import read_yaml
 

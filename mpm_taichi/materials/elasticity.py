@@ -5,7 +5,7 @@
 import numpy as np
 import taichi as ti
 
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     BULK_MODULUS,
     DVX_DX,
     DVX_DY,

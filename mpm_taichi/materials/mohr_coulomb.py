@@ -21,6 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import taichi as ti
 
+from mpm_taichi.layout import (
+    BULK_COMPLIANCE,
+    BULK_MODULUS,
+    SHEAR_COMPLIANCE,
+    SHEAR_MODULUS,
+    vec4,
+    vec8,
+)
 from mpm_taichi.materials.elasticity import (
     CENTRE,
     HALF,
@@ -31,14 +39,6 @@ from mpm_taichi.materials.elasticity import (
     smaller,
 )
 from mpm_taichi.materials.law import CONSTANTS, MaterialLaw
-from mpm_taichi.solver.layout import (
-    BULK_COMPLIANCE,
-    BULK_MODULUS,
-    SHEAR_COMPLIANCE,
-    SHEAR_MODULUS,
-    vec4,
-    vec8,
-)
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Material

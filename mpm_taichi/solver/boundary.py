@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import taichi as ti
 
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     AREA,
     COEFFICIENT,
     NORMAL_X,

@@ -13,7 +13,7 @@ from typing import Any
 
 import taichi as ti
 
-from mpm_taichi.solver import layout
+from mpm_taichi import layout
 
 _numbers = count()
 

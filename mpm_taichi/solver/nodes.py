@@ -7,8 +7,7 @@ from types import SimpleNamespace
 
 import taichi as ti
 
-from mpm_taichi.solver.boundary import BARRING, RESISTING, STICK, WALLS, contact
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     AREA,
     COEFFICIENT,
     FORCE_X,
@@ -28,6 +27,7 @@ from mpm_taichi.solver.layout import (
     vec4,
     vec8,
 )
+from mpm_taichi.solver.boundary import BARRING, RESISTING, STICK, WALLS, contact
 
 
 @ti.func

@@ -11,9 +11,7 @@ from types import SimpleNamespace
 
 import taichi as ti
 
-from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.solver.boundary import NEAR
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     BULK_COMPLIANCE,
     BULK_MODULUS,
     CELL,
@@ -42,6 +40,8 @@ from mpm_taichi.solver.layout import (
     vec2,
     vec4,
 )
+from mpm_taichi.materials.law import MaterialLaw
+from mpm_taichi.solver.boundary import NEAR
 from mpm_taichi.solver.stress import cell_means, cell_sums, smooth_pressure, stress_functions
 from mpm_taichi.solver.transfer import gather, mass_weights, move, scatter, scatter_volume
 

@@ -18,7 +18,8 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
 from taichi.lang.util import to_numpy_type
 
-from mpm_taichi.solver import kernels, layout
+from mpm_taichi import layout
+from mpm_taichi.solver import kernels
 from pipeline.cli import InputError, WorkFailed
 
 if TYPE_CHECKING:

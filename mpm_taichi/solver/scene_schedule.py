@@ -12,8 +12,7 @@ from types import SimpleNamespace
 import taichi as ti
 
 from mpm_taichi.effects.framework.table import LIQUEFIED, OVERBURDEN
-from mpm_taichi.solver.kernel_arguments import state_kernel
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     ALARM,
     CELL,
     COLUMNS,
@@ -56,6 +55,7 @@ from mpm_taichi.solver.layout import (
     Step,
     vec4,
 )
+from mpm_taichi.solver.kernel_arguments import state_kernel
 from mpm_taichi.solver.nodes import node_update, settle_node
 from mpm_taichi.solver.point_functions import (
     average_cell,

@@ -10,9 +10,7 @@ from types import SimpleNamespace
 
 import taichi as ti
 
-from mpm_taichi.materials.elasticity import CENTRE, OUT, larger, smaller
-from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     CLOSED_POINTS,
     DISSIPATED,
     DIVERGENCE,
@@ -31,6 +29,8 @@ from mpm_taichi.solver.layout import (
     A,
     vec4,
 )
+from mpm_taichi.materials.elasticity import CENTRE, OUT, larger, smaller
+from mpm_taichi.materials.law import MaterialLaw
 
 
 @ti.func

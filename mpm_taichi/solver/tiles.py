@@ -18,9 +18,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
-from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.solver.boundary import NEAR
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     BULK_MODULUS,
     DISSIPATED,
     OFFSET_X,
@@ -33,6 +31,8 @@ from mpm_taichi.solver.layout import (
     bounded,
     vec4,
 )
+from mpm_taichi.materials.law import MaterialLaw
+from mpm_taichi.solver.boundary import NEAR
 from mpm_taichi.solver.splines import EDGES, spline_weights
 from mpm_taichi.solver.stress import cell_sums
 from mpm_taichi.solver.transfer import (

@@ -13,7 +13,7 @@ Arrays and columns: `layout`.
 
 import taichi as ti
 
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     CHANGE_X,
     CHANGE_Y,
     DVX_DX,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
-from inversion.engines.registry import engine_named
+from inversion.engine_registry import engine_named
 from report.data.back_analysis import BackAnalysisData
 from report.numbers import fixed, plus_minus, signed, span, with_unit
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inversion.engines.registry import Engine
+from inversion.engine_registry import Engine
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.derivatives import by_differences

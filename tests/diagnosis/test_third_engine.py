@@ -13,10 +13,10 @@ from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from diagnosis.verdict.verdict_builder import verdict_document
 from geometry.case import load_case
+from inversion import engine_registry as registry
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result
-from inversion.engines import registry
 from inversion.engines.run_store import RunStore
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm_taichi.solver import layout
+from mpm_taichi import layout
 from mpm_taichi.solver.runtime import aligned
 
 COLUMNS = {"integers": layout.INTEGERS, "numbers": layout.NUMBERS, "sums": layout.SUMS}

@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import taichi as ti
 
+from mpm_taichi import layout
 from mpm_taichi.effects import Effect, effect
 from mpm_taichi.effects.framework.hooks import effect_functions
 from mpm_taichi.effects.framework.table import (
@@ -21,11 +22,10 @@ from mpm_taichi.effects.framework.table import (
     TANGENT,
     EffectTable,
 )
+from mpm_taichi.layout import MEAN_OVERBURDEN, VEC4, VEC8, A, Step
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, NO_CAP, material_constants
-from mpm_taichi.solver import layout
 from mpm_taichi.solver.kernel_arguments import state_kernel
-from mpm_taichi.solver.layout import MEAN_OVERBURDEN, VEC4, VEC8, A, Step
 from mpm_taichi.solver.point_functions import point_functions
 from mpm_taichi.solver.runtime import start
 from tests.mpm_taichi.arrays import arrays

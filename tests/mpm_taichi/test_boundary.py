@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from geometry.scenes.scene import scene_from_mapping
-from mpm_taichi.solver import layout
+from mpm_taichi import layout
+from mpm_taichi.layout import vec2, vec8
 from mpm_taichi.solver.boundary import (
     LEFT,
     MARGIN,
@@ -29,7 +30,6 @@ from mpm_taichi.solver.boundary import (
     node_weight,
     water_force,
 )
-from mpm_taichi.solver.layout import vec2, vec8
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE
 from tests.budget import examples

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from geometry.scenes.scene import scene_from_mapping
+from mpm_taichi import layout
 from mpm_taichi.effects.framework.registry import kernel_effects
 from mpm_taichi.effects.framework.table import OVERBURDEN
 from mpm_taichi.materials.mohr_coulomb import INTERCEPT
-from mpm_taichi.solver import layout
 from mpm_taichi.solver.initial_state import prepare
 from mpm_taichi.solver.kernels import build_kernels
 from mpm_taichi.solver.runtime import Slots, start

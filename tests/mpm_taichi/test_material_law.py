@@ -12,12 +12,12 @@ import taichi as ti
 from docs.examples.my_law import SHEARED, hardening
 from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi import simulate as simulation
+from mpm_taichi.layout import DISSIPATED, DVX_DX, DVY_DY, SHEAR, XX, YY, A, Step
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.simulate import simulate
 from mpm_taichi.solver.initial_state import prepare
 from mpm_taichi.solver.kernel_arguments import state_kernel
 from mpm_taichi.solver.kernels import build_kernels
-from mpm_taichi.solver.layout import DISSIPATED, DVX_DX, DVY_DY, SHEAR, XX, YY, A, Step
 from mpm_taichi.solver.point_functions import point_functions
 from mpm_taichi.solver.runtime import Slots, start
 from pipeline.cli import InputError

@@ -5,9 +5,9 @@ import pytest
 
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import scene_from_mapping
+from mpm_taichi import layout
 from mpm_taichi import simulate as simulation
 from mpm_taichi.simulate import simulate
-from mpm_taichi.solver import layout
 from mpm_taichi.solver.initial_state import prepare
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, load_config

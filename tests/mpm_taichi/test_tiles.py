@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import taichi as ti
 
+from mpm_taichi.layout import ALARM, TILE, A, Step
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, material_constants
 from mpm_taichi.solver.kernel_arguments import state_kernel
-from mpm_taichi.solver.layout import ALARM, TILE, A, Step
 from mpm_taichi.solver.point_functions import point_functions
 from mpm_taichi.solver.runtime import aligned, start
 from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import taichi as ti
 
+from mpm_taichi.layout import VEC4, VOLUMETRIC, A, Step, vec2, vec4
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, ground_strength, material_constants
 from mpm_taichi.solver.kernel_arguments import state_kernel
-from mpm_taichi.solver.layout import VEC4, VOLUMETRIC, A, Step, vec2, vec4
 from mpm_taichi.solver.nodes import node_update
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver.splines import (

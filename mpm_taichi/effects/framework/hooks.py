@@ -31,8 +31,7 @@ from mpm_taichi.effects.framework.table import (
     TANGENT,
     EffectTable,
 )
-from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.solver.layout import (
+from mpm_taichi.layout import (
     DVX_DX,
     DVX_DY,
     DVY_DX,
@@ -54,6 +53,7 @@ from mpm_taichi.solver.layout import (
     A,
     vec2,
 )
+from mpm_taichi.materials.law import MaterialLaw
 from mpm_taichi.solver.transfer import mass_weights
 
 _F32 = ti.f32
