@@ -145,7 +145,7 @@ def simulate(
         threads: see above.
         effect_files: see above.
         measurement_files: see above.
-        progress: told of the seconds of motion simulated.
+        progress: called with the seconds of motion simulated.
         cancel: asked every few time steps.
 
     Raises:
@@ -163,7 +163,7 @@ def simulate(
         if out is not None:
             _ready(Path(out), film)
         seconds = max(round(case.simulation.duration_s), 1)
-        words = f"simulating {case.title}, s of motion"
+        words = f"simulating {case.title} (up to {seconds} s of motion)"
         run = simulate_case(
             case,
             device=device,

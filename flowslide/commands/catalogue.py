@@ -48,6 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
     answers = load_answers(found)
     if arguments.out is not None and Path(arguments.out).is_dir():
         raise InputError(f"--out {arguments.out}: is a folder; give the name of a picture")
+    if arguments.out is not None:
+        from report.style import check_suffix  # before the table is printed
+
+        check_suffix(arguments.out)
     print(catalogue_table(load_catalogue(), load_strengths()))
     for answer in answers:
         print(

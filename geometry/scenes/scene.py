@@ -379,7 +379,12 @@ def scene_text(scene: Scene, suffix: str = ".json") -> str:
 
 def document_error(error: ValidationError, source: str) -> str:
     """The first problem of a document in one line: source, field, value, what is allowed."""
-    first = error.errors(include_url=False)[0]
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    if (
+        first["type"] == "missing"
+    ):  # a misspelt key is also a missing one; the misspelling says more
+        first = next((e for e in problems if e["type"] == "extra_forbidden"), first)
     where = ".".join(str(part) for part in first["loc"])
     message = first["msg"].removeprefix("Value error, ")
     value = first.get("input")

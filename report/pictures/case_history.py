@@ -15,7 +15,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from shapely.geometry import Polygon
-from shapely.ops import polylabel
 
 from geometry.case import Case
 from geometry.survey.marks import Distance, Line
@@ -24,6 +23,7 @@ from mpm_taichi.trajectory import Run
 from report.numbers import MINUS
 from report.pictures.colouring import colouring_of, material_colours
 from report.pictures.frame import LAYER, Overlay, draw_frame, overlays, toe_overlay, view_limits
+from report.pictures.scene import label_place
 from report.pictures.simulated_run import WIDTH_IN, save_animation, strength
 from report.style import HALO, TEXT_COLOUR, legend, new_figure, save_figure, tell
 
@@ -179,8 +179,8 @@ def _zone_names(case: Case) -> Overlay:
 
     def draw(ax: Axes) -> None:
         for zone in case.scene.zones:
-            inside = polylabel(Polygon(zone.polygon), tolerance=0.5 * case.scene.spacing)
-            ax.text(inside.x, inside.y, zone.name, ha="center", va="center", fontsize=8,
+            (x, y), _, _ = label_place(Polygon(zone.polygon))
+            ax.text(x, y, zone.name.replace("_", " "), ha="center", va="center", fontsize=8,
                     fontweight="bold", color=TEXT_COLOUR, path_effects=HALO,
                     zorder=LAYER["overlay"])  # fmt: skip
 

@@ -202,9 +202,13 @@ def _draw_points(ax: Axes, scene: Scene) -> None:
     ax.scatter(*points.T, s=size, c="black", lw=0, alpha=0.55, zorder=5, rasterized=True)
 
 
-def _label(ax: Axes, polygon: Sequence, lines: Sequence[str]) -> None:
-    """Write into a zone as many of the lines as fit into it."""
-    shape = Shape(polygon)
+def label_place(shape: Shape) -> tuple[tuple[float, float], float, float]:
+    """Where to write into a zone.
+
+    Returns:
+        The middle of its width at the height of its largest inscribed circle [m], the radius of
+        that circle [m] and the width [m].
+    """
     circle = maximum_inscribed_circle(shape)
     (x, y), radius = circle.coords[0], circle.length
     left, _, right, _ = shape.bounds
@@ -212,14 +216,20 @@ def _label(ax: Axes, polygon: Sequence, lines: Sequence[str]) -> None:
     for part in getattr(chord, "geoms", [chord]):
         if part.bounds[0] <= x <= part.bounds[2]:
             left, right = part.bounds[0], part.bounds[2]
+    return (0.5 * (left + right), y), radius, right - left
+
+
+def _label(ax: Axes, polygon: Sequence, lines: Sequence[str]) -> None:
+    """Write into a zone as many of the lines as fit into it."""
+    (x, y), radius, width = label_place(Shape(polygon))
     points_per_metre = (
         72.0 * ax.figure.get_figwidth() * ax.get_position().width / np.ptp(ax.get_xlim())
     )
-    room = (right - left) * points_per_metre
+    room = width * points_per_metre
     high = int(2.0 * radius * points_per_metre // (1.05 * LABEL_SIZE))
     shown = [line for line in lines if 0.52 * LABEL_SIZE * len(line) <= room][:high]
     ax.text(
-        0.5 * (left + right),
+        x,
         y,
         "\n".join(shown),
         ha="center",

@@ -144,13 +144,17 @@ def _series_table(one: Series) -> Table:
 def variant_table(data: BackAnalysisData) -> Table:
     """Variants of the question, all solved."""
     parameters = _unknowns(data)
+    lines = {m.name for one in data.series if len(one.lines) > 1 for m in one.lines}
     rows = []
     for variant in data.result.variants:
+        shown = [
+            name for name in variant.predicted if name in variant.measured or name not in lines
+        ]
         notes = [] if variant.reached else ["not fitted"]
         predicted = "; ".join(
-            f"{name} {fixed(number)}"
+            f"{name} {fixed(variant.predicted[name])}"
             + (f" (target {variant.measured[name]:g})" if name in variant.measured else "")
-            for name, number in list(variant.predicted.items())[:MOST_FITTED]
+            for name in shown[:MOST_FITTED]
         )
         rows.append(
             [variant.name, *(fixed(variant.values[p.name]) for p in parameters),

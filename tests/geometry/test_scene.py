@@ -104,6 +104,12 @@ def test_refusals_name_the_field_and_the_remedy(document, path, value, words):
     assert "\n" not in message
 
 
+def test_a_misspelt_key_is_named_rather_than_the_missing_one(document):
+    document["spacin"] = document.pop("spacing")
+    with pytest.raises(InputError, match="spacin: unknown key"):
+        scene_from_mapping(document, "scene.yaml")
+
+
 def test_small_overlaps_and_repeated_ends_are_rounding(document):
     ring = [[10, 2], [20.02, 2], [20.02, 12], [10, 12], [10, 2]]
     scene = scene_from_mapping(changed(document, "zones.0.polygon", ring))

@@ -223,3 +223,9 @@ def test_the_command_prints_and_draws(tmp_path, capsys):
     with pytest.raises(InputError, match="--results .*nowhere: no such folder"):
         main(["catalogue", "--results", str(tmp_path / "nowhere")])
     assert capsys.readouterr().out == ""
+
+
+def test_a_picture_that_cannot_be_written_is_refused_before_the_table(capsys):
+    with pytest.raises(InputError, match="suffix '.abc'; allowed are"):
+        main(["catalogue", "--out", "picture.abc"])
+    assert capsys.readouterr().out == ""

@@ -71,7 +71,10 @@ def test_the_folder_is_whole_and_checks(made, capsys):
     for name in ("scene.yaml", "measurements.yaml", "inversion.yaml"):
         text = (made / name).read_text()
         assert text.startswith("# ") and "FILL IN" in text and "*id" not in text
-    assert "| loose_sand | S_r 10 kPa, a first guess; sought" in (made / "README.md").read_text()
+    assert (
+        "| loose_sand | S_r 10 kPa, a first guess of what is to be found"
+        in (made / "README.md").read_text()
+    )
 
 
 @pytest.mark.slow
