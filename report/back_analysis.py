@@ -23,6 +23,9 @@ PAGE = "report.html"
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone but scrolls sideways."""
 
+#: Characters of a line on a terminal.
+WIDTH = 120
+
 
 def write_report(data: BackAnalysisData, *, film: bool = True) -> Path:
     """Write page, pictures and film of a back-analysis into its folder.
@@ -60,15 +63,17 @@ def summary(data: BackAnalysisData) -> str:
     # A terminal is narrower than a page: what the page alone shows is left out.
     found = [
         tables.answer_table(data).text(
-            without=["σ'_v0 (kPa)", "equally good", "first guess (bounds)"]
+            width=WIDTH, without=["σ'_v0 (kPa)", "equally good", "first guess (bounds)"]
         ),
-        tables.measured_table(data, lines).text(without=["by eye", "before the slide"]),
-        tables.engine_table(data).text(),
-        *(table.text() for table in tables.method_tables(data)),
-        tables.variant_table(data).text(without=["predicted", "loss"]),
-        *(table.text() for table in tables.sensitivity_tables(data, strengths)),
-        tables.starts_table(data).text(),
-        tables.equally_good_table(data).text(without=["loss"]),
+        tables.measured_table(data, lines).text(
+            width=WIDTH, without=["by eye", "before the slide"]
+        ),
+        tables.engine_table(data).text(width=WIDTH),
+        *(table.text(width=WIDTH) for table in tables.method_tables(data)),
+        tables.variant_table(data).text(width=WIDTH, without=["predicted", "loss"]),
+        *(table.text(width=WIDTH) for table in tables.sensitivity_tables(data, strengths)),
+        tables.starts_table(data).text(width=WIDTH),
+        tables.equally_good_table(data).text(width=WIDTH, without=["loss"]),
     ]
     parts = [heading, *found]
     parts += [two_strengths(data.folder).text()]

@@ -18,8 +18,6 @@ SHORT, LONG = 14, 45
 #: A number, its sign and its unit are not separated at the end of a line.
 JOINED = re.compile(r"(?<=[\d±=<]) (?=[\d±%°]|(?:kPa|m|s|std)\b)|(?<=\bp) (?=[=<])")
 NUMBER = re.compile(r"\(?[+-]?[\d.]+(?:e[+-]?\d+)?(?:[ %)/,]|$)")
-#: Characters of a line of text; wider tables are folded.
-WIDTH = 120
 SPACE = "\N{NO-BREAK SPACE}"
 #: What a plain terminal or log shows instead of a character outside ASCII.
 PLAIN = str.maketrans(
@@ -51,12 +49,19 @@ class Table:
             f"<tbody>\n{body}\n</tbody></table></div>"
         )
 
-    def text(self, left: Collection[int] | None = None, *, without: Collection[str] = ()) -> str:
+    def text(
+        self,
+        left: Collection[int] | None = None,
+        *,
+        without: Collection[str] = (),
+        width: int | None = None,
+    ) -> str:
         """The table as lines of plain text; empty without rows.
 
         Args:
-            without: headers of columns that are left out.
             left: numbers of the columns aligned to the left; None: those with words in them.
+            without: headers of columns that are left out.
+            width: most characters of a line, beyond which long cells are folded; None: any.
         """
         table = self.without_empty_columns(without)
         if not table.rows:
@@ -67,8 +72,8 @@ class Table:
             left = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if _words(column)]
         caption = f"{plain(self.caption)}\n" if self.caption else ""
         lines = aligned(rows, left=left)
-        if max(map(len, lines.splitlines())) > WIDTH:
-            lines = _folded(rows, left)
+        if width is not None and max(map(len, lines.splitlines())) > width:
+            lines = _folded(rows, left, width)
         return caption + lines
 
     def without_empty_columns(self, without: Collection[str] = ()) -> Table:
@@ -79,8 +84,8 @@ class Table:
                        rows=[[row[k] for k in kept] for row in self.rows])  # fmt: skip
 
 
-def _folded(rows: Sequence[Sequence[str]], left: Collection[int]) -> str:
-    """Rows as lines of at most `WIDTH` characters, long cells folded over several of them."""
+def _folded(rows: Sequence[Sequence[str]], left: Collection[int], most: int) -> str:
+    """Rows as lines of at most `most` characters, long cells folded over several of them."""
     from rich.console import Console
     from rich.table import Table as Grid
 
@@ -91,13 +96,11 @@ def _folded(rows: Sequence[Sequence[str]], left: Collection[int]) -> str:
             name,
             justify="left" if column in left else "right",
             overflow="fold",
-            no_wrap=column == 0 and width <= WIDTH // 3,
+            no_wrap=column == 0 and width <= most // 3,
         )
     for row in rows[1:]:
         grid.add_row(*row)
-    console = Console(
-        width=WIDTH, color_system=None, file=StringIO(), markup=False, highlight=False
-    )
+    console = Console(width=most, color_system=None, file=StringIO(), markup=False, highlight=False)
     console.print(grid)
     return "\n".join(line.rstrip() for line in console.file.getvalue().splitlines())
 
