@@ -5,7 +5,7 @@ measured rows, and a docstring that explains them. The record of a part is writt
 `results.json` as soon as the part is done, so an interrupted run keeps what it had.
 
 A generated part of a page stands between `<!-- name: begin -->` and `<!-- name: end -->`; what is
-outside is written by hand. Every page whose figures are at hand is renewed by
+outside is written by hand. Every page whose figures are kept is renewed by
 
     python -m benchmarks.generated_pages
 """
@@ -153,7 +153,7 @@ class Study(ABC):
         return [self.row(values) for values in record[self.rows]]
 
     def missed(self, record: Record) -> list[str]:
-        """What is not as it must be."""
+        """Figures that fail their bounds."""
         found = [row.quantity for row in self.rows_of(record) if self.met(row) is False]
         return found + ([f"did not run to its end: {record['error']}"] if record["error"] else [])
 
@@ -178,7 +178,7 @@ class Study(ABC):
     # --- text ---
 
     def explanation(self, name: str) -> str:
-        """What a part says of itself at the head of its file."""
+        """Description of a part, from the head of its file."""
         text = (self.folder / f"{name}.py").read_text(encoding="utf-8")
         return ast.get_docstring(ast.parse(text)) or ""
 
@@ -308,7 +308,7 @@ def effects_part() -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Renew every page whose figures are at hand."""
+    """Renew every page whose figures are kept."""
     from benchmarks.back_analysis.study import Validation
     from benchmarks.verification.study import Verification
 

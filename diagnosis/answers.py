@@ -122,7 +122,7 @@ def diagnosed(session: Session) -> Verdict:
 
 
 def _keep_models(session: Session, found: Diagnosis) -> None:
-    """Write the models of the loop beside those of a person; those of an earlier loop give way."""
+    """Write the models of the loop next to a person's, replacing those of an earlier loop."""
     data, way = found.comparison.base.data, found.tried_models.way
     parent = session.hypothesis_name
     words = {c.name: (c.unit, c.words) for c in found.model.candidates}
@@ -159,7 +159,7 @@ def _keep_models(session: Session, found: Diagnosis) -> None:
 
 
 def _same_model(session: Session, wanted: Hypothesis) -> str | None:
-    """The model of an earlier loop with the same parent and effects, which is written anew."""
+    """The model of an earlier loop with the same parent and effects, which is overwritten."""
     for name, path in hypothesis_files(session.folder).items():
         other = load_hypothesis(path)
         if (
@@ -176,7 +176,7 @@ class Extended:
     """An extension that was written.
 
     Attributes:
-        asked: the session whose model was extended; effects that were fitted are sought again.
+        asked: the session whose model was extended; effects that were fitted are fitted again.
         comparison: of its base model.
         found: the extension.
         before: error of the model before.
@@ -227,7 +227,7 @@ def extended(session: Session, add: str, notes: str) -> Extended:
 def _new_model(
     asked: Session, parent: str, comparison: Comparison, found: Extension, notes: str
 ) -> Hypothesis:
-    """The model as a file: effects that are sought with their sizes, others as they were."""
+    """The model as a file: fitted effects with their sizes, others unchanged."""
     old = asked.hypothesis
     effects = {} if old is None else dict(old.effects)
     words = {c.name: (c.unit, c.words) for c in asked.model.candidates}
@@ -247,7 +247,7 @@ def _new_model(
 
 
 def _fitted_effects(model: Hypothesis | None) -> tuple[str, ...]:
-    """Effects whose size was found by a fit, and is sought again; others stay as they are."""
+    """Effects whose size was found by a fit and is fitted again; others stay as they are."""
     if model is None:
         return ()
     return tuple(name for name, effect in model.effects.items() if effect.std is not None)

@@ -40,7 +40,7 @@ class DiagnosisCase(Case):
     """A case and what is asked of its diagnosis.
 
     Attributes:
-        inversion: what is calibrated, as in `inversion.yaml`.
+        inversion: the calibrated parameters, as in `inversion.yaml`.
         question: as in `diagnosis.yaml`.
         setup: section, settings, parameters and measurements of the base model.
         validation_case: the case that judges the answer; None where `diagnosis.yaml` names none.
@@ -167,7 +167,7 @@ def diagnosis_case(
         source = hypothesis_source or "hypothesis"
         scene = hypothesis.scene(case.scene, source)
         case = replace(case, scene=scene)
-        # What was measured and what is calibrated must be in the changed section as well.
+        # The changed section must also have everything that is measured or calibrated.
         at_least = scene.model_copy(update={"spacing": max(case.drawn.spacing, scene.spacing)})
         check_places(measurements, at_least, f"{source}: {folder / MEASUREMENTS_FILE}")
         check_zones(inversion, scene, f"{source}: {folder / INVERSION_FILE}")
@@ -202,7 +202,7 @@ def _validation_case(question: DiagnosisQuestion, case: Case) -> DiagnosisCase |
 
 
 def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Path) -> Targets:
-    """All measurements of the default set; what was constructed enters nothing."""
+    """All measurements of the default set; constructed ones are not used."""
     source = str(folder / FILE_NAME)
     entries: Sequence[Measured] = measurements.chosen()
     if question.held_out is not None:

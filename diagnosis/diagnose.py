@@ -31,13 +31,13 @@ class Diagnosis:
     """All that a diagnosis found.
 
     Attributes:
-        model: what was diagnosed.
-        options: what was asked for.
+        model: the model that was diagnosed.
+        options: settings of the diagnosis.
         comparison: of the base model.
         explanation: of its misfit.
         tried_models: all models that were tried.
         decision: the verdict.
-        curve: the unknown strength curve, where one was sought.
+        curve: the unknown strength curve, where one was fitted.
         next_measurement: what would tell the surviving explanations apart.
     """
 
@@ -57,7 +57,7 @@ def diagnose(
     """Run the loop.
 
     Args:
-        model: what is diagnosed.
+        model: the model to diagnose.
         options: what may be done otherwise.
         say: called for each stage in a line.
         count: measurements to suggest at most.

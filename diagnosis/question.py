@@ -1,7 +1,8 @@
-"""What is asked of a diagnosis: `diagnosis.yaml` of a case folder, all of it optional.
+"""Settings of a diagnosis: `diagnosis.yaml` of a case folder, all of it optional.
 
-In: the document. Out: a checked `DiagnosisQuestion`. What is calibrated stands in `inversion.yaml`,
-what was measured in `measurements.yaml`; here stands what an engineer knows of the effects.
+In: the document. Out: a checked `DiagnosisQuestion`. The calibrated parameters are in
+`inversion.yaml`, the measurements in `measurements.yaml`; this file holds what an engineer knows of
+the effects.
 """
 
 from __future__ import annotations

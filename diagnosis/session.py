@@ -55,7 +55,7 @@ class Session:
     """One question about one case.
 
     Attributes:
-        case: what is asked.
+        case: the case to diagnose.
         config: settings in force.
         folder: of the results.
         store: of the runs.
@@ -188,7 +188,7 @@ class Session:
             trouble = f"{path}: must be a mapping of commands, not {type(before).__name__}"
         except InputError as error:
             trouble = str(error)
-        self.say(f"{trouble}; it is written anew")
+        self.say(f"{trouble}; it is rewritten")
         return {}
 
     def write_sections(self, base: State, final: State) -> None:
@@ -248,7 +248,7 @@ def open_session(
             base model.
         spacing_m: of material points; None: the case's own.
         threads: CPU threads; None: all.
-        say: told a line of what is going on.
+        say: called with a line of progress.
         on_run: called for each run of a batch.
 
     Raises:

@@ -6,7 +6,7 @@ def packed_physics(wildcards):
     return content_hash({"physics": GNS_PHYSICS, "settings": SETTINGS.gns.pack})
 
 
-# A job that is killed leaves the shards that are whole in dataset/, which are no outputs, so that the next
+# A job that is killed leaves the complete shards in dataset/, which are not outputs, so that the next
 # try keeps them. The metadata are written last.
 rule pack_trajectories:
     input:

@@ -20,7 +20,7 @@ ORDER = ["geometry", "mpm_taichi", "gns", "inversion", "diagnosis", "report", "f
 ALLOWED = {"pipeline": set()} | {
     name: {"pipeline", *ORDER[:position]} for position, name in enumerate(ORDER)
 }
-# The rooms of a package; a room loads only rooms to its left. What is imported inside a function
+# The rooms of a package; a room loads only rooms to its left. Imports inside a function
 # (the factory of an engine, a drawing) is a choice made while the program runs and is left out.
 ROOMS = {
     "geometry": ["scenes", "random_scenes", "survey"],
@@ -81,7 +81,7 @@ def relative(path: Path) -> str:
 
 
 def module_file(module: str) -> Path | None:
-    """The file of one of our modules, or None if it is no module of ours."""
+    """The file of one of our modules, or None if it is not one of our modules."""
     if top(module) not in PRESENT:
         return None
     stem = ROOT.joinpath(*module.split("."))
@@ -205,7 +205,7 @@ def test_packages_are_found():
     assert sorted(patterns) == sorted(f"{name}*" for name in PRESENT)
     for name in PRESENT:
         for folder in {path.parent for path in (ROOT / name).rglob("*.py")}:
-            assert (folder / "__init__.py").exists(), f"{relative(folder)} is no package"
+            assert (folder / "__init__.py").exists(), f"{relative(folder)} is not a package"
 
 
 def test_one_version_everywhere():

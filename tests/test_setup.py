@@ -1,4 +1,4 @@
-"""Setting up: what is pinned, and what `make` says when it cannot go on."""
+"""Setting up: pinned versions, and what `make` says when it cannot go on."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ class Figure:
     """A line of the table.
 
     Attributes:
-        quantity: what was measured, in words.
+        quantity: the measured quantity, in words.
         measured: the figure, as it is to be read.
         asked: what it must be, or what it is compared with; empty: given for information.
         met: within what was asked; None: nothing was asked, it is a comparison.

@@ -48,7 +48,7 @@ class Validation(Study):
         return row.measured, row.asked, row.verdict
 
     def explanation(self, name: str) -> str:
-        """What a part says of itself, below the title of its file."""
+        """Description of a part, below the title of its file."""
         return super().explanation(name).partition("\n\n")[2]
 
     def picture(self, name: str) -> str:

@@ -27,7 +27,7 @@ from pipeline.config import Config
 from pipeline.files import write_text, yaml_text
 from pipeline.random_numbers import Stream
 
-#: Of strengths, jitter and survey. The search was improved on seed 7; what is recorded is another.
+#: Of strengths, jitter and survey. The search was improved on seed 7; the recorded seed is another.
 SEED = 8
 #: Spacing of the points of the slide / that of the fit; jitter of its points.
 FINER, JITTER = 0.8, 0.5

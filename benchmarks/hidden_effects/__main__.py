@@ -52,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
         "--benchmark",
         metavar="FILE",
         default=FOLDER,
-        help=f"what is to be made, or its folder; default: {FOLDER}",
+        help=f"plan of the benchmark, or its folder; default: {FOLDER}",
     )
     parser.add_argument(
         "--out", metavar="DIR", help=f"folder of its files; default: results/{RESULTS}"
@@ -251,7 +251,7 @@ def _check_page(page: Path, scores: Collection[str]) -> None:
     """The page can be written, before anything else is.
 
     Raises:
-        InputError: there is no such page, it has no markers, or a variant that it tells of was
+        InputError: there is no such page, it has no markers, or a variant that it mentions was
             never run.
     """
     from benchmarks.hidden_effects.scoring.page import SCORE, SPARSE

@@ -3,9 +3,10 @@
     python -m benchmarks.hidden_effects.pairs_beside   # all pairs of the record, 15 minutes
     python -m benchmarks.hidden_effects.pairs_beside case_0033
 
-The record keeps what was recorded when its cases were made. `Sight.beside` has learnt since that an
-effect does another thing where the parameters have given way to it; this measures the same pairs
-again, and says what the diagnosis had answered. Printed: lambda given the other, recorded and now.
+The record keeps what was recorded when its cases were made. `Sight.beside` has since been
+changed to allow for an effect acting differently once the parameters have adapted to it; this
+measures the same pairs again, and adds the answer of the diagnosis. Printed: lambda given the
+other, recorded and now.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def main(names: list[str]) -> None:
         section = benchmark.sections[truth["section"]]
         now = Sight(laboratory, base(section), truth["survey"], values).beside(truth["effects"])
         print(
-            f"{truth['name']}  {' + '.join(truth['effects'])}: told {truth['beside']:.0f}, now "
+            f"{truth['name']}  {' + '.join(truth['effects'])}: recorded {truth['beside']:.0f}, now "
             f"{'-' if now is None else f'{now:.0f}'}; said {' + '.join(said['effects']) or 'none'}",
             flush=True,
         )

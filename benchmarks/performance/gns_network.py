@@ -36,7 +36,7 @@ POINT_FEATURES = point_feature_count(6)
 
 @dataclass(frozen=True)
 class Size:
-    """What is measured."""
+    """The measured quantity."""
 
     columns: int
     rows: int

@@ -135,7 +135,7 @@ def measure(runs: Sequence[Run], every: int) -> Interval:
 def own_part(x: np.ndarray, second: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """Sums of squares (own, whole) of second differences of moving points.
 
-    Own: what is left after a plane has been fitted to the points within the radius of the learner.
+    Own: the remainder after a plane has been fitted to the points within the radius of the learner.
 
     Args:
         x: positions (N, 2) in spacings.

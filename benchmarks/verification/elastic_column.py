@@ -40,7 +40,7 @@ LEFT_ALONE_S = 1.0
 """Time a start in balance is watched [s]; the slowest period is 4 H / c_p = 0.27 s."""
 DAMPED_S = 3.0
 SMALL = 0.002
-"""An error below which the rate of convergence is no longer asked for: rest itself is no better."""
+"""An error below which the rate of convergence is not checked: rest is not known better."""
 
 
 @dataclass

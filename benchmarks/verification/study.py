@@ -63,7 +63,7 @@ class Verification(Study):
         }
 
     def row(self, values: Mapping[str, Any]) -> Row:
-        """A row; what was not a number is NaN again, which passes nothing."""
+        """A row; values that were not numbers become NaN again, which fails every bound."""
         known = {field.name for field in fields(Row)}
         return Row(**{k: math.nan if v is None else v for k, v in values.items() if k in known})
 

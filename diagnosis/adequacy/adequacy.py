@@ -4,7 +4,7 @@ Tests of the projected residual (I - Q Q') r of a fit, each against noise that i
 projected in the same way:
 
 - *chi2*: sum of squares, on n + n_prior - p degrees of freedom;
-- *autocorrelation*: of neighbours along the series, together; errors that run on are no noise;
+- *autocorrelation*: of neighbours along the series, together; persistent errors are not noise;
 - *groups*: the measurement that is farthest off as a whole;
 - *score*: the largest score of any candidate (`diagnosis.signatures.signatures`), where
   signatures are known;
@@ -165,7 +165,7 @@ def autocorrelation(residuals: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """Mean product of neighbours, residuals (k, draws), pairs (n, 2): (draws,).
 
     Not divided by the residuals' size: where that is smaller than the noise, what they have in
-    common is no misfit, however smooth. How smooth the model's own error is nobody knows well.
+    common is not a misfit, however smooth. The smoothness of the model's own error is uncertain.
     """
     before, after = residuals[pairs[:, 0]], residuals[pairs[:, 1]]
     return np.mean(before * after, axis=0)

@@ -42,11 +42,11 @@ class Base:
 
     Attributes:
         runs: the model with its memory.
-        split: what is fitted and what is held out.
+        split: fitted and held-out measurements.
         covariance: C by its parts.
         jitter: covariance of one run's numerical noise, (m, m).
         data: measurements with C.
-        surface: what is known around the anchor; its prediction is the mean of the replicates.
+        surface: response surface around the anchor; its prediction is the mean of the replicates.
         seeds: replicates behind that mean.
         fit: the answer.
     """
@@ -65,7 +65,7 @@ def calibrate(model: Model, options: Options) -> Base:
     """Fit the base model, find C there, and settle the fit.
 
     Args:
-        model: what is diagnosed.
+        model: the model to diagnose.
         options: what may be done otherwise.
 
     Raises:

@@ -42,7 +42,7 @@ def compare(model: Model, options: Options) -> Comparison:
     """Calibrate the base model, find its own error, and test it.
 
     Args:
-        model: what is diagnosed.
+        model: the model to diagnose.
         options: the seed of the case and what else may be asked for.
 
     Raises:

@@ -117,12 +117,12 @@ class EngineModel:
 
     @property
     def parameters(self) -> Parameters:
-        """What is calibrated."""
+        """The calibrated parameters."""
         return self.setup.parameters
 
     @property
     def targets(self) -> Targets:
-        """What was measured."""
+        """The measurements."""
         return self.setup.targets
 
     @property

@@ -1,4 +1,4 @@
-"""A hypothesis as a file: what was added to which model, by whom, and why.
+"""A hypothesis as a file: the effects added to a model, by whom, and why.
 
 `hypotheses/00_base.yaml` is the base model; `extend` writes `NN_name.yaml` next to it, and you
 may write one by hand (a changed section, an effect of a known size). Files are numbered in the
@@ -170,7 +170,7 @@ def check_parent(hypothesis: Hypothesis, path: Path, folder: str | Path) -> None
     """Refuse a parent that a person has given and that is not there; those we wrote may be gone.
 
     Args:
-        hypothesis: what stands in the file.
+        hypothesis: the contents of the file.
         path: the file.
         folder: of the diagnosis.
 

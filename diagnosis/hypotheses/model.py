@@ -128,8 +128,8 @@ class Model(Protocol):
     """A model whose missing physics is searched for.
 
     Attributes:
-        parameters: what is calibrated.
-        targets: what was measured: m numbers with the covariance of the survey.
+        parameters: the calibrated parameters.
+        targets: the measurements: m numbers with the covariance of the survey.
         candidates: effects that may be missing; those that can do nothing here are not among them.
         curves: unknown strength curves that may be tried where no candidate explains the misfit.
         runs: forward runs asked for, those found in the cache too; `free` candidates cost none.

@@ -16,7 +16,7 @@ from inversion.engines.setup import Setup
 
 
 def site_of(setup: Setup) -> Site:
-    """The section and the measurements that were made on it; what was constructed was not."""
+    """The section and the measurements that were made on it, without constructed ones."""
     made = [entry for entry in setup.targets.entries if not entry.constructed]
     return Site(setup.scene, setup.foot, made, setup.settings.gravity_m_per_s2)
 

@@ -28,7 +28,7 @@ Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_ef
 
 @dataclass(frozen=True)
 class Decision:
-    """What was decided.
+    """The decision.
 
     Attributes:
         verdict: one of five.
@@ -53,7 +53,7 @@ def decide(tried_models: TriedModels, by_chance: frozenset[str], options: Option
     Args:
         tried_models: all models that were tried.
         by_chance: candidates that are one random pattern of many.
-        options: what is asked for.
+        options: settings of the diagnosis.
     """
     final = tried_models.current
     p_base = tried_models.way[0].adequacy.p_combined
@@ -74,7 +74,7 @@ def decide(tried_models: TriedModels, by_chance: frozenset[str], options: Option
     failing = still_failing(tried_models.way[0].adequacy, final.adequacy, options)
     if failing and not tried_models.within_error:
         return Decision("unknown_effect", final, sets, probability)
-    # What adds to the answer is no rival of it.
+    # A model that extends the answer does not compete with it.
     own = set(final.model.names)
     untried = tuple(dict.fromkeys(key for key in tried_models.untried if not own <= set(key)))
     one = len(sets) == 1 and next(iter(sets)) == final.model.names and not untried
@@ -82,7 +82,7 @@ def decide(tried_models: TriedModels, by_chance: frozenset[str], options: Option
 
 
 def still_failing(base: Adequacy, final: Adequacy, options: Options) -> bool:
-    """What was accepted does not do: the model fails, and much of the misfit is left.
+    """The accepted model is inadequate: it fails the tests and leaves much of the misfit.
 
     An effect that takes nearly all of a large misfit away is not doubted for what is left of it:
     the larger an effect, the more is left by what no model has exactly.

@@ -98,7 +98,7 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     """Score every candidate against the residual of the base model.
 
     Args:
-        model: what is diagnosed.
+        model: the model to diagnose.
         comparison: of `compare` with the same model and options.
         options: vetoes, priors.
 

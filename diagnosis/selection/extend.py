@@ -62,7 +62,7 @@ def extend(
     """Add an effect to a model.
 
     Args:
-        model: what is diagnosed.
+        model: the model to diagnose.
         comparison: of `compare` with the same model and options.
         options: vetoes do not bind here: the engineer asks for the effect.
         before: effects that the model has already.

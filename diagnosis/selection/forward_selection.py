@@ -1,7 +1,7 @@
 """Steps 7 to 9: effects are added one after another, rivals are kept, needless ones are dropped.
 
-Every model that was refitted is kept with its evidence. A round refits the candidates
-with the best scores and whatever cannot be told from the best of them; from the second round on
+Every model that was refitted is kept with its evidence. A round refits the candidates with the
+best scores and all that the data cannot distinguish from the best of them; from the second round on
 also the best pairs, since one effect may have stood for two. The best is adopted if it is accepted.
 """
 
@@ -32,7 +32,7 @@ from diagnosis.signatures.signatures import Scores, Signature, score_all, take_s
 from inversion.estimation.response_surface import Surface
 
 #: Share of the drop that is asked for which a further effect has to promise before it is refitted:
-#: beside a first, promises are good to a fifth or 3, while a refit takes ten runs.
+#: next to a first, promises are good to a fifth or 3, while a refit takes ten runs.
 PROMISING = 0.5
 #: Pairs that are refitted in a round.
 PAIRS = 2
@@ -71,9 +71,9 @@ class TriedModels:
         models: by their effects.
         way: adopted models in order, the base model first.
         first: refits of the first round, by candidate, with the condition each failed.
-        untried: models that were wanted and could not be had: for want of runs, or none succeeded.
+        untried: requested models that were not fitted: no runs were left, or all failed.
         context: at which models are compared; once effects were adopted, with the error they bring.
-        within_error: what the current model leaves is no more than its effects err.
+        within_error: the remaining misfit is within the model error of the adopted effects.
     """
 
     models: dict[tuple[str, ...], FittedModel] = field(default_factory=dict)
@@ -101,7 +101,7 @@ def why_not(
     Args:
         before: the model so far.
         after: the one with an effect more.
-        options: what is asked for.
+        options: settings of the diagnosis.
         together: ln evidence of all that were tried, in place of that of this model alone.
     """
     gain = after.ln_evidence - before.ln_evidence
@@ -183,7 +183,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
     signatures = dict(explanation.signatures)
     runs = comparison.base.runs
     # What fails in the end is to be shown as a curve, and that takes runs, too. They are kept while
-    # a first effect is sought; what settles it, and a second one, may have them.
+    # a first effect is searched for; deciding on it, or on a second one, may use them.
     kept = min(runs_wanted(runs.model.curves), LARGEST_RESERVE)
     for number in range(options.rounds):
         now = tried_models.current
@@ -220,7 +220,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
             break
         _adopt(tried_models, comparison, explanation, best, signatures, options)
         _drop(tried_models, comparison, explanation, ground, signatures, options)
-        tried_models.within_error = False  # what was found of the model before
+        tried_models.within_error = False  # it was found for the previous model
     runs.reserve = 0
     return tried_models
 
@@ -359,7 +359,7 @@ def _on_equal_terms(
     """Give the best and what is near it derivatives of their own, the best first.
 
     A derivative of its own is worth some ln evidence: were one model alone given one, its rivals
-    would be out of the answer for want of it.
+    would drop out of the answer only because they lack one.
     """
     for names in _near_the_best(tried_models, now, tried, options)[:CONTENDERS]:
         tried_models.models[names] = with_own_derivative(
@@ -385,7 +385,7 @@ def _adopt(
     others = [c for c in explanation.candidates if c.name not in model.names]
     known = {c.name: signatures[c.name] for c in others}
     scores = score_all(found, known, others, projection=options.projection)
-    # Signatures were taken without the effects that are now there: the best are taken anew, if the
+    # Signatures were taken without the effects that are now there: the best are taken again, if the
     # measurements could contradict yet another effect.
     best = [name for name in scores.ranked if scores.best(name).drop > 0.0][: options.refitted]
     again = [c for c in others if c.name in best]

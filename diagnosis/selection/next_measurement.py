@@ -87,7 +87,7 @@ def suggest(
     """The next measurements, best first; none where the model proposes none.
 
     Args:
-        model: what was diagnosed; says what proposals would have read.
+        model: the diagnosed model; predicts what proposals would have read.
         comparison: of the base model.
         explanation: of its misfit.
         tried_models: models that were tried.

@@ -37,7 +37,7 @@ from inversion.estimation.response_surface import Ladder, Surface
 
 #: Farthest that a parameter is moved to meet an effect.
 FARTHEST = 1.5
-#: A top rung of which less is seen, |s|, is raised, to at most so many times itself.
+#: A top rung of which less is seen, |s|, is raised, at most by the second factor.
 TOP_SEEN, TOP_RAISED = 8.0, 4.0
 
 
@@ -90,9 +90,9 @@ def take_signatures(
         runs: the model.
         surface: of the model without the candidates; its anchor is where they are run.
         linear: its system, which knows what the parameters imitate.
-        candidates: what is tried.
+        candidates: effects to try.
         finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
-        turns: amplitudes of each sign beside the middle one; of one, the largest.
+        turns: amplitudes of each sign in addition to the middle one; of one, the largest.
     """
     ladders = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
     stay = np.zeros(surface.space.size)
@@ -118,7 +118,7 @@ def take_signatures(
 
 @dataclass
 class _Ladders:
-    """Ladders on the way: what was run so far, by candidate and amplitude."""
+    """Unfinished ladders: runs so far, by candidate and amplitude."""
 
     runs: Runs
     surface: Surface
@@ -145,7 +145,7 @@ class _Ladders:
         return space.clipped(x + wanted) - x
 
     def others(self, name: str, sign: float) -> list[float]:
-        """Amplitudes of one sign beside the middle one, in the order in which they are run.
+        """Amplitudes of one sign other than the middle one, in the order in which they are run.
 
         The top rung, then the lowest; where too little would be seen at the top rung, one between
         the middle and a raised top, then that top.

@@ -38,7 +38,7 @@ WIDE = 1.96
 
 
 def parameter_words(parameters: Parameters) -> list[verdict.ParameterWords]:
-    """What is calibrated, in words."""
+    """The calibrated parameters, in words."""
     return [
         verdict.ParameterWords(
             name=spec.name, words=spec.words, unit=spec.unit,
@@ -152,7 +152,7 @@ def measurement_lines(
     """Number by number.
 
     Args:
-        targets: what was measured.
+        targets: the measurements.
         places: of it.
         data: with C, and which numbers are held out.
         survey: covariance of the survey, (m, m).
@@ -271,8 +271,8 @@ def step_of(
         name: of the model.
         number: round of the loop, or how many models were before it.
         judged: its fit under the covariance of the base model.
-        note: what was done.
-        effects: that are on and not sought, beside those of the fit.
+        note: the step taken.
+        effects: that are on with a fixed amplitude, in addition to those of the fit.
         ln_evidence: over the base model, where they can be compared.
     """
     space, x = judged.fit.space, judged.fit.x

@@ -1,4 +1,4 @@
-"""The section before and after the slide, for the pictures: `sections.npz` beside a verdict.
+"""The section before and after the slide, for the pictures: `sections.npz` next to a verdict.
 
 In: the points of three kept runs. Out: surfaces by the one definition of
 `geometry.survey.surface_profile`. The page is whole without this file; its profile then lacks the

@@ -1,6 +1,7 @@
 """`compare.json`, `explain.json` and `verdict.json`, each with a sentence in words.
 
-In: what was compared, explained, tried and decided. Out: documents of `diagnosis.verdict.verdict`.
+In: the comparison, explanation, trials and decision. Out: documents of
+`diagnosis.verdict.verdict`.
 Nothing is decided here.
 """
 

@@ -78,7 +78,7 @@ class Straight:
     """`diagnosis.hypotheses.model.Model`, linear.
 
     Attributes:
-        readings: what was measured, (SIZE,).
+        readings: measured values, (SIZE,).
         noise: standard deviation of a run's own noise, the same for all numbers [m].
         bent: effects that go with the square of their amplitude.
         broken: amplitudes from which runs with an effect fail.

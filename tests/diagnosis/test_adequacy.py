@@ -80,7 +80,7 @@ def test_family_wise_level_over_all_effects_and_amplitudes(nulls):
     candidates = nulls[0][0].candidates
     p = [score_all(f, every, candidates).p_largest for _, f in nulls]
     assert stats.kstest(p, "uniform").pvalue > 0.005
-    # A family-wise p is no smaller than that of a candidate which is tried alone.
+    # A family-wise p is not smaller than that of a candidate which is tried alone.
     found = nulls[0][1]
     whole = score_all(found, every, candidates)
     for name in every:

@@ -1,4 +1,4 @@
-"""A case folder made into a question: what is read, and what is refused in one line."""
+"""A case folder made into a question: files that are read, and files refused in one line."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def test_what_is_refused(embankment, document, complaint):
 
 
 def test_the_case_that_judges_the_answer_is_read_at_once(embankment, tmp_path):
-    """It is simulated after the whole loop; whatever is wrong with it is told before."""
+    """It is simulated after the whole loop; whatever is wrong with it is reported before."""
     other = tmp_path / "other"
     shutil.copytree(embankment, other)
     write(other, {"validation_case": "../embankment"})  # each may judge the other

@@ -142,7 +142,7 @@ def test_extend_and_track(folder, out, verdict_text, capsys):
     model = load_hypothesis(out / "hypotheses" / f"{name}.yaml")
     assert (model.by, model.parent, model.notes) == ("extend", "00_base", "clay was seen")
     assert 0.0 <= model.effects["weak_base"].amplitude <= 1.0
-    # A person goes on from there; the first effect is sought again with the second.
+    # A person goes on from there; the first effect is fitted again with the second.
     ask("extend", folder, out, "--hypothesis", name, "--add", "overburden_strength")
     both = max((out / "hypotheses").glob("*.yaml"))
     assert set(load_hypothesis(both).effects) == {"weak_base", "overburden_strength"}
@@ -165,7 +165,7 @@ def test_extend_and_track(folder, out, verdict_text, capsys):
     assert any(line.startswith(name) and "by hand: clay was seen" in line for line in lines)
     assert any(line.startswith("20_looser_fill") and "by hand: looser" in line for line in lines)
     assert not any("outdated" in line for line in lines)
-    # After the survey has changed, what was found before is told as outdated.
+    # After the survey has changed, earlier findings are reported as outdated.
     text = (folder / "measurements.yaml").read_text()
     try:
         (folder / "measurements.yaml").write_text(text + "# resurveyed\n")
@@ -199,7 +199,7 @@ def test_a_killed_run_goes_on_and_gives_the_same_bytes(folder, tmp_path, verdict
         [*command, *QUICK], env=environment, capture_output=True, text=True, check=True
     )
     asked, _, computed = runs_told(done.stdout)
-    assert computed <= asked - there + 1, "what was kept is not simulated again"
+    assert computed <= asked - there + 1, "kept runs are not simulated again"
     assert (tmp_path / "verdict.json").read_text() == verdict_text
     assert (tmp_path / "sections.npz").stat().st_size > 1000
 

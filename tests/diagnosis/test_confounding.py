@@ -32,7 +32,7 @@ def test_what_the_strength_imitates_is_not_seen_and_hides_in_it(found):
     expected = [pytest.approx(100.0 * shift / before, rel=1e-3) for shift in shifts]
     assert seen.bias["S_r"] in expected
     assert seen.bias["phi"] == pytest.approx(0.0, abs=1e-6)
-    assert abs(seen.smallest) > 3.0, "told as it is, believed or not"
+    assert abs(seen.smallest) > 3.0, "reported as it is, believed or not"
 
 
 def test_what_no_parameter_imitates_is_seen_whole(found):

@@ -97,7 +97,7 @@ def test_greedy_choice_is_the_best_at_each_step(seed):
         gains = {i: separation(rivals, error, [*before, i]) for i in range(5) if i not in before}
         assert one.gain == pytest.approx(max(gains.values()))
         assert gains[order[count]] == max(gains.values())
-    # What is measured in addition takes nothing away.
+    # An additional measurement takes nothing away.
     assert all(b >= a - 1e-9 for a, b in zip(gains_of(found), gains_of(found)[1:], strict=False))
     best_pair = max(separation(rivals, error, pair) for pair in combinations(range(5), 2))
     assert found[1].gain <= best_pair + 1e-9

@@ -51,7 +51,7 @@ def test_a_refit_follows_the_parameters_to_an_amplitude_beyond_the_ladder(seed):
     assert max(explanation.signatures["late"].ladder.rungs) == 2.0
     amplitude = found.fit.space.amplitudes(found.fit.x)["late"]
     assert amplitude == pytest.approx(2.8, abs=0.8)
-    # No worse than a search that is told where to begin.
+    # No worse than a search that is given its starting point.
     told = np.concatenate([model.parameters.to_fitted(np.array([8.0, 32.0])),
                            [2.8 / found.fit.space.effects[0].unit]])  # fmt: skip
     best = refitted(comparison, explanation, "late", near=told)
@@ -92,7 +92,7 @@ def test_an_effect_adds_to_the_error_what_finer_cells_make_of_it():
 
 @pytest.mark.slow
 def test_no_second_effect_for_what_the_cells_make_of_the_first():
-    """Much of the first effect's signature hangs on the cells, in the form of another effect."""
+    """Much of the first effect's signature depends on the cells, in the form of another effect."""
     needless, wanted = 0, 0
     for seed in range(6):
         readings = truth({"late": 2.8, "step": 2.5}) + errors(seed)

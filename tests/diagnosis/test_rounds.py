@@ -149,17 +149,17 @@ def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch)
     dof = diagnose(model, asked).explanation.adequacy.dof
 
     def taken(*arguments, **keywords):
-        raise AssertionError("signatures were taken anew")
+        raise AssertionError("signatures were taken again")
 
     monkeypatch.setattr(forward_selection, "take_signatures", taken)
-    with pytest.raises(AssertionError, match="taken anew"):
+    with pytest.raises(AssertionError, match="taken again"):
         diagnose(straight(0, {"late": 2.5, "step": 2.5}), asked)
     alone = diagnose(straight(0, {"late": 2.5, "step": 2.5}), replace(asked, spare=dof - 1))
     assert len(alone.tried_models.current.model.names) == 1
 
 
 def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
-    """What is refitted beside an adopted effect when candidates promise these falls of chi2."""
+    """Models refitted with an adopted effect when candidates promise these falls of chi2."""
     ranked = sorted(drops, key=lambda name: -drops[name])
     scores = SimpleNamespace(ranked=ranked, best=lambda name: SimpleNamespace(drop=drops[name]))
     now = SimpleNamespace(scores=scores, model=SimpleNamespace(names=("late",)))

@@ -1,4 +1,4 @@
-"""What a command leaves beside its answer: the clock and the machine."""
+"""Records that a command leaves next to its answer: the clock and the machine."""
 
 from __future__ import annotations
 
@@ -41,5 +41,5 @@ def test_times_that_cannot_be_read_are_told_of_and_written_anew(session, content
     path.write_bytes(content)
     session.write_timing("run")
     (line,) = session.told
-    assert line.startswith(f"{path}: ") and complaint in line and "written anew" in line
+    assert line.startswith(f"{path}: ") and complaint in line and "rewritten" in line
     assert list(json.loads(path.read_text())) == ["run"]

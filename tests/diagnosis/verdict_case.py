@@ -465,7 +465,7 @@ def explained() -> ExplainDocument:
 
 
 def save_section(folder: Path) -> Path:
-    """Points of the section before and after, beside a verdict of this case."""
+    """Points of the section before and after, next to a verdict of this case."""
     ground = np.array([[-20.0, 0.0], [60.0, 1.0], [200.0, 1.0]])
 
     def points(x: list[float], y: list[float]) -> np.ndarray:

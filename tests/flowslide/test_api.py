@@ -16,7 +16,7 @@ CASE, COARSE = "lower_san_fernando", 4.0
 
 
 class Told:
-    """A callback that keeps what it is told."""
+    """A callback that keeps its calls."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[int, int, str]] = []
@@ -27,7 +27,7 @@ class Told:
 
 @pytest.fixture(scope="module")
 def answered(tmp_path_factory):
-    """A back-analysis by the library, its folder, and what the callback was told."""
+    """A back-analysis by the library, its folder, and the calls of the callback."""
     folder, told = tmp_path_factory.mktemp("api") / "inversion", Told()
     result = flowslide.back_analyse(
         CASE, out=folder, spacing_m=COARSE, quick=True, threads=1, progress=told

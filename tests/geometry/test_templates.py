@@ -299,7 +299,7 @@ def test_golden_bits(config, root):
     }
     assert found == GOLDEN["scenes"], json.dumps(found)
     points = fill(drawn("large")[3].changed(jitter=0.3, seed=12345)).position
-    total = math.fsum(points.ravel())  # exact, so that the order of summing is no matter
+    total = math.fsum(points.ravel())  # exact, so that the order of summing does not matter
     assert total == GOLDEN["sum_of_points"], repr(total)
 
 

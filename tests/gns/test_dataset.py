@@ -1,4 +1,4 @@
-"""Windows: the right frames, the first ones, memory that does not grow, damage that is told."""
+"""Windows: the right frames, the first ones, memory that does not grow, damage that is reported."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def test_the_area_between_two_surfaces():
     between, share = profile_error(path[-1] + np.float32([15.0, 0.0]), path[-1], facts)
     assert share == pytest.approx(2.0, rel=1e-3)
     assert between == pytest.approx(2.0 * soil / 20.0, rel=0.5)
-    # Its upper half taken off and put beside it.
+    # Its upper half taken off and put next to it.
     high = path[-1][:, 1] > 5
     moved = path[-1].copy()
     moved[high, 0] += 10.0

@@ -1,4 +1,4 @@
-"""What points are told of the soil above them, against bodies whose weight is known."""
+"""The load of the soil above each point, against bodies whose weight is known."""
 
 from __future__ import annotations
 

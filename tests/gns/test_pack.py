@@ -138,7 +138,7 @@ def test_a_killed_and_continued_packing_leaves_the_same_bytes(last, batches, tmp
         [sys.executable, "-c", KILLED, str(last), str(out), *map(str, batches)], cwd=root
     )
     assert done.returncode == -signal.SIGKILL
-    assert not (out / "metadata.json").exists(), "what is not whole cannot be taken for it"
+    assert not (out / "metadata.json").exists(), "a data set without it is incomplete"
     with pytest.raises(InputError, match="packing has not ended"):
         read_metadata(out)
     shards_left = len(list(out.glob("t*_0*.npz")) + list(out.glob("valid_0*.npz")))

@@ -1,4 +1,4 @@
-"""What the simulator is told of a scene is what the solver computes with."""
+"""The simulator's facts about a scene are those that the solver computes with."""
 
 from __future__ import annotations
 

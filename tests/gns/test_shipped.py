@@ -39,7 +39,7 @@ def test_a_model_belongs_to_its_card(folder):
 
 @pytest.mark.slow
 def test_it_does_on_a_held_out_scene_what_its_table_says():
-    """Drawn, simulated and rolled out anew: the smallest of the scenes that it never saw."""
+    """Drawn, simulated and rolled out again: the smallest of the scenes that it never saw."""
     folder = ROOT / "models" / "coarse"
     with (folder / "evaluation.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["template"] != "e"]

@@ -94,7 +94,7 @@ def test_scenes_of_a_batch_do_not_feel_each_other():
 
 
 def test_strength_and_water_are_seen(facts_and_start):
-    """Every property that the model is told of changes what it says."""
+    """Every property given to the model changes its prediction."""
     facts, positions = facts_and_start
     model = simulator(torch.float64)
     scene = model.scaled(facts)

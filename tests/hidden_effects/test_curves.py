@@ -1,4 +1,4 @@
-"""Strength laws outside the library beside those in it: the same variable, the same shape."""
+"""Strength laws outside the library against those in it: the same variable, the same shape."""
 
 from pathlib import Path
 
@@ -26,15 +26,15 @@ def scene(benchmark, effect, amplitude=0.5):
     ("hidden", "named", "expected"),
     [
         ("two_layers", {"overburden_strength": 0.6}, True),
-        ("two_layers", {"rate_strengthening": 0.5}, False),  # hangs on another variable
+        ("two_layers", {"rate_strengthening": 0.5}, False),  # depends on another variable
         ("two_layers", {"overburden_strength": 0.6, "shaking": 0.3}, False),
         ("two_layers", {"side_friction": 0.6}, False),  # changes no strength
-        ("two_layers", {"datum_shift": 0.6}, False),  # is no effect
+        ("two_layers", {"datum_shift": 0.6}, False),  # is not an effect
         ("root_of_rate", {"rate_strengthening": 0.5}, True),
         ("root_of_rate", {"strain_softening": 0.5}, False),
         ("strength_in_time", {"overburden_strength": 0.6}, False),
         ("strong_lens", {"spatial_variability": 0.0}, False),
-        ("two_layers", {"spatial_variability": 0.5}, False),  # a field hangs on the place
+        ("two_layers", {"spatial_variability": 0.5}, False),  # a field depends on the place
         ("strength_in_time", {"overburden_strength": 1.0}, False),  # no strength at no overburden
     ],
 )

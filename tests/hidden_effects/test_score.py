@@ -25,7 +25,7 @@ def test_a_perfect_judge():
 
 
 def test_an_alarm_is_a_base_model_called_inadequate():
-    """A small p alone is an alarm and no attribution; a name beside a fair p is the reverse."""
+    """A small p alone is an alarm and no attribution; a name with a fair p is the reverse."""
     nulls = [t for t in truths(80) if t["kind"] == "null"]
     said = [digest(t, "suspect", [], sets=[[]], p=0.04) for t in nulls[:6]]
     said += [digest(t, "identified", ["effect_1"], p=0.06) for t in nulls[6:9]]
@@ -104,7 +104,7 @@ def test_a_judge_that_sees_a_favourite_everywhere():
 
 
 def test_a_judge_that_is_silent():
-    """It accuses no null, and names nothing: silence is no skill."""
+    """It accuses no null and names nothing: silence is not skill."""
     found = score([Judged(t, digest(t, "adequate", [], sets=[[]])) for t in truths(80)])
     assert found.shares["false_alarm"].value == 0.0
     assert found.shares["named_25"].value == 0.0

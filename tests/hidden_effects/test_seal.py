@@ -1,4 +1,4 @@
-"""A truth cannot be changed after its hash was told, nor guessed from it."""
+"""A truth cannot be changed after its hash was published, nor guessed from it."""
 
 import pytest
 

@@ -94,7 +94,7 @@ def test_a_section_with_two_free_parameters_is_refused():
 
 
 def test_a_case_is_made_in_its_bin_and_twice_the_same(sight):
-    """What is written was seen; the numerics are not the judge's; nothing depends on chance."""
+    """Written effects were seen; the numerics are not the judge's; nothing depends on chance."""
     planned = Planned("case_0003", "single", ("overburden_strength",), "tailings_dam", "markers", 1)
     made = [
         Maker(sight.laboratory, 11, lambda section: sight.base).make(planned, sight.section)
@@ -123,7 +123,7 @@ def test_the_fainter_of_two_is_seen_less_beside_the_other_than_both_are(sight):
 
 
 def test_what_an_effect_does_where_the_parameters_have_given_way_to_it_counts(sight, monkeypatch):
-    """Softening beside strength by overburden: with another strength the one nearly does both."""
+    """Softening and strength by overburden: with another strength the one nearly does both."""
     both = {"overburden_strength": 0.7, "strain_softening": 0.75}
     found = sight.beside(both)
     monkeypatch.setattr(sight_file, "RETURNS", 0)
@@ -155,4 +155,4 @@ def test_a_null_costs_one_run(sight):
     before = sight.laboratory.runs
     made = Maker(sight.laboratory, 11, lambda section: sight.base).make(planned, sight.section)
     assert made.truth["effects"] == {} and made.truth["lambda"] == 0.0
-    assert sight.laboratory.runs - before <= 3  # drawings that are no flow slide are thrown away
+    assert sight.laboratory.runs - before <= 3  # draws that are not flow slides are rejected

@@ -1,4 +1,4 @@
-"""Sections and surveys of the benchmark: what is written reads back as what was meant."""
+"""Sections and surveys of the benchmark: files read back as they were written."""
 
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def test_the_profile_begins_inside_the_toe():
 @pytest.mark.parametrize(("name", "toe"), [("reservoir_dam", -19.6), ("tailings_dam", 263.8)])
 @pytest.mark.parametrize("survey", surveys.SURVEYS)
 def test_a_slide_that_leaves_the_domain_is_surveyed_within_it(tmp_path, name, toe, survey):
-    """What is written can be read as a case again."""
+    """A written case can be read again."""
     section = load_section(FOLDER / name)
     places = surveys.profile_places(section, survey, toe)
     margin = 3.0 * section.scene.spacing

@@ -130,7 +130,7 @@ def test_at_rest_a_rollout_ends_and_so_does_its_derivative():
     )
     prediction, derivative, _ = asked.derivative(VALUES[:1], STEPS[:1])
     assert prediction.at_rest and len(told) < 60
-    assert told[-1][0] == told[-1][1] > 200  # told as done, and how many there might have been
+    assert told[-1][0] == told[-1][1] > 200  # reported as done, and how many there might have been
     facts, start = start_of(asked.scene(VALUES[:1]), asked.settings)
     same = rollout(falling.simulator, facts, start, 200, rest=Rest())
     assert same.at_rest and len(same.positions) == len(told) + 1
@@ -279,7 +279,7 @@ def test_wrong_models_are_one_line(tmp_path):
     torch.save({"format_version": 1, "run": Forward}, path)  # anything but plain numbers
     with pytest.raises(InputError, match="is damaged or not a model"):
         load_model(tmp_path)
-    # Weights for another number of features than the configuration beside them says.
+    # Weights for another number of features than the configuration next to them says.
     simulator(torch.float32).save(path)
     document = torch.load(path, weights_only=True)
     document["config"] = simulator(history=4).config.model_dump_json()

@@ -41,7 +41,7 @@ class Killed(Exception):
 
 
 class MortalStore(RolloutStore):
-    """Dies after so many rollouts and derivatives."""
+    """Fails after a given number of rollouts and derivatives."""
 
     def __init__(self, folder, lives: int) -> None:
         super().__init__(folder)

@@ -93,7 +93,7 @@ def test_signs_do_not_cancel_where_errors_are_correlated():
 
 
 def test_noise_does_not_pass_for_knowledge():
-    """Differences of pure noise hold sqrt(2) of it; what stands far out of it stays as it is."""
+    """Differences of pure noise hold sqrt(2) of it; differences far outside it stay as they are."""
     steps = FiniteSteps(Parameters([strength("a")]), np.array([0.5]))
     change = np.array([-1.0])
     shares = [steps.signal(np.array([[0.5 * size]]), change)[0] for size in (1.0, 1.42, 2.0, 10.0)]

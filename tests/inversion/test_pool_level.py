@@ -1,4 +1,4 @@
-"""The level of the pool as a number that is sought."""
+"""The level of the pool as a calibrated parameter."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEVEL = "  - {name: pool, property: water_level, start: 35.9, low: 33, high: 38}
 
 
 def asking(lsfd, *changes: tuple[str, str]):
-    """The case with the level among what is sought."""
+    """The case with the level among the calibrated parameters."""
     path = lsfd / "inversion.yaml"
     text = path.read_text().replace("fit: [", LEVEL + "fit: [", 1)
     text = text.replace("  - {name: pool level, kind: water_level, std_m: 0.5}\n", "")

@@ -74,7 +74,7 @@ def test_every_part_is_there_in_order(full_page):
     assert text.count('src="data:image/svg+xml') == len(wanted)
     assert "27.5 ± 1.6 kPa" in text and "no cell size for the fill" in text
     assert "31.3" in text and "24.6 to 45.4" in text  # Kinetics with its range
-    assert "level of the fill" in text and "not added" in text  # a target is told, not added
+    assert "level of the fill" in text and "not added" in text  # a target is reported, not added
 
 
 def test_a_poor_result_gives_a_page_without_empty_parts(tmp_path):

@@ -1,4 +1,4 @@
-"""A result whose parts do not fit together is told in one line, before anything is drawn."""
+"""A result whose parts do not fit together is reported in one line, before anything is drawn."""
 
 from __future__ import annotations
 

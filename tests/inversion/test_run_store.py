@@ -146,7 +146,7 @@ def test_what_hangs_on_the_whole_way_is_read_once_and_kept_without_frames(tmp_pa
     assert np.array_equal(kept.readings[filmed].values, toe)
     assert (tmp_path / next(iter(tmp_path.iterdir())).name).stat().st_size < 8000
 
-    # Another quantity needs the run again; what was read before stays.
+    # Another quantity needs the run again; earlier readings stay.
     other = HistoryReader([film.model_copy(update={"times_s": [2.0, 3.0, 4.0]})], reader.foot)
     (kept,) = again.fetch([(scene, settings)], [other])
     assert len(simulated) == 2

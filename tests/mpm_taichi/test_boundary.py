@@ -227,7 +227,7 @@ def test_fixed_bodies_hold_the_nodes_they_outweigh():
     held = fixed_by_bodies(grid, soil, body, kind.ravel()).reshape(grid.shape)
     x, y = grid.coordinates()
     assert held[(x > 10) & (x < 15.9) & (y > 5) & (y < 11)].all()
-    assert not held[(x > 16.1) & (x < 25)].any(), "the soil beside it is free"
+    assert not held[(x > 16.1) & (x < 25)].any(), "the soil next to it is free"
     assert not fixed_by_bodies(grid, soil, np.empty((0, 2)), kind.ravel()).any()
 
 

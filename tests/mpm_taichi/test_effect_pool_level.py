@@ -68,7 +68,7 @@ def test_run_is_to_the_bit_that_of_a_scene_with_the_other_level():
         [dam({"pool_level": 2.0}, phreatic_line=LINE), risen], settings, threads=1
     )
     assert np.array_equal(given.positions, written.positions)
-    assert given.scene.water_level == 6.0, "what was measured is measured on the scene as given"
+    assert given.scene.water_level == 6.0, "measurements refer to the scene as given"
 
 
 def test_a_higher_pool_shortens_the_runout_and_a_lower_one_lengthens_it():

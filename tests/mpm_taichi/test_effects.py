@@ -65,7 +65,7 @@ def test_run_key_holds_what_is_on_however_it_is_written(monkeypatch):
     assert key(0) == base
 
 
-# --- a run hangs on nothing but its scene ---
+# --- a run depends on its scene alone ---
 
 
 @pytest.mark.slow
@@ -88,7 +88,7 @@ def test_company_threads_and_growing_arrays_change_nothing(monkeypatch):
 
 @pytest.mark.slow
 def test_an_open_domain_is_bit_for_bit_a_wide_one():
-    """Place and time that an effect sees must not hang on how often the grid has grown."""
+    """Place and time that an effect sees must not depend on how often the grid has grown."""
     pushed = {"shaking": {"amplitude": 0.5, "frequency_hz": 0.3}, "side_friction": 0.1,
               "weak_base": {"amplitude": 0.9, "x_to_m": 30.0}}  # fmt: skip
     domain = {"y_max": 20, "walls": "open"}

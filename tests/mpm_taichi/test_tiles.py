@@ -72,7 +72,7 @@ def passes(program: object, averaged: bool, corrected: bool):
 
 
 def state(count: int, seed: int) -> dict[str, np.ndarray]:
-    """Random points of soils of every kind, about the yield surface, beside edges and inside."""
+    """Random points of soils of every kind, about the yield surface, next to edges and inside."""
     random = np.random.default_rng(seed)
     room = -(-count // TILE) * TILE + TILE
     soils = [(0.0, 30e3, None), (0.0, 20e3, 5e3), (35.0, 0.0, None), (25.0, 10e3, None),

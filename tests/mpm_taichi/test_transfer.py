@@ -274,7 +274,7 @@ def test_scatter_keeps_mass_momentum_and_angular_momentum(kind):
     assert load[:, :2].sum(axis=0) == pytest.approx(mass @ velocity, rel=1e-5)
     x, y = cloud.position.T
     # Each point also carries the angular momentum of its affine velocity: m h^2 x the second moment
-    # of its weights x spin; 1/4 inside, xi (1 - xi) beside a boundary.
+    # of its weights x spin; 1/4 inside, xi (1 - xi) next to a boundary.
     own = mass @ (x * velocity[:, 1] - y * velocity[:, 0])
     xi = np.abs(cloud.motion[:, :2].astype(float))
     moment = xi * (1.0 - xi) if kind else np.full(xi.shape, 0.25)
@@ -451,7 +451,7 @@ def test_opened_soil_closes_before_it_resists():
     swell, press = (2e-3, 0, 0, 2e-3), (-1.5e-3, 0, 0, -1.5e-3)
     stress, history = law(LOOSE, (0,) * 4, (0,) * 4, swell, corrected=True)
     assert np.abs(stress).max() < 1.0 and history[1] == pytest.approx(4e-3 + 4e-6, rel=1e-4)
-    assert history[0] == pytest.approx(0.0, abs=1e-8), "opening is no volume of soil"
+    assert history[0] == pytest.approx(0.0, abs=1e-8), "an opening is not a volume of soil"
     stress, history = law(LOOSE, stress, history, press, corrected=True)
     assert stress[:3].mean() == pytest.approx(0.0, abs=5.0)
     assert history[1] == pytest.approx(4e-3 + 4e-6 - 3e-3 + 2.25e-6, rel=1e-3)

@@ -1,4 +1,4 @@
-"""True and false are no numbers, however deep in a document."""
+"""True and false are not numbers, at any depth of a document."""
 
 from __future__ import annotations
 

@@ -220,7 +220,7 @@ def test_what_is_nested_and_large_within_reason_is_read(tmp_path):
     text = "[" * 100 + "9" * 300 + "]" * 100
     (tmp_path / "a.json").write_text(text)
     assert read_json(tmp_path / "a.json") == parse_yaml(text, name="test")
-    # A hundred million items if each alias were followed anew.
+    # A hundred million items if each alias were followed again.
     laughs = ["- &a0 [1]"]
     laughs += [f"- &a{n} [{', '.join(10 * [f'*a{n - 1}'])}]" for n in range(1, 9)]
     assert len(parse_yaml("\n".join(laughs), name="test")) == 9

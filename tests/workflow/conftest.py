@@ -16,7 +16,7 @@ import yaml
 ROOT = Path(__file__).resolve().parents[2]
 
 GEOMETRY = '''
-"""Stand-in for geometry: writes what it was told."""
+"""Stand-in for geometry: writes its arguments."""
 import sys
 from pathlib import Path
 arguments = dict(zip(sys.argv[2::2], sys.argv[3::2]))
@@ -61,7 +61,7 @@ else:
 '''
 
 GNS = '''
-"""Stand-in for gns: lists what it was told to pack; models are texts."""
+"""Stand-in for gns: lists the files to pack; models are texts."""
 import sys
 from pathlib import Path
 place = sys.argv.index("--scale")
@@ -88,7 +88,7 @@ left_out = Path(arguments["--leave-out"]).read_text()
 '''
 
 INVERSION = '''
-"""Stand-in for inversion: writes what it was told."""
+"""Stand-in for inversion: writes its arguments."""
 import sys
 from pathlib import Path
 command, case = sys.argv[1:3]
@@ -111,7 +111,7 @@ COLLECTING = (
 
 
 DIAGNOSIS = '''
-"""Stand-in for diagnosis: writes what it was told."""
+"""Stand-in for diagnosis: writes its arguments."""
 import sys
 from pathlib import Path
 command, case = sys.argv[1:3]

@@ -1,4 +1,4 @@
-"""The workflow: what is made, what is made again and why, what a failure leaves."""
+"""The workflow: files made, files made again and why, files left by a failure."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ class Places:
 
     @property
     def skipped(self) -> Path:
-        """What was planned and could not be made."""
+        """Planned cases that could not be made."""
         return self.out / "skipped.json"
 
     @property

@@ -86,7 +86,7 @@ def reach_of(
     """How well each effect can be seen, measured once.
 
     Args:
-        benchmark: what is to be made.
+        benchmark: the benchmark to make.
         places: where it is kept.
         laboratory: that simulates.
         base: base models of the sections; None: they are simulated where they are needed.

@@ -1,4 +1,4 @@
-"""What is to be made: a row of cases of four kinds, each prefix of it balanced.
+"""Plan of a benchmark: a row of cases of four kinds, each prefix of it balanced.
 
 - single: one effect of the library; null: none; pair: two; outside: one that no library has.
 
@@ -33,7 +33,7 @@ class Planned:
 
     Attributes:
         name: of the case; says nothing about what is hidden.
-        kind: what is hidden.
+        kind: of the hidden effects.
         effects: names, as many as the kind has.
         section: name.
         survey: name of the set of measurements.
@@ -100,7 +100,7 @@ def plan(
         outside: effects outside the library.
         sections: of the benchmark.
         surveys: sets of measurements.
-        reach: what is not in it cannot act there.
+        reach: effects that can act on the section.
         kinds: of the cases of a round, before they are shuffled.
         bins: number of bins of detectability.
 

@@ -1,4 +1,4 @@
-"""Sealing: what is true is written down, and only its hash is published before a diagnosis.
+"""Sealing: the truth is written down, and only its hash is published before a diagnosis.
 
 A salt keeps the truth from being guessed from its hash. It follows from the benchmark's seed, so
 that the same benchmark has the same hashes wherever it is made; who judges does not read the seed.

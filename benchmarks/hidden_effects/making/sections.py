@@ -53,7 +53,7 @@ class Section:
     Attributes:
         folder: of its files.
         scene: at the spacing of the diagnosing model.
-        question: what is calibrated.
+        question: the calibrated parameters.
         survey: where it is surveyed.
     """
 
@@ -69,7 +69,7 @@ class Section:
 
     @property
     def parameters(self) -> Parameters:
-        """What is calibrated."""
+        """The calibrated parameters."""
         return Parameters(self.question.parameters)
 
     def draw(self, stream: Stream) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What is surveyed after a hidden slide, and with which errors: the same for every case.
+"""Survey after a hidden slide, with its errors: the same for every case.
 
 Sets of measurements, each with all of the one before: `sparse` (the toe, and the surface at six
 places), `profile` (at all of its places), `markers` (and displacements of places on the section),
@@ -27,7 +27,7 @@ FEW = 6
 PROFILE_STD, TOE_STD, MARKER_STD, HISTORY_STD = 0.5, 1.0, 0.3, 1.0
 #: The profile begins this share of its length inside the toe.
 INSIDE = 0.05
-#: Places keep so many spacings away from the ends of the section's domain.
+#: Distance in spacings that places keep from the ends of the section's domain.
 MARGIN = 3.0
 PROFILE_FILE = "profile.csv"
 

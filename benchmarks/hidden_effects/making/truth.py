@@ -57,7 +57,7 @@ class Made:
 
 @dataclass(frozen=True)
 class Drawn:
-    """What is true of a case.
+    """Truth of a case.
 
     Attributes:
         values: parameters (p,) in outside units.

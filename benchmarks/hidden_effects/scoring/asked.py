@@ -1,4 +1,4 @@
-"""What is asked of a score, figure by figure."""
+"""Requirements on a score, figure by figure."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Asked:
 
     @property
     def bound(self) -> str:
-        """What is asked, in words."""
+        """The requirement, in words."""
         if self.limit is None:
             return ""
         return f"{'at least' if self.least else 'at most'} {100 * self.limit:.0f} %"

@@ -21,7 +21,7 @@ from mpm_taichi.effects.framework.base import Active
 
 #: Correlation of the logarithms of two curves from which they are the same shape.
 ALIKE = 0.7
-#: What stands for a field that is fixed in space: height above the base of its points [m].
+#: Stands for a field that is fixed in space: height above the base of its points [m].
 FIELD_HEIGHT = 1.0
 #: Least multiplier whose logarithm is taken: a law may take all strength away somewhere.
 LEAST = 1e-6

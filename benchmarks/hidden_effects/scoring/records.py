@@ -1,7 +1,7 @@
 """What the files of a benchmark must hold: hashes, truths, and the record of both.
 
 In: documents as JSON has them. Out: the same documents, checked, since a seal is of a document as
-it is; what is not of its form is an `InputError` of one line, before anything is computed.
+it is; any other form is an `InputError` of one line, before anything is computed.
 """
 
 from __future__ import annotations

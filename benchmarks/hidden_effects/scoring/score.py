@@ -94,7 +94,7 @@ class Judged:
 
     @property
     def beside(self) -> float | None:
-        """Of two effects, lambda of the fainter given the other; None where it was not told.
+        """Of two effects, lambda of the fainter given the other; None where it was not recorded.
 
         Given the other at no amplitude at all it is lambda of both.
         """

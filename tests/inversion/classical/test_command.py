@@ -69,7 +69,7 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
     assert slide["slide"]["area_before_over_after"] == pytest.approx(1.0, abs=0.01)
     energy = slide["energy"]
     assert energy["driving_mj_per_m"] < 0.8 * energy["gravity_mj_per_m"]
-    # What is constructed, made by machine or recalled says so, in the file and on the screen.
+    # Constructed, machine-made and recalled values say so, in the file and on the screen.
     text = capsys.readouterr().out
     for words in ("constructed, not surveyed", "morphed by machine", "recalled"):
         assert words in text
