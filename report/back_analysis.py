@@ -23,9 +23,6 @@ PAGE = "report.html"
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone but scrolls sideways."""
 
-#: Characters of a line on a terminal.
-WIDTH = 120
-
 
 def write_report(data: BackAnalysisData, *, film: bool = True) -> Path:
     """Write page, pictures and film of a back-analysis into its folder.
@@ -61,21 +58,17 @@ def summary(data: BackAnalysisData) -> str:
     strengths = data.strengths or answer.parameters
     lines = [m for m in result.measurements if m.role != "constructed"]
     # A terminal is narrower than a page: what the page alone shows is left out.
-    found = [
-        tables.answer_table(data).text(
-            width=WIDTH, without=["σ'_v0 (kPa)", "equally good", "first guess (bounds)"]
-        ),
-        tables.measured_table(data, lines).text(
-            width=WIDTH, without=["by eye", "before the slide"]
-        ),
-        tables.engine_table(data).text(width=WIDTH),
-        *(table.text(width=WIDTH) for table in tables.method_tables(data)),
-        tables.variant_table(data).text(width=WIDTH, without=["predicted", "loss"]),
-        *(table.text(width=WIDTH) for table in tables.sensitivity_tables(data, strengths)),
-        tables.starts_table(data).text(width=WIDTH),
-        tables.equally_good_table(data).text(width=WIDTH, without=["loss"]),
+    narrow = [
+        (tables.answer_table(data), ["σ'_v0 (kPa)", "equally good", "first guess (bounds)"]),
+        (tables.measured_table(data, lines), ["by eye", "before the slide"]),
+        (tables.engine_table(data), []),
+        *((table, []) for table in tables.method_tables(data)),
+        (tables.variant_table(data), ["predicted", "loss"]),
+        *((table, []) for table in tables.sensitivity_tables(data, strengths)),
+        (tables.starts_table(data), []),
+        (tables.equally_good_table(data), ["loss"]),
     ]
-    parts = [heading, *found]
+    parts = [heading, *(table.text(without=left_out, folded=True) for table, left_out in narrow)]
     parts += [two_strengths(data.folder).text()]
     parts += ["\n".join(map(plain, [*words.undetermined_sentences(data), *result.remarks]))]
     return "\n\n".join(part for part in parts if part)

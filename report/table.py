@@ -19,6 +19,8 @@ SHORT, LONG = 14, 45
 JOINED = re.compile(r"(?<=[\d±=<]) (?=[\d±%°]|(?:kPa|m|s|std)\b)|(?<=\bp) (?=[=<])")
 NUMBER = re.compile(r"\(?[+-]?[\d.]+(?:e[+-]?\d+)?(?:[ %)/,]|$)")
 SPACE = "\N{NO-BREAK SPACE}"
+#: Characters of a line on a terminal, for tables that are folded to it.
+TERMINAL = 120
 #: What a plain terminal or log shows instead of a character outside ASCII.
 PLAIN = str.maketrans(
     {"\N{MINUS SIGN}": "-", "±": "+-", "²": "2", "³": "3", "σ": "sigma", "°": " deg", SPACE: " ",
@@ -54,14 +56,14 @@ class Table:
         left: Collection[int] | None = None,
         *,
         without: Collection[str] = (),
-        width: int | None = None,
+        folded: bool = False,
     ) -> str:
         """The table as lines of plain text; empty without rows.
 
         Args:
             left: numbers of the columns aligned to the left; None: those with words in them.
             without: headers of columns that are left out.
-            width: most characters of a line, beyond which long cells are folded; None: any.
+            folded: long cells go over several lines where the table is wider than a terminal.
         """
         table = self.without_empty_columns(without)
         if not table.rows:
@@ -72,8 +74,8 @@ class Table:
             left = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if _words(column)]
         caption = f"{plain(self.caption)}\n" if self.caption else ""
         lines = aligned(rows, left=left)
-        if width is not None and max(map(len, lines.splitlines())) > width:
-            lines = _folded(rows, left, width)
+        if folded and max(map(len, lines.splitlines())) > TERMINAL:
+            lines = _folded(rows, left)
         return caption + lines
 
     def without_empty_columns(self, without: Collection[str] = ()) -> Table:
@@ -84,8 +86,8 @@ class Table:
                        rows=[[row[k] for k in kept] for row in self.rows])  # fmt: skip
 
 
-def _folded(rows: Sequence[Sequence[str]], left: Collection[int], most: int) -> str:
-    """Rows as lines of at most `most` characters, long cells folded over several of them."""
+def _folded(rows: Sequence[Sequence[str]], left: Collection[int]) -> str:
+    """Rows as lines that fit a terminal, long cells folded over several of them."""
     from rich.console import Console
     from rich.table import Table as Grid
 
@@ -96,11 +98,13 @@ def _folded(rows: Sequence[Sequence[str]], left: Collection[int], most: int) -> 
             name,
             justify="left" if column in left else "right",
             overflow="fold",
-            no_wrap=column == 0 and width <= most // 3,
+            no_wrap=column == 0 and width <= TERMINAL // 3,
         )
     for row in rows[1:]:
         grid.add_row(*row)
-    console = Console(width=most, color_system=None, file=StringIO(), markup=False, highlight=False)
+    console = Console(
+        width=TERMINAL, color_system=None, file=StringIO(), markup=False, highlight=False
+    )
     console.print(grid)
     return "\n".join(line.rstrip() for line in console.file.getvalue().splitlines())
 

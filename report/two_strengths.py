@@ -54,7 +54,7 @@ class TwoStrengths:
 
     def text(self) -> str:
         """For a terminal; empty where only one of the two questions was asked."""
-        return f"{self.table.text(width=120)}\n{plain(self.reason)}" if self.reason else ""
+        return f"{self.table.text(folded=True)}\n{plain(self.reason)}" if self.reason else ""
 
     def parts(self) -> list[Part]:
         """For a page; empty where only one of the two questions was asked."""

@@ -61,7 +61,7 @@ def test_both_are_shown_with_their_questions(tmp_path):
     assert plain(both.reason) in shown
     for cell in (*first, *base, *final):
         assert set(plain(cell).split()) <= set(shown.split())
-    assert max(map(len, both.table.text(width=120).splitlines())) <= 120
+    assert max(map(len, both.table.text(folded=True).splitlines())) <= 120
 
 
 def test_where_they_agree_the_reason_says_so(tmp_path):
