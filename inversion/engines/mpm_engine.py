@@ -12,11 +12,11 @@ import numpy as np
 from geometry.scenes.scene import Scene
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup, prediction_of, read_start
-from inversion.estimation.derivatives import by_differences
+from inversion.estimation.derivatives import DifferencedEngine
 from inversion.problem.forward import Forward, Prediction
 
 
-class MPMEngine:
+class MPMEngine(DifferencedEngine):
     """`inversion.problem.forward.Forward` by the material point method."""
 
     def __init__(self, setup: Setup, store: RunStore) -> None:
@@ -32,16 +32,6 @@ class MPMEngine:
     def scene(self, values: np.ndarray) -> Scene:
         """The section with the values put in."""
         return self.setup.parameters.scene(self.setup.scene, values)
-
-    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        """Predictions for many parameter vectors, as one batch."""
-        return self.predict_each([(self, one) for one in values])
-
-    def derivative(
-        self, values: np.ndarray, steps: np.ndarray
-    ) -> tuple[Prediction, np.ndarray, np.ndarray]:
-        """Prediction and finite differences, one batch; see `inversion.problem.forward.Forward`."""
-        return by_differences(self, np.asarray(values, dtype=float), steps)
 
     def kept_run(self, values: np.ndarray) -> KeptRun:
         """The whole run of a parameter vector, for pictures."""

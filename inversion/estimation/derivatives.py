@@ -147,6 +147,23 @@ def by_differences(
     return base, change / taken[None, :], taken
 
 
+class DifferencedEngine:
+    """What an engine without derivatives of its own need not write; see `Forward`.
+
+    It has `names`, `runs` and `predict_each`, which runs a batch.
+    """
+
+    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
+        """Predictions for many parameter vectors, as one batch."""
+        return self.predict_each([(self, one) for one in values])
+
+    def derivative(
+        self, values: np.ndarray, steps: np.ndarray
+    ) -> tuple[Prediction, np.ndarray, np.ndarray]:
+        """Prediction and finite differences, as one batch."""
+        return by_differences(self, np.asarray(values, dtype=float), steps)
+
+
 def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:
     """Standard deviation of the chosen numbers over runs that differ in the seed, (k,).
 

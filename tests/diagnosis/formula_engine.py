@@ -13,25 +13,19 @@ import numpy as np
 from inversion.engine_registry import Engine
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
-from inversion.estimation.derivatives import by_differences
+from inversion.estimation.derivatives import DifferencedEngine
 from inversion.problem.forward import Forward, Prediction
 
 NOISE = 0.01
 
 
-class FormulaEngine:
+class FormulaEngine(DifferencedEngine):
     """`inversion.problem.forward.Forward` by a formula."""
 
     def __init__(self, setup: Setup, store: RunStore) -> None:
         self.setup = setup
         self.names = setup.targets.names
         self.runs = 0
-
-    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        return self.predict_each([(self, one) for one in values])
-
-    def derivative(self, values, steps):
-        return by_differences(self, np.asarray(values, dtype=float), steps)
 
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
         return [engine._one(np.asarray(values, dtype=float)) for engine, values in requests]

@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.derivatives import FiniteSteps, by_differences
+from inversion.estimation.derivatives import DifferencedEngine, FiniteSteps
 from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
@@ -55,7 +55,7 @@ def targets(*values: float, std: float = 1.0, loss: str = "runout") -> Targets:
 
 
 @dataclass
-class Formula:
+class Formula(DifferencedEngine):
     """`inversion.problem.forward.Forward` by a formula: values (p,) -> numbers (m,)."""
 
     formula: Callable[[np.ndarray], np.ndarray]
@@ -64,12 +64,6 @@ class Formula:
     seed: int = 0
     runs: int = 0
     asked: list[np.ndarray] = field(default_factory=list)
-
-    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        return self.predict_each([(self, one) for one in values])
-
-    def derivative(self, values, steps):
-        return by_differences(self, np.asarray(values, dtype=float), steps)
 
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
         return [engine._one(np.asarray(values, dtype=float)) for engine, values in requests]
