@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from flowslide.commands import options
-from pipeline.cli import add_common
 
 DESCRIPTION = (
     "Find the strengths that CASE/inversion.yaml asks for, how sure they are, and "
@@ -52,10 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="film",
         help="report.html with pictures and a film, without a new film, or none; default: film",
     )
-    options.add_device(parser)
-    options.add_effects(parser)
-    options.add_measurements_code(parser)
-    add_common(parser)
+    options.add_simulating(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from pipeline.cli import InputError
+from pipeline.cli import InputError, add_common
 
 DEVICES = ("cpu", "cuda")
 PICTURE = "png, svg or pdf"
@@ -90,6 +90,14 @@ def add_measurements_code(parser: argparse.ArgumentParser) -> None:
         help="Python file with your own types of measurement; it is executed "
         "(docs/how-to/your-own-measurement.md)",
     )
+
+
+def add_simulating(parser: argparse.ArgumentParser) -> None:
+    """Add what every command that simulates a case takes: device, code of one's own, settings."""
+    add_device(parser)
+    add_effects(parser)
+    add_measurements_code(parser)
+    add_common(parser)
 
 
 def check(arguments: argparse.Namespace) -> None:

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from flowslide.commands import options
-from pipeline.cli import add_common
 
 OPTION, KINDS = "--residual-strength", ("lognormal", "normal")
 
@@ -36,10 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     options.add_spacing(parser)
     options.add_out(parser, "default: results/<case>/prediction")
-    options.add_device(parser)
-    options.add_effects(parser)
-    options.add_measurements_code(parser)
-    add_common(parser)
+    options.add_simulating(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

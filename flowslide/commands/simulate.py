@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from flowslide.commands import options
-from pipeline.cli import add_common
 
 FILMS = ("mp4", "gif", "none")
 DESCRIPTION = (
@@ -31,10 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.add_set_of_measurements(parser)
     parser.add_argument("--film", choices=FILMS, default=FILMS[0], help=f"default: {FILMS[0]}")
-    options.add_device(parser)
-    options.add_effects(parser)
-    options.add_measurements_code(parser)
-    add_common(parser)
+    options.add_simulating(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
