@@ -1,4 +1,4 @@
-"""What a notebook, a web page and the command line call: a case in, answers out.
+"""Functions for notebooks, web pages and the command line: a case in, answers out.
 
     import flowslide
 
@@ -385,7 +385,7 @@ def diagnose(
         threads: see above.
         effect_files: see above.
         measurement_files: see above.
-        progress: told of runs; the number in all is the budget, which is rarely used up.
+        progress: called for each run; the total is the budget, which is rarely used up.
         cancel: see above.
 
     Returns:

@@ -39,7 +39,7 @@ class AsksResolution(Protocol):
 
 @dataclass(frozen=True)
 class Case:
-    """A section, what was measured on it, and the settings in force.
+    """A section, its measurements, and the settings in force.
 
     Attributes:
         folder: of the case.
@@ -94,7 +94,7 @@ class Case:
 
     @property
     def marks(self) -> list[Mark]:
-        """What a picture of the section shows of the measurements."""
+        """Marks of the measurements in a picture of the section."""
         return [mark for entry in self.measured for mark in entry.marks(self.feet)]
 
     def resolved(

@@ -42,7 +42,7 @@ Simulate = Callable[..., Sequence[Run]]
 
 @dataclass(frozen=True)
 class BatchResult:
-    """What a batch left behind."""
+    """Result of a batch."""
 
     path: Path
     runs: list[RunSummary]

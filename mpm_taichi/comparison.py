@@ -170,7 +170,7 @@ def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
 
 
 def heading(case: Case, run: Run) -> str:
-    """What was simulated, in two lines."""
+    """Summary of the simulation, in two lines."""
     scene = case.scene
     strengths = [
         f"{name.replace('_', ' ')} {_strength(material)}"

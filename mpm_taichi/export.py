@@ -104,7 +104,7 @@ def _write_steps(root: h5py.Group, run: Run) -> None:
 
 
 def _constants(run: Run) -> dict[str, np.ndarray]:
-    """What does not change with the step, by its name in ParaView."""
+    """Fields that do not change with the step, by name in ParaView."""
 
     def tensor(stress: np.ndarray) -> np.ndarray:
         full = np.zeros((run.points, 6), np.float32)  # VTK's order: xx, yy, zz, xy, yz, xz

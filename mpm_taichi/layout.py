@@ -53,7 +53,7 @@ FRAMES = ti.types.ndarray(dtype=vec2, ndim=3)
 
 
 class SlotState(NamedTuple):
-    """What the solver knows of a scene as a whole: one row per slot."""
+    """Properties of a scene as a whole: one row per slot."""
 
     integers: I32  # FIRST_POINT ... EFFECTS_ON
     numbers: F32  # CELL ... FRAME_START
@@ -76,7 +76,7 @@ IDLE, SETTLING, MOVING = 0, 1, 2
 
 
 class PointState(NamedTuple):
-    """What every material point carries: one row per point; a slot has room for whole tiles."""
+    """State of the material points: one row per point; a slot has room for whole tiles."""
 
     home: INDEX  # number of the node nearest to the point
     row: INDEX  # number of its row in the `MaterialTable`
@@ -99,7 +99,7 @@ VOLUMETRIC, OPENING, SHEAR, DISSIPATED = range(4)
 
 
 class NodeState(NamedTuple):
-    """What every node of the grids holds: one row per node."""
+    """State of the grid nodes: one row per node."""
 
     kind: INDEX  # bits of `boundary` and `splines`
     surroundings: VEC8  # NORMAL_X ... PER_COVER: ground, water (`boundary.node_tables`)
@@ -135,7 +135,7 @@ SHEAR_MODULUS, BULK_MODULUS, SHEAR_COMPLIANCE, BULK_COMPLIANCE = range(4)
 
 
 class FrameState(NamedTuple):
-    """What a chunk of frames leaves for the host."""
+    """Output of a chunk of frames for the host."""
 
     positions: FRAMES  # (slot, frame, point) from the grid's first node [m]
     sums: F64  # (slot, frame, KINETIC ... EFFECT_WORK)

@@ -132,7 +132,7 @@ class Run:
     def bulk_volume(self) -> np.ndarray | float:
         """Volume of the points as a survey of the deposit sees it [m2].
 
-        One number, the volume they began with: what a point gains elastically is no soil. Where an
+        One number, the volume they began with: a point's elastic expansion is not soil. Where an
         effect lets soil dilate or contract, (N,) float64, what each has at the end.
         """
         if changes_volume(self.scene):

@@ -1,4 +1,4 @@
-"""What every stage shares: files, errors, progress, random numbers, and the settings of all stages.
+"""Shared by all stages: files, errors, progress, random numbers, and the settings of all stages.
 
 In: YAML files and command lines. Out: a validated configuration, files that are either whole or
 absent, a record of how each result was made. The paper has no counterpart of this package.

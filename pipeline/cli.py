@@ -107,7 +107,7 @@ def main_exit(
         _drop_output()
         code = EXIT_FAILED
     except OSError as error:
-        # What no reader or writer has reported itself: rights, a name too long, a full disk.
+        # Errors that no reader or writer has reported itself: rights, a name too long, a full disk.
         if error.errno is None:
             raise
         code = _complain(_told(error), EXIT_BAD_INPUT)

@@ -196,7 +196,7 @@ def _flush_to_disk(path: Path) -> None:
 
 
 def _sweep_leftovers(final: Path) -> None:
-    """Remove temporary files of `final` whose process, on this machine, is no longer alive."""
+    """Remove temporary files of `final` whose process, on this machine, has ended."""
     host = re.escape(socket.gethostname())
     pattern = re.compile(
         rf"\.{re.escape(final.stem)}\.{host}-(\d+)-\d+\.tmp{re.escape(final.suffix)}"

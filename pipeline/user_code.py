@@ -31,7 +31,7 @@ def load_user_code(path: str | Path, kind: str) -> tuple[ModuleType, str]:
         raise InputError(f"{path}: {error.strerror or error}") from None
     version = hashlib.sha256(text).hexdigest()[:16]
     if path.suffix != ".py":
-        raise InputError(f"{path}: is no Python file (.py)")
+        raise InputError(f"{path}: is not a Python file (.py)")
     name = f"_{kind}_{version}"
     if name in sys.modules:
         return sys.modules[name], version

@@ -21,7 +21,7 @@ NUMBER = re.compile(r"\(?[+-]?[\d.]+(?:e[+-]?\d+)?(?:[ %)/,]|$)")
 SPACE = "\N{NO-BREAK SPACE}"
 #: Characters of a line on a terminal, for tables that are folded to it.
 TERMINAL = 120
-#: What a plain terminal or log shows instead of a character outside ASCII.
+#: Replacements for characters outside ASCII on a plain terminal or in a log.
 PLAIN = str.maketrans(
     {"\N{MINUS SIGN}": "-", "±": "+-", "²": "2", "³": "3", "σ": "sigma", "°": " deg", SPACE: " ",
      "\N{RIGHTWARDS ARROW}": "->", "\N{HORIZONTAL ELLIPSIS}": "..."}

@@ -41,7 +41,7 @@ CALLS: list[tuple[str, str, dict[str, Any]]] = [
     (
         "--slip-surface",
         "slip_surface",
-        {"help": "CSV beside classical.yaml (x_m, y_m), or `search`", "metavar": "FILE"},
+        {"help": "CSV next to classical.yaml (x_m, y_m), or `search`", "metavar": "FILE"},
     ),
     (
         "--base-strength",

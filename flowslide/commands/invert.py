@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         metavar="DIR",
         help="folder of the results; default: results/<case>/inversion, with the engine gns "
-        "inversion_gns beside it",
+        "inversion_gns next to it",
     )
     parser.add_argument(
         "--engine",
@@ -72,8 +72,8 @@ def run(arguments: argparse.Namespace) -> None:
         use_constructed=arguments.use_constructed,
     )
     choice = chosen_engine(case, arguments.engine, arguments.model)
-    beside = Path(case.config.results_folder) / case.name
-    folder = Path(arguments.out or beside / choice.engine.folder)
+    results = Path(case.config.results_folder) / case.name
+    folder = Path(arguments.out or results / choice.engine.folder)
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         result = api.back_analyse(
             case,

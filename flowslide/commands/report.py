@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def check_case(given: str, result: Result) -> None:
-    """The folder of --case is that of the case which a result answers, told by its name.
+    """The folder of --case is that of the case which a result answers, checked by its name.
 
     Raises:
         InputError: there is no such folder, or it is of another case.

@@ -1,4 +1,4 @@
-"""What a template draws: outlines and soils, before materials are drawn and the size is set.
+"""Sketch drawn by a template: outlines and soils, before materials are drawn and the size is set.
 
 Lengths are template metres: those of Table A.1, for the large scale. `templates` scales them.
 """
@@ -90,7 +90,7 @@ def perimeter(polygon: Sequence[Point]) -> float:
 
 
 def is_simple(polygon: Sequence[Point]) -> bool:
-    """Tell whether no two edges cross and no two neighbouring vertices coincide."""
+    """Whether no two edges cross and no two neighbouring vertices coincide."""
     count = len(polygon)
     edges = [(polygon[i], polygon[(i + 1) % count]) for i in range(count)]
     if any(start == end for start, end in edges):
@@ -103,7 +103,7 @@ def is_simple(polygon: Sequence[Point]) -> bool:
 
 
 def inside_convex(polygon: Sequence[Point], point: Point) -> bool:
-    """Tell whether a point lies inside a convex counter-clockwise polygon."""
+    """Whether a point lies inside a convex counter-clockwise polygon."""
     following = [*polygon[1:], polygon[0]]
     return all(_turn(a, b, point) > 0.0 for a, b in zip(polygon, following, strict=True))
 
@@ -113,5 +113,5 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 
 
 def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Tell whether the closed segments ab and cd meet."""
+    """Whether the closed segments ab and cd meet."""
     return _turn(a, b, c) * _turn(a, b, d) <= 0.0 and _turn(c, d, a) * _turn(c, d, b) <= 0.0

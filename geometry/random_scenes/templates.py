@@ -151,7 +151,7 @@ def _without_repeats(polygon: list[tuple[float, float]]) -> list[tuple[float, fl
 
 
 def _fault(sketch: Sketch, settings: GeometrySettings, size: ScaleSettings) -> str | None:
-    """What is wrong with a sketch, or None. Plain arithmetic: the same answer on every machine.
+    """The fault of a sketch, or None. Plain arithmetic: the same answer on every machine.
 
     All zones of templates (a) to (d) are counter-clockwise and share their inner edges; simple ones
     with a positive area then cannot overlap.

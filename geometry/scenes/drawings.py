@@ -31,7 +31,7 @@ MATERIAL_FIELDS = tuple(name for name in Material.model_fields if name != "pre_f
 
 @dataclass
 class Section:
-    """What a drawing holds, in its own unit of length."""
+    """Content of a drawing, in its own unit of length."""
 
     zones: dict[str, list[Point]] = field(default_factory=dict)
     properties: dict[str, dict[str, Any]] = field(default_factory=dict)

@@ -71,7 +71,7 @@ def fill(scene: Scene) -> MaterialPoints:
 
 
 def contains(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Tell which points lie in a polygon, by counting crossings of a ray to the right.
+    """Which points lie in a polygon, by counting crossings of a ray to the right.
 
     Args:
         polygon: (V, 2) vertices in order [m].

@@ -1,4 +1,4 @@
-"""What a section can have at all: limits so wide that they catch slips alone, such as a wrong unit.
+"""Limits of a section's values, so wide that they catch only slips, such as a wrong unit.
 
 A density of 1.8 is one in t/m3, a pool 500 m above a dam of 40 m an elevation above the sea.
 """

@@ -1,4 +1,4 @@
-"""What a picture of a section shows of a measurement: data, drawn by `report`."""
+"""Marks of a measurement in a picture of a section: data, drawn by `report`."""
 
 from __future__ import annotations
 

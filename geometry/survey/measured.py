@@ -1,4 +1,4 @@
-"""What every measurement is: numbers with a covariance, read on material points.
+"""Base of every measurement: numbers with a covariance, read on material points.
 
 An entry of `measurements.yaml` is a vector of one or more values with a covariance, and `observe`
 predicts the same vector from material points: one definition for field data, the material point
@@ -192,7 +192,7 @@ class Measured(Document):
 
     @abstractmethod
     def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
-        """What this measurement would read on a deposit, in `unit`.
+        """Read this measurement on a deposit, in `unit`.
 
         Returns:
             The value or values (m,). With `derivative` a tuple: the values and their derivative
@@ -224,13 +224,13 @@ class Measured(Document):
 
     @abstractmethod
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
-        """What a picture of the section shows of this measurement; `feet` as for `check_in`."""
+        """Marks of this measurement in a picture of the section; `feet` as for `check_in`."""
 
     # --- what a type may give ---
 
     @property
     def parts(self) -> list[str]:
-        """What each of the values is, in a few words, m of them; empty where there is but one."""
+        """A few words for each of the m values; empty where there is only one."""
         return [""]
 
     @property
@@ -266,7 +266,7 @@ class Measured(Document):
         """
 
     def by_eye(self, deposit: Deposit) -> float | None:
-        """What an eye would read in a picture of the deposit; None: an eye reads nothing else."""
+        """Reading by eye in a picture of the deposit; None: the same as computed."""
         return None
 
     def soil_at(self, feet: Mapping[Side, float]) -> list[float]:
@@ -295,7 +295,7 @@ class Measured(Document):
 
     @property
     def model_std(self) -> float:
-        """What the user grants the model in addition to the survey's error, in `unit`."""
+        """Model error granted by the user in addition to the survey's error, in `unit`."""
         return getattr(self, self.key("model_std"))
 
     @property
@@ -311,7 +311,7 @@ class Measured(Document):
     def reading_key(self, foot: Mapping[str, float]) -> str:
         """Name of the reading among those that are kept of a run, for a type with a `history`.
 
-        Measured values, errors and names are no part of it, so another survey of the same quantity
+        Measured values, errors and names are not part of it, so another survey of the same quantity
         is read from the same run.
 
         Args:
@@ -334,7 +334,7 @@ class Measured(Document):
         return variance * self.correlation()
 
     def observe(self, deposit: Deposit) -> np.ndarray:
-        """What this measurement would read on a deposit, (m,), in `unit`.
+        """Read this measurement on a deposit, (m,), in `unit`.
 
         Raises:
             ValueError: the deposit lacks what this needs: the ground, or the frames before.

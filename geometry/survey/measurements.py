@@ -1,4 +1,4 @@
-"""What was measured after a slide: the document in a case's folder, and how it is read.
+"""Measurements after a slide: the document in a case's folder, and how it is read.
 
 In: `measurements.yaml` of a folder of `case_histories/` and the CSV files it names. Out: a
 `Measurements` document whose entries know their values, their covariance, how far they may be

@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.cli import InputError
 
 COLUMNS = ("x_m", "y_m", "part")
-#: What a profile without the column `part` is called.
+#: Part name of a profile without the column `part`.
 WHOLE = "surveyed"
 
 
@@ -52,8 +52,8 @@ def load_profile(path: str | Path) -> Profile:
     """Read a surface profile: CSV with x_m, y_m and perhaps part; `#` starts a comment.
 
     Raises:
-        InputError: no such file, no rows, a missing or unknown column, a value that is no finite
-            number, or x that does not ascend.
+        InputError: no such file, no rows, a missing or unknown column, a value that is not a
+            finite number, or x that does not ascend.
     """
     path = Path(path)
     if not path.is_file():
@@ -90,7 +90,7 @@ def load_profile(path: str | Path) -> Profile:
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
-    """Numbers and texts of the lines that hold something and are no comments."""
+    """Numbers and texts of the lines that are neither empty nor comments."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:

@@ -13,7 +13,7 @@ from geometry.scenes.scene import Scene
 from geometry.survey.measured import Measured
 from geometry.survey.toe import Side
 
-#: What a measurement that has not been made says about itself.
+#: Source of a measurement that has not been made.
 NOT_MADE: dict[str, Any] = {"confidence": "assumed", "source": "not measured yet"}
 
 Kind = TypeVar("Kind", bound=Measured)
@@ -21,7 +21,7 @@ Kind = TypeVar("Kind", bound=Measured)
 
 @dataclass(frozen=True)
 class Site:
-    """A section and what was measured on it.
+    """A section and its measurements.
 
     Attributes:
         scene: the section before the slide.

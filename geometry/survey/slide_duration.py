@@ -24,7 +24,7 @@ class SlideDuration(Single):
     """How long the slide took: the time in which the soil does the middle part of its way.
 
     The way is the mean distance of all soil from where it was. A slow start and a slow end, which
-    no witness and no instrument tells apart from rest, do not count.
+    no witness and no instrument distinguishes from rest, do not count.
     """
 
     unit: ClassVar[str] = "s"

@@ -30,7 +30,7 @@ class SurfaceProfile(Length):
     as_one: ClassVar[bool] = True
 
     type: Literal["surface_profile"]
-    file: str = Field(min_length=1, description="CSV beside this document: x_m, y_m, part")
+    file: str = Field(min_length=1, description="CSV next to this document: x_m, y_m, part")
     part: str | None = Field(
         None, description="the part of the profile this entry is about; null: all of it"
     )

@@ -1,4 +1,4 @@
-"""What a training reads: windows of frames of packed runs, never a whole data set.
+"""Training data: windows of frames of packed runs, never a whole data set.
 
 In: a folder of packed data. Out: `Windows`, by run and frame or one after the other. A window is
 one read of just its frames from the shard; of a run only its number, its size and where it lies
@@ -160,7 +160,7 @@ class Windows:
         return Window(run=run, frame=frame, positions=positions[:: self.stride], facts=facts)
 
     def facts(self, run: int) -> SceneFacts:
-        """What was known of a run's scene before it moved."""
+        """Facts of a run's scene before it moved."""
         if run in self._facts:
             self._facts.move_to_end(run)
             return self._facts[run]

@@ -47,7 +47,7 @@ Properties = Literal["both", "friction"]
 
 @dataclass
 class _Gathered:
-    """What the metadata say of the runs, filled while they are written."""
+    """Metadata of the runs, filled while they are written."""
 
     low: np.ndarray
     high: np.ndarray

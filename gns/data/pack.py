@@ -35,7 +35,7 @@ OnRun = Callable[[int, str], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """What is packed into which shard, decided before anything is read."""
+    """Assignment of runs to shards, decided before anything is read."""
 
     sources: list[Source]
     left_out: dict[int, str]
@@ -51,7 +51,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class PackResult:
-    """What packing left behind."""
+    """Result of packing."""
 
     metadata: Metadata
     reused: int  # shards that were already there

@@ -33,7 +33,7 @@ MEANINGS = {
 
 
 def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
-    """What is known of a scene before it moves; what a model compares with its training.
+    """Facts of a scene before it moves, which a model compares with its training.
 
     Args:
         positions: at t = 0, (N, 2) [m].
@@ -66,7 +66,7 @@ def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
 def run_ranges(
     first: np.ndarray, last: np.ndarray, frames: int, facts: SceneFacts, velocity: Moments
 ) -> dict[str, Range]:
-    """What is known of a run, after it: `scene_ranges` with speed, travel, points and frames.
+    """Facts of a finished run: `scene_ranges` with speed, travel, points and frames.
 
     Args:
         first: its first positions (N, 2) [m].

@@ -1,4 +1,4 @@
-"""What the learned simulator sees of a scene, in addition to the point positions.
+"""Facts of a scene that the learned simulator sees, in addition to the point positions.
 
 In: a scene and the settings of its simulation, or a run of packed data. Out: `SceneFacts`, plain
 arrays in SI units. Packing, training, rollout and back-analysis all go through this one type, so a
@@ -33,7 +33,7 @@ PROPERTIES = ("tan_friction", "cohesion", "density", "body_force_factor")
 """Columns of `SceneFacts.properties`: -, Pa, kg/m3, - (the last at t = 0)."""
 
 CONTACTS = ("rough", "no_slip", "coulomb")
-"""What the number `ground_contact` stands for: the place in this list."""
+"""Meaning of the number `ground_contact`: the place in this list."""
 
 NUMBERS = (
     "spacing",  # between material points [m]
@@ -143,7 +143,7 @@ class SceneFacts:
 
 
 def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np.ndarray]:
-    """What is known of a scene, and where its points are before it moves.
+    """Facts of a scene, and where its points are before it moves.
 
     Args:
         scene: the scene.

@@ -60,7 +60,7 @@ class SideView:
 
 
 def side_view(start: np.ndarray, facts: SceneFacts, side: Side) -> SideView:
-    """What a slide to `side` has before it.
+    """Features of the ground ahead of a slide to `side`.
 
     Args:
         start: positions at t = 0, (N, 2) [m].

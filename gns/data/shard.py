@@ -227,7 +227,7 @@ class Shard:
         return self._array(self._place(number, name), name)
 
     def facts(self, number: int) -> SceneFacts:
-        """What was known of a run's scene."""
+        """Facts of a run's scene."""
         values = {
             name: self.array(number, name)
             for name in ("type", "properties", "initial_velocity", "zone", "ground")

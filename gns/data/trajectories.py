@@ -37,7 +37,7 @@ _ALIKE = {
     "water": "simulation.water",
     "physics_version": "physics_version",
 }
-"""What all runs of a data set have in common, and what it is called."""
+"""Properties shared by all runs of a data set, and its name."""
 
 
 @dataclass(frozen=True)

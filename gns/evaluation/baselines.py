@@ -1,4 +1,4 @@
-"""What a trained model must beat: two ways to guess a runout without simulating anything.
+"""Baselines that a trained model must beat: two ways to guess a runout without simulating anything.
 
 In: the training runs of packed data. Out: runouts of scenes that were held out, from the scene
 before it moves alone (`gns.data.scene_features`).

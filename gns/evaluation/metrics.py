@@ -229,7 +229,7 @@ def farther_side(
 
 
 def _reading_at_rest(start: np.ndarray, facts: SceneFacts, side: Side) -> float:
-    """What `runout` reads before anything moves [m]; 0 where other bodies lie farther out."""
+    """Reading of `runout` before anything moves [m]; 0 where other bodies lie farther out."""
     reading = runout(start, start, facts, side)
     return max(reading, 0.0) if math.isfinite(reading) else 0.0
 

@@ -72,7 +72,7 @@ class EdgeWeights(NamedTuple):
 
 
 class Hidden(NamedTuple):
-    """What a chunk's layers gave."""
+    """Outputs of a chunk's layers."""
 
     first: Tensor  # (K, C) after ReLU
     second: Tensor  # (K, C) after ReLU

@@ -1,4 +1,4 @@
-"""What the network sees of points and edges (paper, its section on the GNS; plain numbers only).
+"""Input features of points and edges (paper, its section on the GNS; plain numbers only).
 
 A point: its last velocities, normalised; how near ground and walls are, up to the connectivity
 radius; how the ground slopes there; whether it is kinematic; its strength; its body-force factor,
@@ -58,7 +58,7 @@ def point_features(
         velocity_mean: (2,) of moving points [sqrt(g d)].
         velocity_std: (2,) likewise.
         strength: how cohesion is given: c itself, or log(1 + c / STRENGTH_FLOOR).
-        overburden: tell what lies above, too (`overburden_features`).
+        overburden: include features of the soil above (`overburden_features`).
 
     Returns:
         (N, `point_feature_count`).
@@ -92,7 +92,7 @@ def point_features(
 
 
 def overburden_features(positions: Tensor, density: Tensor, factor: Tensor) -> Tensor:
-    """What lies above a point, from sums over a grid; smooth in the positions.
+    """Soil above a point, from sums over a grid; smooth in the positions.
 
     With V the weight of the soil above the point (under water: what the water leaves of it) and H
     that of its whole column, in units of a spacing of the point's own soil: log(1 + V), log(1 + H),
@@ -113,8 +113,8 @@ def overburden_features(positions: Tensor, density: Tensor, factor: Tensor) -> T
     whole = field.sum(0)
     above = whole - field.cumsum(0) + 0.5 * field
     levels = torch.stack([above, whole.expand_as(above)])
-    beside = torch.nn.functional.pad(levels, (1, 1))
-    slopes = (beside[..., 2:] - beside[..., :-2]) / (2.0 * OVERBURDEN_CELL)
+    padded = torch.nn.functional.pad(levels, (1, 1))
+    slopes = (padded[..., 2:] - padded[..., :-2]) / (2.0 * OVERBURDEN_CELL)
     at_nodes = torch.cat([levels, slopes]).flatten(1).t()
     values = (at_nodes[nodes] * weights[:, :, None]).sum(1) / density[:, None]
     level, slope = values[:, :2], values[:, 2:]

@@ -50,7 +50,7 @@ class Graph:
 
 
 def radius_graph(positions: Tensor, radius: float) -> Graph:
-    """The edges between all points that are no farther apart than the radius.
+    """The edges between all points within the radius of each other.
 
     Args:
         positions: (N, 2), finite, in any unit of length; on a GPU the search happens there.

@@ -50,7 +50,7 @@ SAME_INTERVAL = 1e-3
 
 
 class SimulatorConfig(StrictDocument):
-    """What defines a simulator, in addition to its weights; kept with them."""
+    """Definition of a simulator, in addition to its weights; kept with them."""
 
     width: int = Field(128, ge=1, description="of latents and hidden layers")
     message_passing_steps: int = Field(10, ge=1)
@@ -134,7 +134,7 @@ class Simulator(nn.Module):
         )
 
     def point_features(self, window: Tensor, scene: ScaledScene) -> Tensor:
-        """What the network sees of the points of a scene, (N, features)."""
+        """Input features of the points of a scene, (N, features)."""
         return point_features(
             window,
             scene,
@@ -226,7 +226,7 @@ class Simulator(nn.Module):
         return stride
 
     def outside(self, positions: np.ndarray, facts: SceneFacts) -> list[str]:
-        """What of a scene lies outside the ranges of the training, one sentence each.
+        """Properties of a scene outside the ranges of the training, one sentence each.
 
         Args:
             positions: at t = 0, (N, 2) [m].
@@ -292,7 +292,7 @@ class Simulator(nn.Module):
 
 
 def _check_weights(weights: Any, source: str) -> None:
-    """Refuse what are no weights, and weights that are no numbers: a rollout would end at once."""
+    """Refuse values that are not weights or not finite: a rollout would end at once."""
     if not isinstance(weights, Mapping):
         raise InputError(f"{source}: weights: is {type(weights).__name__}, not names with tensors")
     for name, values in weights.items():

@@ -19,7 +19,7 @@ from gns.data.scene_facts import KINEMATIC, WATER_DENSITY, SceneFacts
 
 @dataclass(frozen=True)
 class ScaledScene:
-    """What the model sees of a scene: N points, P vertices of ground, L of the phreatic line.
+    """A scene in the model's units: N points, P vertices of ground, L of the phreatic line.
 
     Attributes:
         spacing: d [m].

@@ -75,7 +75,7 @@ def gradient(
         parameters: (p,).
         window: (history, N, 2) [m], the last at t = 0.
         frames: T, t = 0 among them.
-        loss: what is read.
+        loss: the reading.
         mode: the cheaper of both, or one of them.
         graphs: edges to be used instead of those found, one for each step.
 
@@ -117,7 +117,7 @@ def jacobian(
         parameters: (p,).
         window: (history, N, 2) [m], the last at t = 0.
         frames: T, t = 0 among them.
-        readings: what is read.
+        readings: the readings.
         graphs: edges to be used instead of those found, one for each step.
         until: ends the rollout before its last frame; None: never.
 

@@ -137,7 +137,7 @@ def frames_of(duration_s: float, facts: SceneFacts) -> int:
 
 
 def wrong_step(after: Tensor, now: Tensor, frame_interval: float) -> str:
-    """What is wrong with the next positions (N, 2) [spacings]; empty if nothing."""
+    """The fault of the next positions (N, 2) [spacings]; empty if there is none."""
     step = (after - now).abs().amax(dim=1)
     finite = torch.isfinite(step)
     if not bool(finite.all()):

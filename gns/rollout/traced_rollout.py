@@ -26,7 +26,7 @@ raise `WorkFailed` where the step makes no sense."""
 
 @dataclass
 class Trace:
-    """What a rollout leaves for its derivative.
+    """Record of a rollout for its derivative.
 
     Attributes:
         positions: (history - 1 + T, N, 2) [spacings], the first window's own frames before t = 0.

@@ -41,7 +41,7 @@ class Sought:
 def scene_function(
     base: ScaledScene, facts: SceneFacts, sought: Sequence[Sought]
 ) -> Callable[[Tensor], ScaledScene]:
-    """The scene as a function of the sought values (p,), in their outside units.
+    """The scene as a function of the unknown values (p,), in their outside units.
 
     A point that is soaked at t = 0 weighs as much as saturated soil, one that is not as much as
     moist soil: which points these are is taken from the facts and does not change with the level.
@@ -49,7 +49,7 @@ def scene_function(
     Args:
         base: the scene with the values of the facts.
         facts: of the scene.
-        sought: what is varied, p of them.
+        sought: the unknowns, p of them.
     """
     members = [
         torch.from_numpy(np.isin(facts.zone, one.zones)).to(base.kinematic.device) for one in sought

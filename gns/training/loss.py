@@ -1,4 +1,4 @@
-"""What a training minimises: the mean squared error of the normalised acceleration (paper, Eq. 3).
+"""The training loss: the mean squared error of the normalised acceleration (paper, Eq. 3).
 
 The mean is over the soil points of all examples of a step, in all processes together; kinematic
 points are imposed, not learned. The target is what leads from the noisy positions to the true next

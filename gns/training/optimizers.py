@@ -1,4 +1,4 @@
-"""What turns gradients into steps: Adam (paper), or Muon for the matrices inside the network.
+"""Optimisers: Adam (paper), or Muon for the matrices inside the network.
 
 Muon makes the momentum of a matrix orthogonal before it is subtracted (Jordan et al. 2024), so that
 all its directions are learned alike. In a short training on two cores the same loss was reached in
@@ -57,7 +57,7 @@ class Optimizers:
             optimizer.step()
 
     def state_dict(self) -> dict[str, Any]:
-        """What is needed to go on."""
+        """State needed to continue."""
         return {name: optimizer.state_dict() for name, optimizer in self.of.items()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:

@@ -201,7 +201,7 @@ def steps_in_a_row(step: int, settings: TrainSettings) -> int:
 def simulator_config(
     settings: TrainSettings, metadata: Metadata, cell: float, data: Statistics | None = None
 ) -> SimulatorConfig:
-    """What a simulator has to know of its data; spreads hold the noise as well.
+    """Statistics of the data that a simulator needs; spreads hold the noise as well.
 
     Args:
         settings: of the training.
@@ -319,7 +319,7 @@ def _contacts(learned: Windows) -> list[str]:
 def _made_from(
     learned: Windows, settings: TrainSettings, group: Group, start: Simulator | None
 ) -> dict[str, Any]:
-    """What decides the numbers of a training; the same: it may be continued."""
+    """Everything that determines a training; one with the same may be continued."""
     values = settings.model_dump(mode="json")
     # Two processes with one window each take the steps of one process with two.
     values["batch_size"] = settings.batch_size * group.size

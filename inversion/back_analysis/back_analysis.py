@@ -55,8 +55,8 @@ class BackAnalysis:
     Attributes:
         case: the case.
         store: where runs of the material point method are kept.
-        say: told in a line what is happening.
-        watch: told of the stages.
+        say: called with a line on each step of the work.
+        watch: called for each stage.
         engine_name: of the engine that predicts, as in the registry.
     """
 
@@ -124,7 +124,7 @@ class BackAnalysis:
         return engine_named(self.engine_name).forward(setup, self.store)
 
     def objective_of(self, setup: Setup) -> Objective:
-        """What is made small for a reading of the question."""
+        """The objective to minimise for a reading of the question."""
         return self.case.objective(setup)
 
     def stages_to_answer(self) -> list[tuple[str, Callable[[], None]]]:
@@ -132,7 +132,7 @@ class BackAnalysis:
         return [("answer", self.search)]
 
     def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
-        """The sensitivities that the engine can tell, and lines about those left out."""
+        """The sensitivities that the engine can evaluate, and lines about those left out."""
         return self.case.sensitivities
 
     # --- stages ---
@@ -156,7 +156,7 @@ class BackAnalysis:
         self.tell_doubts()
 
     def tell_doubts(self) -> None:
-        """What a reader of the answer must know."""
+        """Remarks on the answer."""
         for line in result_builder.doubts(self.found.best.prediction, self.case.setup.settings):
             self.remark(line)
         for line in result_builder.unknown_derivatives(
@@ -321,7 +321,7 @@ class BackAnalysis:
         )
 
     def _told_derivative(self) -> np.ndarray:
-        """The derivative at the answer without what is noise: that tells nothing."""
+        """The derivative at the answer without its noise, which carries no information."""
         evaluation, mask = self.found.best, self.objective.targets.fitted
         signal = self.steps.signal(evaluation.derivative[mask], evaluation.steps)
         return evaluation.derivative * signal[None, :]

@@ -42,11 +42,11 @@ class InversionCase(Case):
 
     @property
     def parameters(self) -> Parameters:
-        """What is to be found."""
+        """The unknown parameters."""
         return self.setup.parameters
 
     def objective(self, setup: Setup | None = None) -> Objective:
-        """What is made small, for the question or another reading of it."""
+        """The objective to minimise, for the question or another reading of it."""
         settings = self.config.inversion
         tolerance = settings.tolerance_m2
         if self.question.loss == "misfit":
@@ -74,7 +74,7 @@ class InversionCase(Case):
         """The sensitivities with their setups, and lines about those that are not available.
 
         At a coarser spacing than the case asks for, a change may leave a zone thinner than a
-        spacing; that is no mistake in the question, so such a sensitivity is left out and told.
+        spacing; that is not a mistake in the question, so the sensitivity is left out and reported.
         """
         found, left_out = [], []
         for sensitivity in self.question.sensitivities:

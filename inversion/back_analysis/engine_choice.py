@@ -60,7 +60,7 @@ def own_answer(result: Result) -> EngineAnswer:
     return EngineAnswer(
         name=engine.title,
         engine=result.engine,
-        note="corrected by runs beside it" if engine.trained else "its own answer",
+        note="corrected by paired runs" if engine.trained else "its own answer",
         spacing_m=result.spacing_m,
         values={p.name: p.value for p in parameters},
         std={p.name: p.std_total for p in parameters},
@@ -87,17 +87,17 @@ def side_by_side(result: Result, folder: Path) -> list[EngineAnswer]:
 
 
 def _rows(result: Result) -> list[EngineAnswer]:
-    """What an engine other than the reference reports about itself."""
+    """Rows that an engine other than the reference reports about itself."""
     rows = [row for row in result.engines if not (row.engine == REFERENCE and row.std)]
     return rows or [own_answer(result)]
 
 
 def _other(result: Result, folder: Path, name: str) -> Result | None:
-    """What another engine has answered to the same question, if it has."""
-    beside = folder.resolve().parent / engine_named(name).folder
-    if beside == folder.resolve() or not (beside / FILE_NAME).is_file():
+    """The answer of another engine to the same question, if there is one."""
+    sibling = folder.resolve().parent / engine_named(name).folder
+    if sibling == folder.resolve() or not (sibling / FILE_NAME).is_file():
         return None
-    found = load_result(beside)
+    found = load_result(sibling)
     same = (
         found.engine == name
         and found.case == result.case

@@ -45,7 +45,7 @@ class ParameterAnswer(StrictDocument):
     std_total: float = Field(description="root of the sum of the squares of all of them")
     interval_95: tuple[float, float] = Field(description="95 % of the total, cut at the bounds")
     equally_good_range: tuple[float, float] | None = Field(
-        description="least and largest value among the equally good answers; null: none were sought"
+        description="least and largest value among the equally good answers; null: not searched"
     )
     at_bound: Literal["low", "high"] | None = Field(description="the bound it rests on")
     determined: bool = Field(description="False: the data leave it as wide as it was before them")
@@ -113,14 +113,14 @@ class FittedTo(StrictDocument):
 
 
 def fitted_to(targets: Targets, fitted: np.ndarray, errors: Sequence[str]) -> FittedTo:
-    """What was fitted: `fitted` (m,) bool; `errors` in the covariance."""
+    """The fitted data: `fitted` (m,) bool; `errors` in the covariance."""
     groups = [targets.groups[place] for place in np.flatnonzero(fitted)]
     names = [targets.entries[group].name for group in dict.fromkeys(groups)]
     return FittedTo(measurements=names, covariance=list(errors))
 
 
 class Answer(StrictDocument):
-    """What was found."""
+    """The answer."""
 
     fitted_to: FittedTo | None = Field(
         None, description="which data, with which covariance; null in files of earlier versions"
@@ -206,7 +206,7 @@ class Side(StrictDocument):
 
 
 class SensitivityAnswer(StrictDocument):
-    """What one assumption does to the answer."""
+    """Effect of one assumption on the answer."""
 
     name: str = Field(description="as in the question")
     kind: str = Field(description="as in the question")
@@ -281,7 +281,7 @@ class SurrogatePair(StrictDocument):
 
 
 class Surrogate(StrictDocument):
-    """What the learned simulator's error is, and what was done about it."""
+    """The learned simulator's error, and how it was corrected."""
 
     model: str = Field(description="name of the model's folder")
     model_sha256: str = Field(description="of its weights")

@@ -1,4 +1,4 @@
-"""What was found, in the form of `result.json`."""
+"""Build `result.json` from a finished back-analysis."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
 
 
 def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:
-    """What a reader of the answer's run must know: that it was cut off, what could not be read."""
+    """Remarks on the answer's run: that it was cut off, what could not be read."""
     lines = []
     if not prediction.at_rest:
         lines.append(
@@ -124,7 +124,7 @@ def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:
 def unknown_derivatives(parameters: Parameters, derivative: np.ndarray) -> list[str]:
     """Of each parameter without which no run came through that the data do not count for it."""
     return [
-        f"{spec.words}: simulations beside the answer failed, so what the data say of it is not "
+        f"{spec.words}: simulations near the answer failed, so what the data say of it is not "
         "known; its standard deviation is the one before the data"
         for spec, column in zip(parameters.specs, derivative.T, strict=True)
         if np.isnan(column).all()

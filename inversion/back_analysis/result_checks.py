@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from inversion.back_analysis.result import Result
 
 METHOD_KEYS = ("title", "value_kpa", "low_kpa", "high_kpa")
-"""What is shown of a classical method."""
+"""Keys of a classical method that are shown."""
 
 
 def check_whole(result: Result) -> None:
@@ -39,7 +39,7 @@ def check_whole(result: Result) -> None:
     asked = {spec.name for spec in result.question.parameters}
     for name in names:
         if name not in asked:
-            raise ValueError(f"answer.parameters: {name} is no parameter of the question")
+            raise ValueError(f"answer.parameters: {name} is not a parameter of the question")
     for field, values in _by_parameter(result):
         for name in names:
             if name not in values:
@@ -69,7 +69,7 @@ def check_classical(analyses: Sequence[Any]) -> None:
             raise ValueError(f"{where}: needs a name and a list of methods")
         for place, method in enumerate(methods):
             if not isinstance(method, Mapping):
-                raise ValueError(f"{where}.methods.{place}: is no mapping")
+                raise ValueError(f"{where}.methods.{place}: is not a mapping")
             for key in METHOD_KEYS:
                 if key not in method:
                     raise ValueError(f"{where}.methods.{place}.{key}: is missing")

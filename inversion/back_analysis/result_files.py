@@ -19,7 +19,7 @@ from pipeline.cli import InputError
 from pipeline.files import read_json, write_text
 
 HISTORY, SECTIONS, RUN = "history.csv", "sections.npz", "run.h5"
-#: Beside the folder of the result, as `flowslide classical` writes it.
+#: Next to the folder of the result, as `flowslide classical` writes it.
 CLASSICAL = Path("classical/classical.json")
 
 
@@ -118,7 +118,7 @@ def with_neighbours(result: Result, folder: Path) -> Result:
 
 
 def classical_beside(folder: Path) -> list[dict]:
-    """What the classical methods have left in the folder beside that of the result, if they have.
+    """Results of the classical methods from the folder next to that of the result, if any.
 
     Raises:
         InputError: the file is damaged, or of an unknown form.

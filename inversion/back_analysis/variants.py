@@ -47,7 +47,7 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
 
     Args:
         setup: the question's own.
-        variant: what is different.
+        variant: the changes.
         targets: the measurements of the variant's set, with its choice of what is fitted.
         source: file for messages.
     """
@@ -85,7 +85,7 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
 def _refuse_sought_level(setup: Setup, where: str) -> None:
     for spec in setup.parameters.specs:
         if spec.property == "water_level":
-            raise InputError(f"{where}: the level of the pool is sought by {spec.name!r}")
+            raise InputError(f"{where}: the level of the pool is calibrated by {spec.name!r}")
 
 
 def _check_fitted(names: Iterable[str], targets: Targets, where: str) -> None:
@@ -206,7 +206,9 @@ def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Chan
     for spec in setup.parameters.specs:
         same = material_key(spec.property) == material_key(sensitivity.property)
         if same and set(spec.zones) & set(sensitivity.zones):
-            raise InputError(f"{where}: {sensitivity.property} there is sought by {spec.name!r}")
+            raise InputError(
+                f"{where}: {sensitivity.property} there is calibrated by {spec.name!r}"
+            )
     materials = {zone.name: setup.scene.materials[zone.material] for zone in setup.scene.zones}
     found = []
     for change in (sensitivity.std, -sensitivity.std):

@@ -89,7 +89,7 @@ class SurrogateAnalysis(BackAnalysis):
         """Alone, compared, corrected."""
         return [
             ("answer without correction", self.search_alone),
-            ("runs beside it", self.compare),
+            ("paired runs", self.compare),
             ("answer", self.search),
         ]
 
@@ -97,13 +97,13 @@ class SurrogateAnalysis(BackAnalysis):
         """Without those that change nothing for a learned simulator."""
         entries, left_out = self.case.sensitivities
         kept = [pair for pair in entries if pair[0].kind not in UNKNOWN_TO_IT]
-        told = [
+        reasons = [
             f"{entry.name}: left out: a learned simulator has {UNKNOWN_TO_IT[entry.kind]}; ask the "
             "engine mpm"
             for entry, _ in entries
             if entry.kind in UNKNOWN_TO_IT
         ]
-        return kept, [*left_out, *told]
+        return kept, [*left_out, *reasons]
 
     # --- stages ---
 
@@ -132,26 +132,26 @@ class SurrogateAnalysis(BackAnalysis):
         self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
         std = np.sqrt(np.diag(self.pairs.covariance))
-        told = [
+        differences = [
             f"{name} {mean:+.2f} +- {own:.2f}"
             for name, mean, own, fitted in zip(
                 self.pairs.names, self.pairs.mean, std, self.objective.targets.fitted, strict=True
             )
             if fitted
         ]
-        self.say(f"material point method minus learned simulator: {', '.join(told[:6])}")
+        self.say(f"material point method minus learned simulator: {', '.join(differences[:6])}")
 
     def search(self) -> None:
         """The answer with the correction; where it lies far from the pairs, these are run again."""
         self._search_on()
         if not self.pairs.holds(self.case.parameters, self.found.values):
-            self.say("the answer has left the states of the runs beside it: they run once more")
+            self.say("the answer has left the states of the paired runs: they are repeated")
             self.compare()
             self._search_on()
         if not self.pairs.holds(self.case.parameters, self.found.values):
             self.remark(
-                "the answer lies outside the states at which the material point method ran beside "
-                "the learned simulator: its correction there is extrapolated"
+                "the answer lies outside the states at which both the material point method and "
+                "the learned simulator ran: the correction there is extrapolated"
             )
         self.say(f"answer after {self.found.runs} rollouts: {self.found.words}")
         self._judge()
@@ -259,15 +259,15 @@ class SurrogateAnalysis(BackAnalysis):
         )
         self.found = replace(self.found, best=replace(self.found.best, prediction=prediction))
         targets = self.objective.targets
-        told = targets.named(self.judged.values, targets.fitted)
+        predicted = targets.named(self.judged.values, targets.fitted)
         self.say(
             "the material point method at the answer: "
-            + (", ".join(f"{name} {value:.1f}" for name, value in list(told.items())[:6])
+            + (", ".join(f"{name} {value:.1f}" for name, value in list(predicted.items())[:6])
                or f"failed: {self.judged.reason}")
         )  # fmt: skip
 
     def _uncertainty(self) -> None:
-        """What the survey leaves open, and how much the surrogate's error adds to it."""
+        """The uncertainty from the survey, and how much the surrogate's error adds to it."""
         derivative, values = self.found.best.derivative, self.found.values
         survey = self.case.objective().covariance
         whole = posterior(self.objective, derivative, values)

@@ -180,7 +180,7 @@ def load_answers(paths: Iterable[str | Path]) -> list[OurAnswer]:
             found += answers_of(result)
         except (KeyError, TypeError):
             raise InputError(
-                f"{path}: is no answer of a back-analysis (flowslide invert writes them)"
+                f"{path}: is not an answer of a back-analysis (flowslide invert writes them)"
             ) from None
     return found
 
@@ -228,7 +228,7 @@ def _rows(path: Path, columns: Iterable[str]) -> list[tuple[str, dict[str, str]]
     try:
         rows = list(reader)
     except csv.Error as error:
-        raise InputError(f"{path}: is no table: {error}") from None
+        raise InputError(f"{path}: is not a table: {error}") from None
     if len(rows) != len(numbered) - 1:
         raise InputError(f"{path}: a quoted text goes over several lines; a row is one line")
     for (n, _), row in zip(numbered[1:], rows, strict=True):

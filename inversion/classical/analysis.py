@@ -58,7 +58,7 @@ class Option:
 
 @dataclass(frozen=True)
 class OptionAnswer:
-    """What a method finds under an option; `strength` [Pa] is None where it has no answer."""
+    """Result of a method under an option; `strength` [Pa] is None where it has no answer."""
 
     option: Option
     strength: float | None
@@ -67,7 +67,7 @@ class OptionAnswer:
 
 @dataclass(frozen=True)
 class MethodAnswer:
-    """What a method finds, and its range.
+    """Result of a method, and its range.
 
     Attributes:
         method: key of `METHODS`.

@@ -81,7 +81,7 @@ def _analysis(analysis: Analysis, case: CaseSections) -> dict[str, Any]:
 
 
 def _energy(analysis: Analysis) -> dict[str, float] | None:
-    """What gravity gives and what the forces of IMM see of it; for buoyant weights alone.
+    """The work of gravity, and the part of it that the forces of IMM see; for buoyant weights only.
 
     The difference is what the mass gives off by becoming flatter: no force along its base.
     """
@@ -107,7 +107,7 @@ def _mean(values: Sequence[float]) -> np.ndarray:
 
 
 def labels(analysis: Analysis) -> list[str]:
-    """What a reader must know about the data, in words, wherever the numbers are shown."""
+    """Caveats about the data, in words, for every place that shows the numbers."""
     after = {
         "constructed": "surface after the slide: constructed, not surveyed",
         "measured": "surface after the slide: measured",

@@ -118,7 +118,7 @@ def load_judgements(folder: Path, measurements: Measurements) -> list[Judgement]
     """The analyses of a case: from its file, or one per side with a measured runout.
 
     Raises:
-        InputError: a file that does not hold together, or no runout to tell the side by.
+        InputError: a file that does not hold together, or no runout that gives the side.
     """
     path = folder / FILE_NAME
     if not path.is_file():

@@ -96,7 +96,7 @@ class Slide:
         return float(x[min(high[-1] + 1, len(x) - 1)])
 
     def base(self, x: np.ndarray | float) -> np.ndarray:
-        """What the mass slides on [m]: the slip surface, ahead of it the old surface."""
+        """The surface under the mass [m]: the slip surface, ahead of it the old surface."""
         left, right = self.slip.ends
         x = np.asarray(x, dtype=float)
         inside = (x >= left) & (x <= right)

@@ -20,7 +20,7 @@ from pipeline.cli import WorkFailed
 
 #: Slices of a surface during a search.
 SLICES = 60
-#: Grid points per number sought, and rounds of narrowing.
+#: Grid points per unknown, and rounds of narrowing.
 GRID, ROUNDS = 13, 4
 #: The same for polylines, whose Spencer's method is dear.
 POLYLINE_GRID = 8
@@ -104,9 +104,9 @@ def critical_polyline(
 ) -> FoundPolyline:
     """The surface along the rigid base and up a bent ramp that needs the highest S_r to stand.
 
-    It runs along the base from the toe to a foot, from there to a corner and on to the head. Sought
-    are the foot and the corner. The ordinary method ranks the surfaces, Spencer's decides between
-    the best.
+    It runs along the base from the toe to a foot, from there to a corner and on to the head. The
+    unknowns are the foot and the corner. The ordinary method ranks the surfaces, Spencer's decides
+    between the best.
 
     Args:
         section: the soil.
@@ -186,7 +186,7 @@ def _circle_values(
     form: WaterForm,
     sought: str,
 ) -> np.ndarray:
-    """What is to be smallest, of each circle; nan where it is not a slip surface."""
+    """The objective to minimise, of each circle; nan where it is not a slip surface."""
     x, y, radius, left, right = circles
     good = np.isfinite(radius) & (right - left > 1e-3)
     good &= (x - radius <= left + 1e-9) & (x + radius >= right - 1e-9)

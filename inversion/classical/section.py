@@ -28,7 +28,7 @@ OUTSIDE = -1
 
 @dataclass(frozen=True)
 class Soil:
-    """What the classical methods need of one material; SI units.
+    """Properties of one material that the classical methods need; SI units.
 
     Attributes:
         name: of the material.
@@ -125,7 +125,7 @@ class Section:
         return found
 
     def column(self, x: np.ndarray, base: np.ndarray) -> Column:
-        """What lies above `base` [m] at `x` [m] (both of one shape)."""
+        """The column above `base` [m] at `x` [m] (both of one shape)."""
         x, base = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(base, dtype=float))
         height, crosses = self._crossings(x)
         sign = np.where(crosses, self._edges["sign"], 0.0)

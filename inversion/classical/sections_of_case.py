@@ -198,7 +198,7 @@ def simulated_surface(path: str | Path, scene: Scene) -> SurfaceAfter:
 def head_of(section: Section, after: np.ndarray, side: Side) -> float:
     """Upper end of the mass that moved to one side [m].
 
-    From the toe inwards, the place where the surface is no longer changed; where all of it changed,
+    From the toe inwards, the place where the surface stops changing; where all of it changed,
     the middle of the crest, for the other half then went to the other side.
     """
     left, right = section.extent

@@ -57,7 +57,7 @@ class Slide:
         start: positions at t = 0, (N, 2) [m].
         window: the first window (history, N, 2) [m].
         frames: most frames, t = 0 among them.
-        scene_of: the scene in the model's units as a function of the values sought.
+        scene_of: the scene in the model's units as a function of the unknown values.
         rest: when the rollout is over; None: after its last frame.
         key: `rollout_key`.
     """
@@ -138,7 +138,7 @@ class GNSEngine:
         return self.setup.parameters.scene(self.setup.scene, values)
 
     def outside(self, values: np.ndarray) -> list[str]:
-        """What of the section lies outside the ranges of the training, one sentence each."""
+        """Properties of the section outside the ranges of the training, one sentence each."""
         slide = self._slide(values)
         return self.model.simulator.outside(slide.start, slide.facts)
 
@@ -268,7 +268,7 @@ class GNSEngine:
     def _keep(
         self, slide: Slide, frames: np.ndarray, at_rest: bool, reason: str, seconds: float
     ) -> KeptRun:
-        """What a back-analysis needs of a rollout, into the store.
+        """Put the results of a rollout that a back-analysis needs into the store.
 
         Positions are in single precision as those of any run, unless the model is of double.
         """

@@ -30,7 +30,7 @@ LOG_WIDTHS, SCALED_WIDTHS = (0.05, 0.2), (0.1, 0.5)
 
 @dataclass(frozen=True)
 class Pairs:
-    """What two engines predict at the same states; n states, m numbers, p parameters.
+    """Predictions of two engines at the same states; n states, m numbers, p parameters.
 
     Attributes:
         names: of the numbers, (m,).
@@ -128,7 +128,7 @@ def paired(
             if not kept and one.failed
         )
         raise WorkFailed(
-            f"the error of the learned simulator is not known: of {len(states)} runs beside the "
+            f"the error of the learned simulator is not known: of {len(states)} runs next to the "
             f"material point method {len(states) - int(whole.sum())} failed ({reason})"
         )
     pairs = Pairs(list(surrogate.names), states[whole], values[0][whole], values[1][whole], width)

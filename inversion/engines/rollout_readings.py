@@ -1,4 +1,4 @@
-"""What is measured on a rollout, with its derivatives with respect to the positions.
+"""Measurements read on a rollout, with their derivatives with respect to the positions.
 
 In: all frames of a rollout. Out: the numbers of the measurements by their own definitions, and how
 they change with the positions in each frame they depend on, as `gns.rollout.differentiate` takes

@@ -47,7 +47,7 @@ OnRun = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class KeptRun:
-    """What a back-analysis needs of a run; N points.
+    """Results of a run that a back-analysis needs; N points.
 
     Attributes:
         initial: positions before the slide (N, 2) float32 [m].
@@ -145,7 +145,7 @@ class RunStore:
 
         Args:
             wanted: scenes and settings; equal ones are computed once.
-            readers: what is read on each of them as it ends; None: nothing.
+            readers: evaluated on each of them as it ends; None: nothing.
         """
         keys = [run_key(scene, settings, self.device) for scene, settings in wanted]
         to_read: dict[str, list[HistoryReader]] = {key: [] for key in keys}
@@ -208,7 +208,7 @@ class RunStore:
 
 
 def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
-    """What is kept of a run, with what `readers` read on it."""
+    """The stored part of a run, with the readings of `readers`."""
     end = float(run.time[-1]) if len(run.time) else 0.0
     return KeptRun(
         initial=run.positions[0].copy(),

@@ -1,4 +1,4 @@
-"""What every engine is given, and how a kept run becomes a prediction.
+"""The input of every engine, and how a kept run becomes a prediction.
 
 A `Setup` is one reading of the question: the section before the values are put in, the settings of
 the simulation, the measurements. `inversion.back_analysis.variants` makes other readings of it, the

@@ -32,7 +32,7 @@ class Model:
 
     @property
     def hash(self) -> str:
-        """What of the model decides the numbers of a rollout: weights, type of number, device."""
+        """Everything in the model that determines a rollout: weights, dtype, device."""
         parameter = next(self.simulator.parameters())
         return f"{self.sha256} {parameter.dtype} {parameter.device.type}"
 
@@ -42,7 +42,7 @@ def load_model(folder: str | Path, device: str = "cpu") -> Model:
 
     Raises:
         InputError: no such folder, no weights, a damaged file, weights of another form than the
-            configuration beside them says, or a card that belongs to other weights.
+            configuration next to them says, or a card that belongs to other weights.
     """
     folder = Path(folder)
     path = folder / MODEL_FILE
@@ -56,7 +56,7 @@ def load_model(folder: str | Path, device: str = "cpu") -> Model:
     if (folder / CARD_FILE).is_file():
         if read_card(folder / CARD_FILE).weights_sha256 != sha256:
             raise InputError(
-                f"{folder / CARD_FILE}: weights_sha256: is not that of {MODEL_FILE} beside it; "
+                f"{folder / CARD_FILE}: weights_sha256: is not that of {MODEL_FILE} next to it; "
                 "card and weights must belong together"
             )
     return Model(simulator, folder.resolve().name, sha256)

@@ -24,9 +24,9 @@ from scipy.linalg import block_diag
 from geometry.survey.measured import Deposit, Measured, Reading
 from pipeline.cli import InputError
 
-#: What a fit does with a number.
+#: How a fit uses a number.
 Role = Literal["fitted", "held out", "compared", "constructed"]
-#: What the places of a measurement's numbers are.
+#: Kind of axis along which a measurement's numbers lie.
 Axis = Literal["x_m", "time_s", "none"]
 
 
@@ -125,7 +125,7 @@ class Split:
 
 @dataclass(frozen=True)
 class Data:
-    """What was measured, how well, and which of it is fitted.
+    """The measurements, their errors, and which of them are fitted.
 
     Attributes:
         measured: (m,).
@@ -266,7 +266,7 @@ def _check_may_enter(
         )
     if loss == "runout" and entry.toe_side is None:
         raise InputError(
-            f"{source}: fit: {name!r} is no toe_runout; the loss `runout` takes nothing else, "
+            f"{source}: fit: {name!r} is not a toe_runout; the loss `runout` takes nothing else, "
             "use loss: misfit"
         )
 
@@ -274,7 +274,7 @@ def _check_may_enter(
 def read(
     targets: Targets, deposit: Deposit, readings: Mapping[str, Reading] | None = None
 ) -> tuple[np.ndarray, str]:
-    """What the measurements would read on a deposit: (m,), and why some are NaN, if any.
+    """Read the measurements on a deposit: (m,), and why some are NaN, if any.
 
     Args:
         targets: the measurements.

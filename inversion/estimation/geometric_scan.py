@@ -1,4 +1,4 @@
-"""Where nothing moves at the start, lower all strengths that are sought until something does.
+"""Where nothing moves at the start, lower all unknown strengths until something does.
 
 On a slope that stands, the runout does not depend on the strength and its derivative says nothing.
 So, before the first iteration, the strengths are multiplied by one factor after the other of a
@@ -52,13 +52,13 @@ def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
         least_m: how much must move [m].
 
     Raises:
-        WorkFailed: no strength is sought, or nothing moves at the lowest bounds either.
+        WorkFailed: no strength is unknown, or nothing moves at the lowest bounds either.
     """
     parameters = search.objective.parameters
     strengths = parameters.strengths
     if not strengths.any():
         raise WorkFailed(
-            "nothing moves at the start, and no strength is sought that could be "
+            "nothing moves at the start, and no strength is calibrated that could be "
             "lowered; give the parameters weaker starts"
         )
     still = first.prediction.values[search.objective.targets.fitted]

@@ -25,7 +25,7 @@ LEAST_ALIKE = 4
 
 @dataclass(frozen=True)
 class HoldOut:
-    """What no fit may see, where the measurement file does not say it itself.
+    """Data kept out of every fit, where the measurement file does not say it itself.
 
     Attributes:
         groups: names of whole measurements.
@@ -99,7 +99,7 @@ def _automatic(targets: Targets, may: np.ndarray) -> np.ndarray:
 
 
 def _of_a_kind(targets: Targets, may: np.ndarray) -> Sequence[list[Places]]:
-    """Measurements of one type that are no series, together."""
+    """Measurements of one type that are not series, grouped."""
     kinds: dict[str, list[Places]] = {}
     for entry, place in zip(targets.entries, places_of(targets), strict=True):
         if not place.series and may[place.index].all():

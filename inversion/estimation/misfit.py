@@ -186,7 +186,7 @@ def system(data: Data, space: Unknowns, derivative: np.ndarray, x: np.ndarray) -
     """The augmented system at x (q,).
 
     Parameters that rest on a bound or are fixed do not move. Amplitudes do: what they may be beyond
-    their bound is no knowledge of the parameters.
+    their bound says nothing about the parameters.
     """
     near = 1e-6 * (space.high - space.low)
     inside = (x > space.low + near) & (x < space.high - near)

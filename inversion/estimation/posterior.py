@@ -28,7 +28,7 @@ AS_WIDE = 0.9
 
 @dataclass(frozen=True)
 class Posterior:
-    """What the data leave open, p parameters.
+    """Uncertainty that the data leave, p parameters.
 
     Attributes:
         scaled: covariance in scaled parameters (p, p).
@@ -101,7 +101,7 @@ def simple_basis(directions: np.ndarray) -> np.ndarray:
         along = space.T @ space[:, axis]
         along /= np.linalg.norm(along)
         found.append(along * np.sign(along[np.argmax(np.abs(along))]))
-        # What is left of the space: its part at right angles to the direction just found.
+        # The remaining space: its part at right angles to the direction just found.
         rest = space - np.outer(space @ along, along)
         _, size, rows = np.linalg.svd(rest, full_matrices=False)
         space = rows[size > 0.5]

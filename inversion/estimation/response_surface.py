@@ -1,4 +1,4 @@
-"""What is known of a model without running it: a local response surface, and one that learns.
+"""Predict a model without running it: a local response surface, and one that learns.
 
 Around an anchor (x0, f0) of a model with some effects (`Surface`),
 
@@ -180,7 +180,7 @@ def spreads(
     slope = np.full(space.size, 1.0 / (np.sqrt(2.0) * SLOPE_STEP))
     slope[space.p :][new] = np.sqrt(2.0)
     product = BEND * np.sqrt(np.outer(change, change)) / noise
-    # What an effect does at a second amplitude the ladder knows already.
+    # The response at a second amplitude is known from the ladder already.
     own = np.arange(space.p, space.size)[new]
     product[own, own] = np.sqrt(2.0)
     local = LOCAL * float(np.linalg.norm(change)) / noise

@@ -1,4 +1,4 @@
-"""What every search shares: the problem, its evaluations so far, the way a search ended.
+"""Shared by all searches: the problem, its evaluations so far, the way a search ended.
 
 An *evaluation* is one forward run with its derivative, or one run of the scan. `on_evaluation` is
 called with each, so that progress can be shown, and all are kept for the history.

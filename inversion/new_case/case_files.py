@@ -43,7 +43,7 @@ class Runout:
 
 @dataclass(frozen=True)
 class CaseWords:
-    """What the texts say about the case: its name, the drawing, upstream, the survey's error."""
+    """Facts of the case used in the texts: its name, the drawing, upstream, the survey's error."""
 
     name: str
     section_file: str
@@ -267,7 +267,7 @@ def _variants(scene: Scene) -> str:
 
 
 def _sensitivities(scene: Scene) -> str:
-    """What moves the answer, one standard deviation each; only what this section can bear."""
+    """Sensitivities, one standard deviation each; only those possible in this section."""
     text = _comment("What else moves the answer, one standard deviation each.") + "sensitivities:\n"
     zone = next(z for z in scene.zones if scene.materials[z.material].liquefied)
     top = max(zone.polygon, key=lambda place: place[1])

@@ -47,7 +47,7 @@ ASSUMED_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Given:
-    """What is known of a new case.
+    """Known facts of a new case.
 
     Attributes:
         section: file of the drawn section.

@@ -31,7 +31,7 @@ MOST_FAILED = 0.25
 
 @dataclass(frozen=True)
 class Distribution:
-    """What was found; n runs of p strengths predict m numbers, s samples.
+    """Result of a prediction; n runs of p strengths predict m numbers, s samples.
 
     Attributes:
         names: of the numbers, (m,).

@@ -26,12 +26,12 @@ from inversion.problem.question import RESIDUAL_STRENGTH, ParameterSpec, load_qu
 
 @dataclass(frozen=True)
 class PredictionCase(Case):
-    """A case and what is read on its slides.
+    """A case and the measurements read on its slides.
 
     Attributes:
-        entries: what is read; the values of those in `known` are measured ones.
+        entries: measurements to read; those in `known` have measured values.
         known: names of the entries that have been measured.
-        sought: zones whose strength the back-analysis seeks; empty: there is none.
+        sought: zones whose strength is back-analysed; empty: no back-analysis.
     """
 
     entries: list[Measured]
@@ -83,7 +83,7 @@ class PredictionCase(Case):
 
 
 def prediction_case(case: Case, *, spacing_m: float | None = None) -> PredictionCase:
-    """A case with what is read on its slides.
+    """A case with the measurements read on its slides.
 
     Args:
         case: with a section, at least.

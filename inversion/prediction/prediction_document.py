@@ -1,4 +1,4 @@
-"""What a prediction leaves: `prediction.json`."""
+"""The document of a prediction: `prediction.json`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from inversion.prediction.predict import ENVELOPE, QUANTILES, Distribution, Enve
 from inversion.prediction.prediction_case import PredictionCase
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 
-#: Points of an exceedance curve, and probabilities told in the table, %.
+#: Points of an exceedance curve, and probabilities shown in the table, %.
 CURVE_POINTS = 101
 DIGITS = 4
 

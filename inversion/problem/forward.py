@@ -1,4 +1,4 @@
-"""What an engine must be able to do: parameters in, predicted measurements out.
+"""The protocol of a forward engine: parameters in, predicted measurements out.
 
 The material point method is one engine (`inversion.engines.mpm_engine`), a learned simulator
 another, an analytic formula in the tests a third. Nothing above this file knows which of them runs.
@@ -49,7 +49,7 @@ def state(
 
 @dataclass(frozen=True)
 class Prediction:
-    """What one set of parameters predicts.
+    """Prediction from one set of parameters.
 
     Attributes:
         values: predicted measurements in the order of `Forward.names`, (m,) [m, or m/s]; NaN where

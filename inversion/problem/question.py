@@ -53,7 +53,7 @@ def material_key(name: str) -> str:
 
 
 class Prior(Document):
-    """What was known beforehand, as a normal distribution (of the logarithm, for strengths)."""
+    """Prior knowledge as a normal distribution (of the logarithm, for strengths)."""
 
     mean: float = Field(description="most likely value, in the parameter's unit")
     std: float = Field(gt=0, description="standard deviation, in the parameter's unit")
@@ -75,7 +75,7 @@ class ParameterSpec(Document):
     start: float = Field(description="first guess")
     low: float = Field(description="lower bound")
     high: float = Field(description="upper bound")
-    prior: Prior | None = Field(None, description="knowledge beside the bounds; null: none")
+    prior: Prior | None = Field(None, description="knowledge in addition to the bounds; null: none")
 
     @model_validator(mode="after")
     def _in_order(self) -> ParameterSpec:
@@ -215,7 +215,7 @@ Sensitivity = Annotated[
 class Question(Document):
     """The whole of `inversion.yaml`."""
 
-    parameters: list[ParameterSpec] = Field(min_length=1, description="what is sought")
+    parameters: list[ParameterSpec] = Field(min_length=1, description="the unknowns")
     fit: list[str] | None = Field(
         None, description="measurements to fit; null: all neither held out nor constructed"
     )
@@ -237,7 +237,7 @@ class Question(Document):
     )
     variants: list[Variant] = Field(default_factory=list, description="other readings, all solved")
     sensitivities: list[Sensitivity] = Field(
-        default_factory=list, description="what moves the answer beside the survey's error"
+        default_factory=list, description="what moves the answer in addition to the survey's error"
     )
 
     @field_validator("engine")
@@ -262,7 +262,7 @@ class Question(Document):
                 other = taken.setdefault(key, parameter.name)
                 if other != parameter.name:
                     raise ValueError(
-                        f"parameters: {parameter.property} of {_place(zone)} is sought by "
+                        f"parameters: {parameter.property} of {_place(zone)} is calibrated by "
                         f"{other!r} and by {parameter.name!r}"
                     )
         return self
@@ -277,7 +277,7 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
     path = Path(folder) / FILE_NAME
     if not path.is_file():
         raise InputError(
-            f"{path}: no such file; it says which strengths are sought (docs/method/inversion.md)"
+            f"{path}: no such file; it names the unknown strengths (docs/method/inversion.md)"
         )
     document = read_yaml(path)
     if not isinstance(document, Mapping):

@@ -41,7 +41,7 @@ EFFECT = Effect(
     ),
     looks_like=(
         "a dense shell swells by a per cent or two: remnant a little higher, toe a little farther; "
-        "a loose one (a < 0) shrinks, and remnant and toe draw back; the area of the deposit tells"
+        "a loose one (a < 0) shrinks, and remnant and toe draw back; the deposit's area shows it"
     ),
     amplitude=Amplitude(
         unit="",

@@ -12,7 +12,7 @@ from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, need
 from pipeline.cli import InputError
 
 VARIABLES = ("strain_rate", "strain", "time", "overburden", "position")
-"""What the multiplier can depend on: log10 of the rate of shear [1/s], plastic shear strain, time
+"""The multiplier's possible variables: log10 of the rate of shear [1/s], plastic shear strain, time
 [s], vertical effective stress before failure [kPa], x at the start [m]. The place in this tuple is
 the number `variable`."""
 

@@ -53,7 +53,7 @@ EFFECT = Effect(
     ),
     looks_like=(
         "lower velocities and a somewhat shorter runout without a change of the surface behind the "
-        "front; nothing at all where the slide is slow, so the toe's history and the velocity tell"
+        "front; nothing at all where the slide is slow, so it shows in toe history and velocity"
     ),
     amplitude=Amplitude(
         unit="",

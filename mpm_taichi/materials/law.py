@@ -1,4 +1,4 @@
-"""What a material law is to the solver: its constants, its return mapping, its history variables.
+"""Interface of a material law: its constants, its return mapping, its history variables.
 
 A law is one file in this folder with one `MaterialLaw`. Both schedules are compiled for the law
 that a run has; the solver itself reads neither its constants nor its history variables.

@@ -1,4 +1,4 @@
-"""What the grid nodes know of the world around the soil: ground, walls, fixed bodies, water.
+"""Surroundings of the soil as the grid nodes see them: ground, walls, fixed bodies, water.
 
 `node_tables` works out, once per scene, a type, a contact normal and a water force for every node;
 `contact` is the velocity condition the kernels apply at the nodes of each type.

@@ -1,4 +1,4 @@
-"""What one point, one cell, one frame does; both schedules are made of these.
+"""Work on one point, one cell, one frame; both schedules are made of these.
 
 A step: stress of the points; scatter; nodes; gather and motion; means of the cells. The stress
 comes first because F-bar needs the divergence of all points of a cell, which the gather before has

@@ -164,7 +164,7 @@ class Slots:
             self._admit_effects(slot, scene, where)
 
     def _admit_effects(self, slot: int, scene: PreparedScene, where: slice) -> None:
-        """What effects are on, their numbers, and the strength and the facts of every point."""
+        """The active effects, their numbers, and the strength and the facts of every point."""
         table, integers, numbers = self.kernels.table, self.integers[slot], self.numbers[slot]
         integers[layout.EFFECTS_ON] = table.bits(scene.effects)
         numbers[layout.ORIGIN_X], numbers[layout.ORIGIN_Y] = scene.grid.origin

@@ -1,12 +1,13 @@
 """Weights of the nodes around a point: quadratic B-splines, open at level ground and at side walls.
 
-Inside, the three nodes nearest to a point along an axis share it by a quadratic B-spline. Beside a
+Inside, the three nodes nearest to a point along an axis share it by a quadratic B-spline. Next to a
 boundary that lies on a line of nodes, the spline of the first node inside would not vanish on the
 boundary: soil would act through it on nodes behind, and a velocity that is linear from the ground
-up could not be had, so that the stress of the two lowest cells would be off by a tenth at any cell
-size. There the spline ends as an open knot vector lets it end: in the half cell next to the
-boundary the weights are linear, 1 - xi at the boundary's node and xi at the next, which joins the
-quadratic ones with equal slope at xi = 1/2 (Steffen, Wallstedt, Guilkey, Kirby and Berzins 2008).
+up could not be represented, so that the stress of the two lowest cells would be off by a tenth at
+any cell size. There the spline ends as an open knot vector lets it end: in the half cell next to
+the boundary the weights are linear, 1 - xi at the boundary's node and xi at the next, which joins
+the quadratic ones with equal slope at xi = 1/2 (Steffen, Wallstedt, Guilkey, Kirby and Berzins
+2008).
 All contact then happens at the boundary's own nodes.
 
 Points give mass and take velocity by the same weights: with any others (equal shares of mass, say)

@@ -97,7 +97,7 @@ def pressure_relief(stress, opened, means, share, averaged: ti.template()):
 
 @ti.func
 def cell_sums(gradient, stress, opened, dt):
-    """What a closed point adds to the sums of its cell: (divergence, 0, mean stress, 1)."""
+    """Contribution of a closed point to the sums of its cell: (divergence, 0, mean stress, 1)."""
     closed = ti.select(opened <= 0.0, 1.0, 0.0)
     mean_stress = (stress[XX] + stress[YY] + stress[ZZ]) * (1.0 / 3.0)
     return closed * vec4(area_rate(gradient, dt), 0.0, mean_stress, 1.0)

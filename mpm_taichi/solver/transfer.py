@@ -5,7 +5,7 @@ Quadratic B-splines (`splines`) on a grid of cell size h. A point keeps the node
 motion as well at 400 m as at 0 m. Stress and velocity gradients use the moments of the B-splines
 (MLS-MPM, Hu et al. 2018), so that force and affine momentum travel in one matrix.
 
-Every function is written once; the flag `atomic` alone tells the two schedules of `solver` apart.
+Every function is written once; the two schedules of `solver` differ only in the flag `atomic`.
 Arrays and columns: `layout`.
 """
 
@@ -119,7 +119,7 @@ def scatter_at_edge(p, step: A, points: A, load: A, kind, mass, affine: A, atomi
 
 @ti.func
 def contribution(p, step: A, points: A, mass, affine: A):
-    """What a point inside adds to its nodes, but for their weights: linear in their distance.
+    """Contribution of a point inside to its nodes, without their weights: linear in their distance.
 
     To the node i columns and j rows from its home it adds base + i across + j upward, each
     (momentum x, y; internal force x, y).

@@ -57,7 +57,7 @@ def _predicted(line: MeasurementVerdict, after: bool) -> bool:
 
 
 def heading(data: DiagnosisData, series: Series, after: bool) -> str:
-    """What a panel shows; several effects are counted where there is no room for their names."""
+    """Title of a panel; several effects are counted where there is no room for their names."""
     if not after:
         return f"{series.name}: base model"
     effects = list(data.final.effects)

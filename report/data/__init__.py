@@ -1,4 +1,4 @@
-"""What a report shows: a document with the files around it, read once.
+"""Data of the reports: a document with the files around it, read once.
 
 In: the folder of a back-analysis or a diagnosis. Out: what charts, tables, sentences use.
 """

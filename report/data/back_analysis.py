@@ -1,4 +1,4 @@
-"""What the report of a back-analysis shows: its folder and the case that it answers.
+"""Data of the report of a back-analysis: its folder and the case that it answers.
 
 In: a folder with `result.json` and perhaps `sections.npz` and `run.h5`; the case folder with its
 measurements. Out: a `BackAnalysisData`; what is missing is None and its part of the report is left

@@ -1,4 +1,4 @@
-"""What the report of a diagnosis shows: a document, and the sections where there are any.
+"""Data of the report of a diagnosis: a document, and the sections where there are any.
 
 In: a folder with `verdict.json`, `compare.json` or `explain.json`, and perhaps `sections.npz`. Out:
 a `DiagnosisData`, which looks the same for all three; what a document lacks is empty, and its part
@@ -130,7 +130,7 @@ class DiagnosisData:
 
     @property
     def parameters(self) -> list[ParameterWords]:
-        """What is calibrated; described by its name where the document has no words."""
+        """The calibrated parameters; described by name where the document has no words."""
         known = {p.name: p for p in self.document.parameters}
         return [known.get(name) or _unnamed(name, self.base) for name in self.base.values]
 

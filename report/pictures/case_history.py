@@ -83,7 +83,7 @@ def save_case_film(case: Case, run: Run, path: Path) -> None:
 
 
 def _limits(case: Case, run: Run, overlay: Overlay) -> tuple[tuple[float, float], ...]:
-    """What both panels show [m]: all that moves, and room below the ground for the distances."""
+    """Extent of both panels [m]: all that moves, and room below the ground for the distances."""
     x_limits, (_, top) = view_limits(run, overlay)
     ground = case.scene.ground.height(np.linspace(*x_limits, 200))
     return x_limits, (float(ground.min()) - LOWEST_LINE * _height(case), top)

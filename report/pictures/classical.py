@@ -200,7 +200,7 @@ def _draw_motion(ax: Axes, analysis: Analysis) -> None:
 
 
 def _draw_values(ax: Axes, case: CaseSections, analysis: Analysis) -> None:
-    """Every option's S_r, one row of dots per method, beside what others published."""
+    """Every option's S_r, one row of dots per method, with the published values."""
     rows: list[tuple[str, str]] = []
     for number, answer in enumerate(analysis.answers):
         colour = COLOURS[answer.method]

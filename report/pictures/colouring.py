@@ -1,4 +1,4 @@
-"""What the points are coloured by: values of a run by frame, colour maps, colours of materials.
+"""Colouring of points: values of a run by frame, colour maps, colours of materials.
 
 In: a `Run`. Out: a `Colouring`, one colour scale for all its frames. The maps are even in lightness
 and keep their order for every kind of colour vision; the material colours follow Okabe and Ito

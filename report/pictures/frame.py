@@ -219,7 +219,7 @@ def overlays(*parts: Overlay) -> Overlay:
 def view_limits(
     run: Run, overlay: Overlay | None = None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """What a picture shows [m]: the scene before, nearly all of its points ever, the overlay."""
+    """Extent of a picture [m]: the scene before, nearly all of its points ever, the overlay."""
     seen = run.positions[:: max(1, run.frames // 40)].reshape(-1, 2)
     seen = np.concatenate([seen, run.positions[-1]])
     corners = [np.asarray(zone.polygon) for zone in run.scene.zones]

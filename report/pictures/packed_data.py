@@ -31,7 +31,7 @@ LEAST_COHESION = 1e-3
 
 @dataclass(frozen=True)
 class RunNumbers:
-    """What the overview shows of a run."""
+    """Data of a run in the overview."""
 
     split: str
     template: str

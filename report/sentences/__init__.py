@@ -1,4 +1,4 @@
-"""What the reports say.
+"""Sentences of the reports.
 
 In: the data of a report. Out: sentences; an empty one where there is nothing to say.
 """

@@ -1,4 +1,4 @@
-"""What the report of a back-analysis says: the answer, misfits, what the data do not determine.
+"""Sentences of the report of a back-analysis: the answer, misfits, what the data do not determine.
 
 In: a `BackAnalysisData`. Out: sentences. Nothing is said that is not in the result.
 """
@@ -90,7 +90,7 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
 
 
 def meaning_sentences(data: BackAnalysisData) -> list[str]:
-    """What the numbers after ± mean, and what they are based on."""
+    """Explain the numbers after ± and their basis."""
     result = data.result
     said = [
         "± is one standard deviation and includes the survey and every assumption that was varied. "
@@ -179,7 +179,7 @@ def _predicted(data: BackAnalysisData) -> dict[str, float]:
 
 
 def misfit_sentence(data: BackAnalysisData) -> str:
-    """What the answer does not reproduce, or that it reproduces all."""
+    """Data that the answer does not reproduce, or that it reproduces all."""
     if far := misfits(data):
         listed = "; ".join(
             f"{one.words} ({signed(one.off)} standard deviations"
@@ -195,7 +195,7 @@ def misfit_sentence(data: BackAnalysisData) -> str:
 
 
 def variant_sentences(data: BackAnalysisData) -> list[str]:
-    """What variants of the question miss, and which of them reproduce what the answer misses."""
+    """Data that variants of the question miss, and variants that reproduce more than the answer."""
     missed_here = {one.name for one in misfits(data)}
     missed, met = [], []
     for variant in data.result.variants:
@@ -242,7 +242,7 @@ def constructed_sentence(data: BackAnalysisData) -> str:
 
 
 def undetermined_sentences(data: BackAnalysisData) -> list[str]:
-    """What the data do not determine: directions, and each number before and after."""
+    """The undetermined part: directions, and each number before and after the fit."""
     alone = {p.name for p in data.result.answer.parameters if not p.determined}
     said = []
     for direction in data.result.answer.undetermined:

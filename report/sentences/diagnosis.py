@@ -1,4 +1,4 @@
-"""What the report of a diagnosis says.
+"""Sentences of the report of a diagnosis.
 
 In: a `DiagnosisData`. Out: sentences. Every statement on effects is about those tested.
 """
@@ -198,7 +198,7 @@ def fall_sentence(data: DiagnosisData) -> str:
 
 
 def validation_sentence(data: DiagnosisData) -> str:
-    """What the answer does on a second section or event."""
+    """How the answer performs on a second section or event."""
     check = None if data.verdict is None else data.verdict.validation_case
     if check is None:
         return ""

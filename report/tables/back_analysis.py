@@ -87,7 +87,7 @@ def engine_table(data: BackAnalysisData) -> Table:
 
 
 def classical_notes(data: BackAnalysisData) -> list[str]:
-    """What is constructed, searched or interpolated in the classical analyses, by slide."""
+    """Constructed, searched or interpolated values in the classical analyses, by slide."""
     return [
         f"Classical methods, {analysis['name']} slide: {'; '.join(analysis.get('labels', []))}."
         for analysis in data.result.classical

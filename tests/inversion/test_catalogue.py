@@ -180,7 +180,7 @@ def test_answers_are_read_from_results(tmp_path):
     path.write_text(json.dumps(result(parameter())))
     assert load_answers([path, path]) == [OURS, OURS]
     path.write_text('{"case": "x"}')
-    with pytest.raises(InputError, match="is no answer of a back-analysis"):
+    with pytest.raises(InputError, match="is not an answer of a back-analysis"):
         load_answers([path])
 
 

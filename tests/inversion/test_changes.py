@@ -100,7 +100,7 @@ def test_a_property_that_is_not_sought(case):
         case.sides(steep)
     assert "pydantic" not in str(told.value)
     sought = entry.model_copy(update={"zones": ["1"]})
-    with pytest.raises(InputError, match="is sought by 'residual_strength_1'"):
+    with pytest.raises(InputError, match="is calibrated by 'residual_strength_1'"):
         case.sides(sought)
 
 

@@ -70,11 +70,11 @@ def test_it_is_fitted_as_it_is():
         ([(', zones: ["7"], property: friction_deg', ", property: friction_deg")],
          "at least one must be named for friction_deg"),
         ([(LEVEL, LEVEL + LEVEL.replace("name: pool", "name: lake"))],
-         "water_level of the pool is sought by 'pool' and by 'lake'"),
+         "water_level of the pool is calibrated by 'pool' and by 'lake'"),
         ([("spacing_m: 4", "spacing_m: 4\nvariants: [{name: dry, water: none}]")],
-         "dry: water: none: the level of the pool is sought by 'pool'"),
+         "dry: water: none: the level of the pool is calibrated by 'pool'"),
         ([("kind: time_step, factor: 0.5", "kind: water_level, std_m: 0.5")],
-         "the level of the pool is sought by 'pool'"),
+         "the level of the pool is calibrated by 'pool'"),
     ],
 )  # fmt: skip
 def test_what_does_not_go_together_is_a_line(lsfd, changes, message):

@@ -121,5 +121,5 @@ def test_the_cohesion_of_a_zone_with_friction_is_one(lsfd):
     twice = [{**parameter, "name": name, "property": key, "start": 5.0, "low": 1.0, "high": 9.0}
              for name, key in (("c", "cohesion_kpa"), ("s", "residual_strength_kpa"))]  # fmt: skip
     path.write_text(yaml.safe_dump({"parameters": twice}))
-    with pytest.raises(InputError, match="is sought by 'c' and by 's'"):
+    with pytest.raises(InputError, match="is calibrated by 'c' and by 's'"):
         load_question(lsfd, scene)

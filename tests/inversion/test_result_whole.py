@@ -25,7 +25,7 @@ def whole():
         ("measurements", [], "measurements: is empty"),
         ("sensitivities.0.sides", [], "sensitivities.0.sides: is empty"),
         ("answer.undetermined.0.direction", {}, "answer.undetermined.0.direction: is empty"),
-        ("answer.parameters.0.name", "other", "other is no parameter of the question"),
+        ("answer.parameters.0.name", "other", "other is not a parameter of the question"),
         ("iterations.0.values", {}, "iterations.0.values: residual_strength_1 is missing"),
         ("starts.1.answer", {}, "starts.1.answer: residual_strength_1 is missing"),
         ("variants.0.values", {}, "variants.0.values: residual_strength_1 is missing"),

@@ -95,7 +95,7 @@ def test_pairs_that_failed_are_left_out_and_too_few_are_no_measure():
     states, width = states_around(PARAMETERS, HERE, np.array([0.2, 0.2]), 5)
     limit = np.sort(states[:, 0])[-1]
     assert len(pairs_of(right=fails_above(limit)).states) == 4
-    with pytest.raises(WorkFailed, match="of 5 runs beside the material point method"):
+    with pytest.raises(WorkFailed, match="of 5 runs next to the material point method"):
         pairs_of(right=fails_above(np.sort(states[:, 0])[2]))
     with pytest.raises(WorkFailed):  # none at the answer itself
         pairs_of(right=lambda values: truth(values) * (np.nan if values[0] == 30.0 else 1.0))

@@ -137,7 +137,7 @@ def test_files_that_are_not_there_or_no_python(users, tmp_path):
     with pytest.raises(InputError, match="no_such.py: No such file"):
         load_effects_file(tmp_path / "no_such.py")
     (tmp_path / "mine.txt").write_text("x = 1\n")
-    with pytest.raises(InputError, match="is no Python file"):
+    with pytest.raises(InputError, match="is not a Python file"):
         load_effects_file(tmp_path / "mine.txt")
 
 

@@ -12,8 +12,8 @@ from flowslide.commands.diagnosis.session_options import (
 
 DESCRIPTION = (
     "Run every effect at several amplitudes at the base model's fit of CASE, and say which would "
-    "lower the misfit, which cannot be told apart, and how much of a strength each could be while "
-    "it remains undetected."
+    "lower the misfit, which cannot be distinguished, and how much of a strength each could be "
+    "while it remains undetected."
 )
 
 

@@ -1,4 +1,4 @@
-"""What the commands of a diagnosis share: their options, and the session that these ask for."""
+"""Shared by the commands of a diagnosis: their options, and the session that these ask for."""
 
 from __future__ import annotations
 

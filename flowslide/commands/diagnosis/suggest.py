@@ -8,7 +8,7 @@ from flowslide.commands.diagnosis.session_options import add_session_options, se
 from pipeline.cli import at_least_one
 
 DESCRIPTION = (
-    "Say which measurements would best tell apart what the measurements of CASE leave open: the "
+    "Say which measurements would best distinguish what the measurements of CASE leave open: the "
     "first by itself, each further one in addition to those before it. Where the model is "
     "adequate: which would best have shown what may still hide."
 )

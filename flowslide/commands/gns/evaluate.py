@@ -17,7 +17,7 @@ SPLITS = ("valid", "test")
 
 DESCRIPTION = (
     "Roll out held-out runs, compare them with the simulations, print a table, "
-    "and write card.yaml, evaluation.csv, worst.png and training.png beside the weights."
+    "and write card.yaml, evaluation.csv, worst.png and training.png next to the weights."
 )
 
 
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", metavar="DIR", help="default: RESULTS/SCALE/dataset")
     parser.add_argument("--model", metavar="DIR", help="default: RESULTS/SCALE/model")
     parser.add_argument("--split", choices=SPLITS, default="test", help="default: test")
-    parser.add_argument("--runs", type=int, help="the first so many of them; default: all")
+    parser.add_argument("--runs", type=int, help="number of runs, from the first; default: all")
     parser.add_argument(
         "--mpm", metavar="FILE", help="runs.csv of the data, for the time of the simulations"
     )

@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def summary(metadata: Metadata, folder: Path) -> str:
-    """What there is, by split, as a table."""
+    """The packed data, by split, as a table."""
     from pipeline.table import aligned
 
     rows = [["split", "runs", "by template", "points a run", "frames a run", "windows", "MB"]]

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--processes",
         type=int,
         default=1,
-        help="start so many processes that learn together, as torchrun does; default: 1",
+        help="number of processes that learn together, as with torchrun; default: 1",
     )
     parser.add_argument(
         "--joint-batch",
@@ -120,7 +120,7 @@ def _shared_out(settings: TrainSettings, processes: int) -> TrainSettings:
 
 
 def open_windows(data: str | Path, settings: TrainSettings) -> tuple[Windows, Windows]:
-    """What a training learns from, and what it is validated by."""
+    """Training and validation data."""
     from gns.data.dataset import Windows
 
     history, stride = settings.past_velocities + 1, settings.frames_per_step

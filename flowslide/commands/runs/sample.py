@@ -84,7 +84,7 @@ def chosen_indices(config: Config, scale: str, text: str | None) -> list[int]:
 
 
 def _holds(path: Path, scene: Scene) -> bool:
-    """Tell whether a file already is this scene, byte by byte."""
+    """Whether a file already is this scene, byte by byte."""
     from geometry.scenes.scene import scene_text
 
     try:

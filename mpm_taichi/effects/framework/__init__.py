@@ -1,4 +1,4 @@
-"""What carries the effects: their base class, registry, hooks into the kernels and options.
+"""Framework of the effects: their base class, registry, hooks into the kernels and options.
 
 In: the files of effects. Out: what the solver and the command line use of them.
 """

@@ -1,4 +1,4 @@
-"""What a physical effect is: its words, its numbers, and the hooks by which it acts.
+"""Description of a physical effect: its words, its numbers, and the hooks by which it acts.
 
 An effect is one file with one `Effect`. Everything here is plain data, so that effects can be
 listed, ranked and described without starting Taichi. The hooks that act on points and nodes are
@@ -178,7 +178,7 @@ class Effect:
 
     @contextmanager
     def blamed(self, hook: str) -> Iterator[None]:
-        """What goes wrong in a user's hook is an `InputError` that names the effect; one line."""
+        """Turn an error in a user's hook into an `InputError` that names the effect; one line."""
         try:
             yield
         except Exception as error:

@@ -1,4 +1,4 @@
-"""What can be wrong with the description of an effect, checked before use."""
+"""Faults in the description of an effect, found before use."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _HOST_HOOKS = ("scene", "constants", "field", "until", "applies")
 
 
 def faults(one: Effect) -> str:
-    """What is wrong with the description of an effect, or ""."""
+    """The fault of the description of an effect, or ""."""
     return _wrong_kind(one) or _wrong_numbers(one) or _wrong_words(one) or _wrong_hooks(one)
 
 
 def _wrong_kind(one: Effect) -> str:
     """The first field that is not of the kind that is asked for."""
     if not isinstance(one.amplitude, Amplitude):
-        return f"amplitude: {_shown(one.amplitude)} is no Amplitude(...)"
+        return f"amplitude: {_shown(one.amplitude)} is not an Amplitude(...)"
     if not isinstance(one.parameters, tuple | list):
         return "parameters: a tuple is wanted: (Parameter(...),)"
     for parameter in one.parameters:
         if not isinstance(parameter, Parameter):
-            return f"parameters: {_shown(parameter)} is no Parameter(...)"
+            return f"parameters: {_shown(parameter)} is not a Parameter(...)"
     if not isinstance(one.constant_names, tuple | list) or not all(
         isinstance(name, str) for name in one.constant_names
     ):

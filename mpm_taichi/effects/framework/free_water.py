@@ -26,7 +26,7 @@ class Pool:
 def pool_of(scene: Scene) -> Pool | None:
     """The pool: where the phreatic line stands at the water level; None where there is none.
 
-    Groundwater below the pool's level is no free water. Without a phreatic line the pool lies on
+    Groundwater below the pool's level is not free water. Without a phreatic line the pool lies on
     both sides. Where the line is at the pool's level in several places, the pool spans them all.
     """
     if scene.water_level is None:

@@ -78,7 +78,7 @@ def column_and_row(n, step: A, slots: A):
 
 @ti.func
 def point_view(p, step: A, state: A):
-    """What hooks see of a point; see the head of this file."""
+    """A point as hooks see it; see the head of this file."""
     points, numbers = ti.static((state.points, state.slots.numbers))
     m, g, s, h = points.motion[p], points.gradient[p], points.stress[p], points.history[p]
     home = column_and_row(points.home[p], step, state.slots)
@@ -111,7 +111,7 @@ def point_view(p, step: A, state: A):
 
 @ti.func
 def node_view(n, step: A, slots: A):
-    """What hooks see of a node."""
+    """A node as hooks see it."""
     place = column_and_row(n, step, slots)
     return NodeView(
         x=slots.numbers[step.slot, ORIGIN_X] + place[0] * step.cell,
@@ -137,7 +137,7 @@ def scatter_resistance(p, step: A, points: A, nodes: A, amount, atomic: A):
 
 
 def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNamespace:
-    """What the schedules ask of effects, compiled for these and a material law.
+    """Calls of the schedules to effects, compiled for these and a material law.
 
     Returns:
         `table` (`EffectTable`); masks of the slots whose points need a pass, `strength_mask` and

@@ -43,7 +43,7 @@ LIBRARY = (
 in which several effects act on the same number."""
 
 MOST_ON_DEVICE = 31
-"""Effects with hooks on points or nodes that kernels can tell apart, the library's included."""
+"""Effects with hooks on points or nodes that kernels can distinguish, the library's included."""
 
 _users: dict[str, Effect] = {}
 
@@ -165,7 +165,7 @@ def changes_volume(scene: Scene) -> bool:
 
 
 def key_of_effects(scene: Scene) -> dict[str, Any]:
-    """What a run's key holds of the effects that are on; empty where none is.
+    """Part of a run's key for the effects that are on; empty where none is.
 
     However a scene writes the same numbers, the key is the same.
     """

@@ -12,7 +12,7 @@ from mpm_taichi.effects.framework.base import Active, Effect
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
 
-# Columns of what is known of every point. The last three are its material's own strength.
+# Columns of the facts of every point. The last three are its material's own strength.
 START_X, START_Y, OVERBURDEN, LIQUEFIED, TANGENT, COHESION, CAP = range(7)
 FACTS = 7
 """Columns before those of single effects."""
