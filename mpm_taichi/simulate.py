@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 CHUNK = 8
 """Frames computed between two looks at the results."""
 
+WATER_CHUNK = 2
+"""The same where water follows the soil."""
+
 SLOTS = {"cpu": 8, "cuda": 256}
 """Scenes in flight; on the CPU `PER_THREAD` for each thread where that is more."""
 
@@ -148,6 +151,7 @@ def _simulate_group(
         flying.update(arrivals)
         for slot, flight in flying.items():
             flight.make_way(slot, slots)
+            flight.move_water(slot, slots)
             slots.set_frames(slot, flight.frames_wanted())
         began = time.perf_counter()
         slots.run()
@@ -270,12 +274,18 @@ class Flight:
             slots.fetch()
             slots.lay_grid(slot, self.prepared.enlarge(left, right), left)
 
+    def move_water(self, slot: int, slots: Slots) -> None:
+        """Have the water follow the soil to where it is now."""
+        if self.prepared.face is not None and len(self.frames) > 1:
+            slots.lay_water(slot, self.prepared.water_now(self.frames[-1].astype(np.float64)))
+
     # -- results --------------------------------------------------------------------------------
 
     def frames_wanted(self) -> int:
         """Frames of the coming chunk: none past the last, whose state is that of the run."""
         known = len(self.frames) - 1
-        return next((n for n in range(1, CHUNK) if self._is_last(known + n)), CHUNK)
+        chunk = CHUNK if self.prepared.face is None else WATER_CHUNK
+        return next((n for n in range(1, chunk) if self._is_last(known + n)), chunk)
 
     def _is_last(self, frame: int) -> bool:
         duration, frame_time = self.prepared.settings.duration_s, self.prepared.frame_time
@@ -293,7 +303,7 @@ class Flight:
                 slots.initial_stress[slots.point_range(slot)]
             )
         self.steps = int(slots.integers[slot, layout.STEPS])
-        for frame in range(CHUNK):
+        for frame in range(int(slots.integers[slot, layout.FRAME_COUNT])):
             if self.ended:
                 return
             position = slots.positions[slot, frame, :count] + origin

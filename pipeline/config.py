@@ -158,8 +158,12 @@ class SimulationSettings(Settings):
     )
     water: Literal["buoyant", "pore_pressure"] = Field(
         "buoyant",
-        description="reservoir as reduced weight under water, or as water pressure in and on the "
-        "soil",
+        description="pool and groundwater as pressure in and on the soil, or as reduced weight "
+        "alone, which leaves out the thrust of the pool",
+    )
+    water_face: Literal["moving", "fixed"] = Field(
+        "moving",
+        description="of pore_pressure: the pool follows the soil, or the phreatic line stays",
     )
     early_stop: bool = Field(True, description="stop once the motion has ended")
     early_stop_energy_fraction: float = Field(

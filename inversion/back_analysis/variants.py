@@ -6,7 +6,7 @@ words. A scene that a change would break is an `InputError` that names the entry
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,10 +20,10 @@ from inversion.problem.question import (
     CellSize,
     FixedProperty,
     MovedVertex,
+    OtherSetting,
     Sensitivity,
     Target,
     TimeStep,
-    TransferScheme,
     Variant,
     WaterLevel,
     ZoneBoundary,
@@ -32,6 +32,7 @@ from inversion.problem.question import (
 from inversion.problem.scene_changes import with_properties
 from inversion.problem.water_level import SAME_PLACE_M, pool_at
 from pipeline.cli import InputError
+from pipeline.config import SimulationSettings
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,9 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
         ground["friction_coefficient"] = None
         scene = scene.changed(ground=ground)
         words.append(f"base {variant.contact.replace('_', ' ')}")
+    if variant.simulation:
+        settings, how = _simulated(settings, variant.simulation)
+        words.append(how)
     if variant.measurements is not None:
         words.append(f"measurements {variant.measurements!r}")
     if variant.fit is not None:
@@ -80,6 +84,15 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
         words += [f"{name} {value:g}" for name, value in variant.targets.items()]
     changed = replace(setup, scene=scene, settings=settings, targets=targets)
     return Changed(changed, ", ".join(words))
+
+
+def _simulated(
+    settings: SimulationSettings, changes: Mapping[str, Any]
+) -> tuple[SimulationSettings, str]:
+    """The settings with some changed, and the changes in words."""
+    changed = SimulationSettings.model_validate({**settings.model_dump(), **changes})
+    words = [f"{name.replace('_', ' ')} {getattr(changed, name)}" for name in changes]
+    return changed, ", ".join(words)
 
 
 def _refuse_sought_level(setup: Setup, where: str) -> None:
@@ -113,9 +126,8 @@ def sides(setup: Setup, sensitivity: Sensitivity, source: str) -> list[Changed]:
             return [Changed(replace(setup, scene=scene), f"spacing {spacing:.3g} m")]
         case TimeStep():
             return [_time_step(setup, sensitivity, where)]
-        case TransferScheme():
-            settings = setup.settings.model_copy(update={"transfer": sensitivity.scheme})
-            words = f"transfer {sensitivity.scheme}"
+        case OtherSetting():
+            settings, words = _simulated(setup.settings, sensitivity.simulation)
             return [Changed(replace(setup, settings=settings), words)]
         case FixedProperty():
             return _property(setup, sensitivity, where)

@@ -38,7 +38,7 @@ from pipeline.cli import InputError
 #: Source of the surrogate's error among the sources of uncertainty.
 SOURCE = "error of the learned simulator"
 #: Kinds of sensitivities of which a learned simulator knows nothing.
-UNKNOWN_TO_IT = {"time_step": "no time step", "transfer": "no transfer"}
+UNKNOWN_TO_IT = {"time_step": "no time step", "simulation": "no settings of the solver"}
 
 
 @dataclass(kw_only=True)

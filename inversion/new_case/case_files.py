@@ -287,7 +287,7 @@ def _sensitivities(scene: Scene) -> str:
             "  - {name: cell size, kind: cell_size, factor: 0.75}   # a zone is too thin for 1.5\n"
         )
     text += "  - {name: time step, kind: time_step, factor: 0.5}\n"
-    return text + "  - {name: transfer, kind: transfer, scheme: flip}\n"
+    return text + "  - {name: transfer, kind: simulation, simulation: {transfer: flip}}\n"
 
 
 def _bears(scene: Scene, factor: float) -> bool:

@@ -17,6 +17,7 @@ from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, document_error
 from inversion.engine_registry import engines
 from pipeline.cli import InputError, say_once
+from pipeline.config import SimulationSettings, describe_error
 from pipeline.files import read_yaml
 
 FILE_NAME = "inversion.yaml"
@@ -26,7 +27,6 @@ RESIDUAL_STRENGTH: Literal["residual_strength_kpa"] = "residual_strength_kpa"
 MaterialProperty = Literal["residual_strength_kpa", "cohesion_kpa", "friction_deg", "density"]
 Property = MaterialProperty | Literal["water_level"]
 Water = Literal["none", "buoyant", "pore_pressure"]
-Transfer = Literal["affine_flip", "flip", "apic", "pic"]
 Contact = Literal["rough", "no_slip"]
 
 UNITS: dict[str, str] = {
@@ -50,6 +50,14 @@ LOGARITHMIC = ("residual_strength_kpa", "cohesion_kpa", "density")
 def material_key(name: str) -> str:
     """The key of a scene's material that holds a property."""
     return "cohesion_kpa" if name == RESIDUAL_STRENGTH else name
+
+
+def check_simulation(changes: Mapping[str, Any]) -> None:
+    """Refuse settings of the simulation that do not exist or values that they cannot have."""
+    try:
+        SimulationSettings.model_validate(changes)
+    except ValidationError as error:
+        raise ValueError(f"simulation: {describe_error(error, SimulationSettings)}") from None
 
 
 class Prior(Document):
@@ -124,6 +132,9 @@ class Variant(Document):
     name: str = Field(min_length=1, description="in words; unique among the variants")
     water: Water | None = Field(None, description="none, buoyant or pore_pressure; null: as it is")
     contact: Contact | None = Field(None, description="contact with the base; null: as it is")
+    simulation: dict[str, Any] = Field(
+        default_factory=dict, description="settings of the simulation that differ"
+    )
     measurements: str | None = Field(None, description="another set of measurements; null: same")
     fit: list[str] | None = Field(None, description="other measurements to fit; null: same")
     targets: dict[str, float] = Field(
@@ -133,7 +144,8 @@ class Variant(Document):
     @model_validator(mode="after")
     def _differs(self) -> Variant:
         changes = (self.water, self.contact, self.measurements, self.fit)
-        if all(change is None for change in changes) and not self.targets:
+        check_simulation(self.simulation)
+        if all(change is None for change in changes) and not (self.targets or self.simulation):
             raise ValueError(f"variant {self.name!r} changes nothing: give water, contact, ...")
         return self
 
@@ -178,12 +190,19 @@ class TimeStep(Document):
     factor: float = Field(gt=0.05, lt=4, description="new time step / time step")
 
 
-class TransferScheme(Document):
-    """Another way to pass velocities between points and grid."""
+class OtherSetting(Document):
+    """Another way to simulate."""
 
     name: str = Field(min_length=1, description="in words; unique among the sensitivities")
-    kind: Literal["transfer"]
-    scheme: Transfer = Field(description="affine_flip, flip, apic or pic")
+    kind: Literal["simulation"]
+    simulation: dict[str, Any] = Field(
+        min_length=1, description="settings of the simulation that differ, such as transfer: flip"
+    )
+
+    @model_validator(mode="after")
+    def _allowed(self) -> OtherSetting:
+        check_simulation(self.simulation)
+        return self
 
 
 class FixedProperty(Document):
@@ -207,7 +226,7 @@ class Target(Document):
 
 
 Sensitivity = Annotated[
-    ZoneBoundary | WaterLevel | CellSize | TimeStep | TransferScheme | FixedProperty | Target,
+    ZoneBoundary | WaterLevel | CellSize | TimeStep | OtherSetting | FixedProperty | Target,
     Field(discriminator="kind"),
 ]
 

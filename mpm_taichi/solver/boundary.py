@@ -26,6 +26,7 @@ from mpm_taichi.layout import (
     vec2,
 )
 from mpm_taichi.solver.splines import BASE_EDGE, EDGES, LEFT_EDGE, RIGHT_EDGE, weights_of_points
+from mpm_taichi.solver.water import head_places, level_and_fall, water_force
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -46,9 +47,6 @@ FULL_CONTACT = 0.5
 
 MARGIN = 3
 """Rows of nodes beyond the domain on every side, all of them wall: no point can pass three."""
-
-WATER_DENSITY = 1000.0
-"""Density of fresh water [kg/m3]."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def make_grid(scene: Scene) -> Grid:
 
 
 def node_tables(
-    scene: Scene, grid: Grid, *, wall_contact: str, water: str, gravity: float
+    scene: Scene, grid: Grid, *, wall_contact: str, water: str, water_face: str, gravity: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Types and contact data of all nodes of a scene.
 
@@ -95,6 +93,7 @@ def node_tables(
         wall_contact: "smooth" or "no_slip" side walls.
         water: "buoyant" (weight reduced below the phreatic line) or "pore_pressure" (its slope
             pushes as well: - grad u with u hydrostatic below the line).
+        water_face: "fixed", or "moving": water may come to wherever the pool's level reaches.
         gravity: [m/s2].
 
     Returns:
@@ -130,10 +129,15 @@ def node_tables(
     kind[last_x:] |= RIGHT
     kind[:, last_y:] |= TOP
 
-    surroundings[..., WATER_X], surroundings[..., WATER_Y] = water_force(
-        scene, x, y, grid.cell, water, gravity
-    )
-    wet = np.any(surroundings[..., [WATER_X, WATER_Y]] != 0.0, axis=-1)
+    wet = np.zeros(grid.shape, bool)
+    if scene.has_water:
+        head = scene.phreatic_level(head_places(x[:, 0], grid.cell))
+        level, fall = level_and_fall(head, grid.cell)
+        surroundings[..., WATER_X], surroundings[..., WATER_Y] = water_force(
+            level, fall if water == "pore_pressure" else 0.0, y, grid.cell, gravity
+        )
+        highest = level if water_face == "fixed" else np.maximum(level, scene.water_level)
+        wet = y < highest + 0.5 * grid.cell
     kind[beside((kind & (TRACTION | ROUGH) > 0) | wet)] |= NEAR
     return kind.ravel(), surroundings.reshape(-1, 8)
 
@@ -196,26 +200,6 @@ def ground_normal(scene: Scene, x: np.ndarray) -> np.ndarray:
     slope = padded[np.searchsorted(line[:, 0], x, side="right")]
     length = np.sqrt(1.0 + slope**2)
     return np.stack([-slope / length, 1.0 / length], axis=-1)
-
-
-def water_force(
-    scene: Scene, x: np.ndarray, y: np.ndarray, cell: float, water: str, gravity: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Force of still water on soil per unit volume [N/m3], x and y, at nodes (x, y).
-
-    Below the phreatic line h(x) the pore pressure is u = rho_w g (h - y). Its gradient carries the
-    submerged weight (both forms) and, where the line falls, the thrust of the pool (pore_pressure
-    only). The force sets in over one cell, so that it depends smoothly on the level.
-    """
-    if not scene.has_water:
-        return np.zeros_like(x), np.zeros_like(x)
-    level = scene.phreatic_level(x)
-    submerged = np.clip((level - y) / cell + 0.5, 0.0, 1.0)
-    unit = WATER_DENSITY * gravity * submerged
-    if water == "buoyant":
-        return np.zeros_like(x), unit
-    fall = (scene.phreatic_level(x - 0.5 * cell) - scene.phreatic_level(x + 0.5 * cell)) / cell
-    return unit * fall, unit
 
 
 def fixed_by_bodies(

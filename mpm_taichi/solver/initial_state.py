@@ -22,13 +22,19 @@ from mpm_taichi.materials.law import CONSTANTS, MaterialLaw
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, NO_CAP
 from mpm_taichi.solver.boundary import (
     STICK,
-    WATER_DENSITY,
     Grid,
     fixed_by_bodies,
     make_grid,
     node_tables,
 )
 from mpm_taichi.solver.splines import EDGES
+from mpm_taichi.solver.water import (
+    WATER_DENSITY,
+    MovingFace,
+    head_places,
+    level_and_fall,
+    water_force,
+)
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Material, Scene
@@ -62,11 +68,22 @@ class PreparedScene:
     mass: np.ndarray  # (P,) float64 [kg/m]
     wave_speed: float  # m/s
     frame_time: float  # s
+    face: MovingFace | None  # where the head moves with the soil
 
     @property
     def busy_until(self) -> float:
         """Time before which the run may not be ended for resting, because of its effects [s]."""
         return max((one.until(self.given) for one in self.effects), default=0.0)
+
+    def water_now(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Force of the water per volume [N/m3], x and y, at the nodes (grid.shape).
+
+        `position` (P, 2) [m] is where the moving points are now.
+        """
+        x, y = self.grid.coordinates()
+        head = self.face.head(head_places(x[:, 0], self.grid.cell), position)
+        level, fall = level_and_fall(head, self.grid.cell)
+        return water_force(level, fall, y, self.grid.cell, self.settings.gravity_m_per_s2)
 
     def enlarge(self, left: int, right: int) -> PreparedScene:
         """Lay a wider grid for an open domain, more nodes by this many columns on either side."""
@@ -102,6 +119,10 @@ def prepare(
         lateral = np.array([_k0(material) for material in rows])[row]
         at_rest = k0_stress(scene, points, mass_of_row[row], lateral, settings.gravity_m_per_s2)
         stress[:] = np.where(resting[order, None], at_rest[order], 0.0)
+    face = None
+    if settings.water_face == "moving" and settings.water == "pore_pressure":
+        moving = MovingFace(scene, points.position[order])
+        face = moving if moving.holds_back else None
     moduli = [m.youngs_modulus_pa * (1 - m.poisson_ratio) / (
         (1 + m.poisson_ratio) * (1 - 2 * m.poisson_ratio)) for m in rows]  # fmt: skip
     return PreparedScene(
@@ -129,6 +150,7 @@ def prepare(
         wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),
         frame_time=settings.frame_interval
         * float(np.sqrt(scene.spacing / settings.gravity_m_per_s2)),
+        face=face,
     )
 
 
@@ -141,6 +163,7 @@ def nodes_of(
         grid,
         wall_contact=settings.wall_contact,
         water=settings.water,
+        water_face=settings.water_face,
         gravity=settings.gravity_m_per_s2,
     )
     fixed = points.kinematic

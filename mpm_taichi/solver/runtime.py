@@ -196,6 +196,12 @@ class Slots:
             first = node + keep * scene.grid.shape[1]
             self.cell_mean[first : first + len(old)] = old
 
+    def lay_water(self, slot: int, force: tuple[np.ndarray, np.ndarray]) -> None:
+        """Give the nodes of a slot another force of water [N/m3]."""
+        where = slice(self.integers[slot, layout.FIRST_NODE], self.integers[slot, layout.LAST_NODE])
+        for column, values in zip((layout.WATER_X, layout.WATER_Y), force, strict=True):
+            self.surroundings[where, column] = values.ravel()
+
     def take_over(self, slot: int, other: Slots, scene: PreparedScene) -> None:
         """Copy a scene in flight from smaller arrays."""
         self.integers[slot], self.numbers[slot] = other.integers[slot], other.numbers[slot]
@@ -255,7 +261,7 @@ class DeviceSlots(Slots):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._device: dict[str, Any] = {}
-        self._host_is_new = True
+        self._host_is_new, self._water_is_new = True, False
         for name, kind in layout.ARRAYS.items():
             shape = getattr(self, name).shape
             columns = 1 if hasattr(kind.dtype, "n") else 0
@@ -276,10 +282,16 @@ class DeviceSlots(Slots):
         if not self._host_is_new:  # one number: not worth bringing everything here and back
             self._device["integers"][slot, layout.FRAME_COUNT] = number
 
+    def lay_water(self, slot: int, force: tuple[np.ndarray, np.ndarray]) -> None:
+        """Give the nodes of a slot another force of water [N/m3]."""
+        super().lay_water(slot, force)
+        self._water_is_new = True
+
     def fetch(self) -> None:
         """Bring everything to the host, whose copy then counts."""
-        if not self._host_is_new:
-            self._pull(*(set(layout.ARRAYS) - set(layout.MaterialTable._fields)))
+        if not self._host_is_new:  # nothing on the device changes the surroundings
+            kept = {"surroundings", *layout.MaterialTable._fields}
+            self._pull(*(set(layout.ARRAYS) - kept))
             self._host_is_new = True
 
     def run(self) -> None:
@@ -288,6 +300,9 @@ class DeviceSlots(Slots):
             for name in layout.ARRAYS:
                 self._device[name].from_numpy(getattr(self, name))
             self._host_is_new = False
+        elif self._water_is_new:
+            self._device["surroundings"].from_numpy(self.surroundings)
+        self._water_is_new = False
         if (self.integers[:, layout.PHASE] == layout.SETTLING).any():
             self._settle()
         kernels, arrays = self.kernels.point, self._device.values()

@@ -43,14 +43,16 @@ def test_properties_are_the_materials():
 
 
 def test_weight_under_water_is_that_of_the_solver():
-    from mpm_taichi.solver.boundary import make_grid, water_force
+    from mpm_taichi.solver.boundary import make_grid
+    from mpm_taichi.solver.water import water_force
 
     scene = wet()
     facts, start = start_of(scene, SETTINGS)
     cell = make_grid(scene).cell
     for shift in (0.0, 7.0, -3.0):
         places = start + [shift, -0.3 * shift]
-        _, up = water_force(scene, places[:, 0], places[:, 1], cell, "buoyant", 9.81)
+        level = scene.phreatic_level(places[:, 0])
+        _, up = water_force(level, 0.0, places[:, 1], cell, 9.81)
         weight = facts.properties[:, 2] * 9.81
         np.testing.assert_allclose(facts.body_force_factor(places), 1 - up / weight, atol=1e-6)
     np.testing.assert_allclose(facts.properties[:, 3], facts.body_force_factor(start), rtol=1e-6)

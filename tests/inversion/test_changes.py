@@ -14,9 +14,9 @@ from inversion.estimation.data import make_targets
 from inversion.problem.question import (
     CellSize,
     FixedProperty,
+    OtherSetting,
     Target,
     TimeStep,
-    TransferScheme,
     Variant,
     WaterLevel,
     ZoneBoundary,
@@ -75,7 +75,7 @@ def test_numerical_choices(case):
     assert coarse.setup.scene.spacing == 2.0
     (shorter,) = case.sides(TimeStep(name="t", kind="time_step", factor=0.5))
     assert shorter.setup.settings.courant == pytest.approx(0.5 * case.setup.settings.courant)
-    (flip,) = case.sides(TransferScheme(name="f", kind="transfer", scheme="flip"))
+    (flip,) = case.sides(OtherSetting(name="f", kind="simulation", simulation={"transfer": "flip"}))
     assert flip.setup.settings.transfer == "flip"
     assert flip.setup.scene == case.setup.scene
 

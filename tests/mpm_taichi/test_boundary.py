@@ -28,7 +28,6 @@ from mpm_taichi.solver.boundary import (
     make_grid,
     node_tables,
     node_weight,
-    water_force,
 )
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE
@@ -69,10 +68,10 @@ def scene(points, contact="rough", **changes):
     return scene_from_mapping({**document, **changes})
 
 
-def tables(chosen, wall_contact="smooth"):
+def tables(chosen, wall_contact="smooth", water="buoyant"):
     grid = make_grid(chosen)
     kind, table = node_tables(
-        chosen, grid, wall_contact=wall_contact, water="buoyant", gravity=9.81
+        chosen, grid, wall_contact=wall_contact, water=water, water_face="fixed", gravity=9.81
     )
     return grid, kind.reshape(grid.shape), table.reshape(*grid.shape, 8)
 
@@ -231,19 +230,27 @@ def test_fixed_bodies_hold_the_nodes_they_outweigh():
     assert not fixed_by_bodies(grid, soil, np.empty((0, 2)), kind.ravel()).any()
 
 
+def water_at(wet, across, water):
+    """Force of the water at the nodes of the column at 20 m, whose level is 15 m, by elevation."""
+    line = {"water_level": 20.0, "phreatic_line": [[0, 15 + 20 * across], [40, 15 - 20 * across]]}
+    chosen = scene(LINES["level on a grid line"], **(line if wet else {}))
+    grid, _, surroundings = tables(chosen, water=water)
+    x, y = grid.coordinates()
+    column = np.abs(x[:, 0] - 20.0) < 1e-9
+    force = surroundings[column][0][:, [layout.WATER_X, layout.WATER_Y]]
+    return {
+        round(float(place), 6): tuple(one) for place, one in zip(y[column][0], force, strict=True)
+    }
+
+
 def test_water_force_is_the_slope_of_the_pore_pressure():
-    wet = scene(LINES["level on a grid line"], water_level=20.0, phreatic_line=[[0, 20], [40, 10]])
-    x, y = np.array([20.0, 20.0]), np.array([10.0, 25.0])
     unit = 1000 * 9.81
-    across, upward = water_force(wet, x, y, 1.0, "pore_pressure", 9.81)
-    assert across == pytest.approx([unit / 4, 0.0]) and upward == pytest.approx([unit, 0.0])
-    across, upward = water_force(wet, x, y, 1.0, "buoyant", 9.81)
-    assert across == pytest.approx([0.0, 0.0]) and upward == pytest.approx([unit, 0.0])
+    force = water_at(True, 0.25, "pore_pressure")
+    assert force[10.0] == pytest.approx((unit / 4, unit)) and force[25.0] == (0.0, 0.0)
     # At the level itself half a cell is wet, so the force sets in smoothly.
-    _, half = water_force(wet, np.array([20.0]), np.array([15.0]), 1.0, "buoyant", 9.81)
-    assert half == pytest.approx([0.5 * unit])
-    dry = scene(LINES["level on a grid line"])
-    assert not np.any(water_force(dry, x, y, 1.0, "pore_pressure", 9.81))
+    assert force[15.0] == pytest.approx((unit / 8, unit / 2))
+    assert water_at(True, 0.25, "buoyant")[10.0] == pytest.approx((0.0, unit))
+    assert not np.any(list(water_at(False, 0.25, "pore_pressure").values()))
 
 
 # --- contact ---
