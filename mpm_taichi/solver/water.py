@@ -25,7 +25,7 @@ LEVEL_WITH_POOL = 0.01
 
 
 def head_places(x: np.ndarray, cell: float) -> np.ndarray:
-    """Where the force needs the head, (2n + 1,): at the nodes x (n,) and half a cell to either side.
+    """Where the force needs the head (2n + 1,): at the nodes x (n,) and half a cell either side.
 
     Odd entries are the nodes.
     """
