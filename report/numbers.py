@@ -63,6 +63,17 @@ def plus_minus(value: float, std: float, unit: str = "") -> str:
     return with_unit(f"{fixed(value, places)} ± {std:.{places}f}", unit)
 
 
+def at_least(value: float, std: float, unit: str = "") -> str:
+    """A lower bound of 95 %, to two digits of the standard deviation behind it."""
+    places = min(max(0, 1 - math.floor(math.log10(std))), 3) if std > 0 else 2
+    return f"≥ {with_unit(fixed(value, places), unit)} (95 %)"
+
+
+def limited(value: float | None, censored: bool) -> str | None:
+    """A measured value, or the limit that it kept below."""
+    return f"< {fixed(value)}" if censored else fixed(value)
+
+
 def span(low: float | None, high: float | None) -> str | None:
     """A range; None where it has no ends."""
     return None if low is None or high is None else f"{fixed(low)} to {fixed(high)}"

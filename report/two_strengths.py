@@ -72,7 +72,7 @@ def two_strengths(folder: str | Path) -> TwoStrengths:
     if answer is None or document is None or answer.case != document.case:
         return TwoStrengths(Table(HEAD, []))
     words = {p.name: p for p in document.parameters if p.strength}
-    shared = [p for p in answer.answer.parameters if p.name in words]
+    shared = [p for p in answer.answer.parameters if p.name in words and p.lower_bound_95 is None]
     rows, differences = [], []
     for parameter in shared:
         name, unit = parameter.name, parameter.unit

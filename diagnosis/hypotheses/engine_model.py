@@ -136,11 +136,16 @@ class EngineModel:
         return self.store.computed - self._computed_before
 
     def predict(self, states: Sequence[State]) -> np.ndarray:
-        """Predictions (n, m) of all states as one batch; a row of NaN where a run failed."""
+        """Predictions (n, m) of all states as one batch; a row of NaN where a run failed.
+
+        A limit that is kept (`no_flow`) is predicted as the limit: it costs nothing, and a
+        signature is what an effect moves beyond it.
+        """
         rows = np.array([self._moved_by_survey(state) for state in states])
         behind = [self.run_behind(state) for state in states]
         found = self._read_all(list(dict.fromkeys(behind)), self.targets)
-        return rows + np.array([found[state] for state in behind]).reshape(rows.shape)
+        rows = rows + np.array([found[state] for state in behind]).reshape(rows.shape)
+        return self.targets.counted(rows)
 
     @cached_property
     def proposals(self) -> list[Proposal]:

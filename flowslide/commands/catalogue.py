@@ -55,8 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(catalogue_table(load_catalogue(), load_strengths()))
     for answer in answers:
         print(
-            f"our answer: {answer.title}, {answer.label}: {answer.s_r_kpa:.3g} +- "
-            f"{answer.std_kpa:.2g} kPa, ratio {answer.ratio:.3f} +- {answer.ratio_std:.3f}"
+            f"our answer: {answer.title}, {answer.label}: {answer.words}, "
+            f"ratio {answer.ratio_words}".replace("±", "+-")
         )
     if arguments.out is not None:
         from report.charts.catalogue import draw_catalogue  # matplotlib takes its time

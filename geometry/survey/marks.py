@@ -33,12 +33,14 @@ class Distance:
         outward: +1 to the right, -1 to the left.
         value: measured, outward positive [m].
         stated_range: lower and upper end of it, where a range is stated [m].
+        limit: the distance was not reached; `value` is an upper limit.
     """
 
     start: float
     outward: float
     value: float
     stated_range: tuple[float, float] | None
+    limit: bool = False
 
     @property
     def end(self) -> float:

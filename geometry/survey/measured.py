@@ -158,6 +158,8 @@ class Measured(Document):
     read on the last frame alone. Runs keep such a reading by these fields, not their frames."""
     as_one: ClassVar[bool] = False
     """In tables of a run, the root mean square of the differences stands for all values."""
+    censored: ClassVar[bool] = False
+    """The values are upper limits that were not exceeded; how far below them is not known."""
     code: ClassVar[str] = ""
     """Hash of the file of a user's own type."""
 

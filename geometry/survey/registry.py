@@ -20,6 +20,7 @@ from geometry.survey.crest_settlement import CrestSettlement
 from geometry.survey.freeboard import Freeboard
 from geometry.survey.marker_displacement import MarkerDisplacement
 from geometry.survey.measured import REQUIRED, REQUIRED_FIELDS, Measured
+from geometry.survey.no_flow import NoFlow
 from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe_history import ToeHistory
@@ -38,6 +39,7 @@ LIBRARY: tuple[type[Measured], ...] = (
     Velocity,
     SlideDuration,
     Freeboard,
+    NoFlow,
 )
 
 _users: dict[str, type[Measured]] = {}

@@ -464,9 +464,8 @@ class BackAnalysis:
             f"{name} {value:.1f} m"
             for name, value in targets.named(evaluation.prediction.values, targets.fitted).items()
         )
-        name = {"scan": "scan", "start": "start"}.get(
-            evaluation.kind, f"iteration {evaluation.iteration}"
-        )
+        begins = evaluation.kind in ("scan", "start")
+        name = evaluation.kind if begins else f"iteration {evaluation.iteration}"
         loss = (
             f"loss {evaluation.loss:.3g}"
             if np.isfinite(evaluation.loss)

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from geometry.case import Case
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
@@ -47,12 +49,13 @@ class InversionCase(Case):
 
     def objective(self, setup: Setup | None = None) -> Objective:
         """The objective to minimise, for the question or another reading of it."""
-        settings = self.config.inversion
-        tolerance = settings.tolerance_m2
-        if self.question.loss == "misfit":
-            tolerance = settings.tolerance_misfit
+        settings, loss = self.config.inversion, self.question.loss
         chosen = self.setup if setup is None else setup
-        return Objective(chosen.parameters, chosen.targets, self.question.loss, tolerance)
+        targets = chosen.targets
+        if limit := bool(np.all(targets.censored[targets.fitted])):
+            loss = "runout"  # the limit is to be met, however well the movement is known
+        tolerance = settings.tolerance_misfit if loss == "misfit" else settings.tolerance_m2
+        return Objective(chosen.parameters, targets, loss, tolerance, limit=limit)
 
     def variant(self, variant: Variant) -> Changed:
         """The setup of a variant."""

@@ -87,8 +87,7 @@ class Problem:
         change = parameters.to_fitted(self._trial) - parameters.to_fitted(self.values)
         loss = self.objective.value(prediction)
         if np.isfinite(loss):
-            mask = self.objective.targets.fitted
-            gained = (prediction.values - self.prediction.values)[mask]
+            gained = self.objective.counted(prediction) - self.objective.counted(self.prediction)
             self.slope = broyden(self.slope, change, gained)
         if loss < self.loss:
             self.values, self.prediction = self._trial, prediction

@@ -44,6 +44,12 @@ class ParameterAnswer(StrictDocument):
     )
     std_total: float = Field(description="root of the sum of the squares of all of them")
     interval_95: tuple[float, float] = Field(description="95 % of the total, cut at the bounds")
+    lower_bound_95: float | None = Field(
+        None,
+        description="where no flow was measured and nothing else fitted: the strength is at least "
+        "this, with 95 % confidence; `value` is then the smallest at which nothing runs. null: "
+        "fitted to what ran",
+    )
     equally_good_range: tuple[float, float] | None = Field(
         description="least and largest value among the equally good answers; null: not searched"
     )
@@ -61,6 +67,9 @@ class ParameterAnswer(StrictDocument):
     ratio_std: float | None = Field(
         description="standard deviation of the ratio; an assumption that moves both is applied to "
         "both"
+    )
+    ratio_lower_bound_95: float | None = Field(
+        None, description="lower_bound_95 as a ratio, with the standard deviation of the ratio"
     )
 
 
@@ -150,7 +159,7 @@ class Iteration(StrictDocument):
     """One look at the engine: a forward run with its derivative, or a run of the scan."""
 
     iteration: int = Field(description="0: the start, and the scan where there was one")
-    kind: Literal["start", "scan", "lbfgsb", "gauss_newton"] = Field(
+    kind: Literal["start", "scan", "lbfgsb", "gauss_newton", "limit"] = Field(
         description="what asked for it"
     )
     accepted: bool = Field(description="False: a step that made it worse and was taken back")
@@ -223,7 +232,12 @@ class MeasurementAnswer(StrictDocument):
     group: str = Field(description="name of the measurement it belongs to")
     type: str = Field(description="as in measurements.yaml")
     unit: str = Field(description="m, m/s or s")
-    measured: float | None = Field(description="null for a reading without a measurement")
+    measured: float | None = Field(
+        description="of a censored number its limit; null for a reading without a measurement"
+    )
+    censored: bool = Field(
+        False, description="`measured` is an upper limit that was not exceeded (no_flow)"
+    )
     low: float | None = Field(description="lower end of the stated range")
     high: float | None = Field(description="upper end of the stated range")
     std: float | None = Field(
@@ -231,7 +245,9 @@ class MeasurementAnswer(StrictDocument):
     )
     predicted: float = Field(description="at the answer")
     predicted_at_start: float = Field(description="before anything moved; nothing is subtracted")
-    difference_in_std: float | None = Field(description="(predicted - measured) / std")
+    difference_in_std: float | None = Field(
+        description="(predicted - measured) / std; 0 while a limit is kept"
+    )
     role: Role = Field(description="what the search did with it")
     confidence: str = Field(description="how far the measured value may be trusted")
     source: str = Field(description="where it is written")

@@ -21,7 +21,7 @@ from inversion.back_analysis.result import (
     fitted_to,
 )
 from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import Posterior, direction_in_words, interval
+from inversion.estimation.posterior import Posterior, direction_in_words, interval, lower_bound
 from inversion.estimation.search import Evaluation, SearchResult
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Prediction
@@ -78,7 +78,7 @@ def start_of(found: SearchResult, objective: Objective) -> Start:
 def measurements(objective: Objective, prediction: Prediction) -> list[MeasurementAnswer]:
     """Measured against predicted, one line for each number."""
     targets = objective.targets
-    lines = []
+    lines, counted = [], targets.counted(prediction.values)
     for place, group in enumerate(targets.groups):
         entry, value = targets.entries[group], prediction.values[place]
         if not np.isfinite(value):
@@ -91,13 +91,15 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
                 type=entry.type,
                 unit=entry.unit,
                 measured=float(targets.measured[place]),
+                censored=entry.censored,
                 low=ends[0],
                 high=ends[1],
                 std=float(np.sqrt(targets.covariance[place, place])),
                 predicted=float(value),
                 predicted_at_start=float(np.nan_to_num(prediction.at_start[place])),
                 difference_in_std=float(
-                    (value - targets.measured[place]) / np.sqrt(targets.covariance[place, place])
+                    (counted[place] - targets.measured[place])
+                    / np.sqrt(targets.covariance[place, place])
                 ),
                 role=targets.roles[place],
                 confidence=entry.confidence,
@@ -186,6 +188,7 @@ def answer(
             interval(parameters, found.values, total),
             ratio_changes,
             stops,
+            objective.limit,
         ),  # fmt: skip
         loss=evaluation.loss,
         loss_unit=objective.unit,
@@ -237,9 +240,10 @@ def _parameters(
     spread: Posterior,
     total: np.ndarray,
     sources: Mapping[str, Mapping[str, float]],
-    intervals: Sequence[tuple[float, float]],
+    intervals: list[tuple[float, float]],
     ratio_changes: Mapping[str, Mapping[str, float]],
     stops: Sequence[EquivalentAnswer],
+    limit: bool,
 ) -> list[ParameterAnswer]:
     parameters = case.parameters
     prediction = found.best.prediction
@@ -252,6 +256,11 @@ def _parameters(
         sigma = float(prediction.sigma_v0_kpa[place]) if has_ratio else None
         own = spread.std[place] / sigma if has_ratio else 0.0
         changes = [change.get(spec.name, 0.0) for change in ratio_changes.values()]
+        ratio_std = float(np.sqrt(own**2 + sum(c**2 for c in changes))) if has_ratio else None
+        bound = None
+        if limit and parameters.strengths[place]:
+            bound = lower_bound(float(found.values[place]), float(total[place]))
+            intervals[place] = (max(bound, spec.low), spec.high)
         lines.append(
             ParameterAnswer(
                 name=spec.name,
@@ -277,8 +286,10 @@ def _parameters(
                 sigma_v0_kpa=sigma,
                 sigma_v0_std_kpa=(float(prediction.sigma_v0_std_kpa[place]) if has_ratio else None),
                 ratio=ratio.get(spec.name),
-                ratio_std=(
-                    float(np.sqrt(own**2 + sum(c**2 for c in changes))) if has_ratio else None
+                ratio_std=ratio_std,
+                lower_bound_95=bound,
+                ratio_lower_bound_95=(
+                    lower_bound(ratio[spec.name], ratio_std) if bound and has_ratio else None
                 ),
             )
         )

@@ -85,6 +85,7 @@ class OurAnswer:
         std_kpa: its standard deviation, all sources [kPa].
         ratio: S_r/sigma'_v0 with the stress of our section.
         ratio_std: its standard deviation.
+        bound: strength and ratio are lower bounds (95 %): nothing flowed.
     """
 
     case: str
@@ -95,6 +96,21 @@ class OurAnswer:
     std_kpa: float
     ratio: float
     ratio_std: float
+    bound: bool = False
+
+    @property
+    def words(self) -> str:
+        """The strength: a value with its standard deviation, or a lower bound."""
+        if self.bound:
+            return f"at least {self.s_r_kpa:.3g} kPa (95 %)"
+        return f"{self.s_r_kpa:.3g} ± {self.std_kpa:.2g} kPa"
+
+    @property
+    def ratio_words(self) -> str:
+        """The same of the ratio."""
+        return f"at least {self.ratio:.3f}" if self.bound else (
+            f"{self.ratio:.3f} ± {self.ratio_std:.3f}"
+        )  # fmt: skip
 
 
 def load_catalogue(folder: Path = FOLDER) -> list[Entry]:
@@ -151,20 +167,25 @@ def load_strengths(folder: Path = FOLDER) -> list[Strength]:
 
 def answers_of(result: Mapping[str, Any]) -> list[OurAnswer]:
     """The strengths of a `result.json` that have a stress to be compared with."""
-    return [
-        OurAnswer(
-            case=result["case"],
-            title=result["title"],
-            label=parameter["label"],
-            zones=tuple(parameter["zones"]),
-            s_r_kpa=parameter["value"],
-            std_kpa=parameter["std_total"],
-            ratio=parameter["ratio"],
-            ratio_std=parameter["ratio_std"],
+    found = []
+    for parameter in result["answer"]["parameters"]:
+        if parameter["ratio"] is None:
+            continue
+        bound = parameter.get("ratio_lower_bound_95") is not None
+        found.append(
+            OurAnswer(
+                case=result["case"],
+                title=result["title"],
+                label=parameter["label"],
+                zones=tuple(parameter["zones"]),
+                s_r_kpa=parameter["lower_bound_95" if bound else "value"],
+                std_kpa=parameter["std_total"],
+                ratio=parameter["ratio_lower_bound_95" if bound else "ratio"],
+                ratio_std=parameter["ratio_std"],
+                bound=bound,
+            )
         )
-        for parameter in result["answer"]["parameters"]
-        if parameter["ratio"] is not None
-    ]
+    return found
 
 
 def load_answers(paths: Iterable[str | Path]) -> list[OurAnswer]:

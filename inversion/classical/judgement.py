@@ -150,7 +150,7 @@ def default_judgements(measurements: Measurements, source: str) -> list[Judgemen
     Raises:
         InputError: there is none.
     """
-    toes = [m for m in measurements.chosen() if m.toe_side is not None]
+    toes = [m for m in measurements.chosen() if m.toe_side is not None and not m.censored]
     sides = {toe.toe_side for toe in toes if toe.values[0] > 0}
     if not sides:
         raise InputError(

@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from inversion.estimation.flow_limit import flow_limit
 from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
 from inversion.estimation.geometric_scan import look_around, moved, scan
 from inversion.estimation.lbfgsb import lbfgsb
@@ -44,8 +45,11 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
         least_m: what must move at the start, else the strengths are scanned first [m].
 
     Raises:
-        WorkFailed: nothing moves at all, or the first run failed.
+        WorkFailed: nothing moves at all, or the first run failed; the limit of flow lies beyond the
+            bounds.
     """
+    if search.objective.limit:
+        return flow_limit(search, start)
     first = search.evaluate(start, "start", 0)
     if _says_nothing(search, first, least_m):
         best = scan(search, first, least_m)

@@ -54,6 +54,23 @@ class Targets:
         return np.array([role == "fitted" for role in self.roles], dtype=bool)
 
     @property
+    def censored(self) -> np.ndarray:
+        """(m,) bool: an upper limit that was not exceeded, in place of a measured value."""
+        return np.array([self.entries[group].censored for group in self.groups], dtype=bool)
+
+    def kept(self, values: np.ndarray) -> np.ndarray:
+        """(..., m) bool: censored numbers whose prediction (..., m) is below the limit."""
+        with np.errstate(invalid="ignore"):
+            return self.censored & (values < self.measured)
+
+    def counted(self, values: np.ndarray) -> np.ndarray:
+        """Predictions (..., m) as a sum of squares counts them: a limit that is kept costs nothing.
+
+        Differences and changes of such predictions are those of the one-sided misfit.
+        """
+        return np.where(self.kept(values), self.measured, values)
+
+    @property
     def shown(self) -> np.ndarray:
         """(m,) bool: shown in tables and histories; not what was constructed."""
         return np.array([role != "constructed" for role in self.roles], dtype=bool)

@@ -38,6 +38,9 @@ class Objective:
         loss: runout or misfit.
         tolerance: loss below which a prediction is good enough.
         data_alone: without what is known beforehand: every answer that fits is as good.
+        limit: only limits that were kept are fitted (`no_flow`). Every answer on one side is then
+            as good, and its end is what is looked for: the limit that comes nearest to being
+            broken is to be reached, the others to be kept.
     """
 
     parameters: Parameters
@@ -45,6 +48,7 @@ class Objective:
     loss: Literal["runout", "misfit"]
     tolerance: float
     data_alone: bool = False
+    limit: bool = False
 
     @property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
@@ -81,9 +85,31 @@ class Objective:
         return np.eye(int(self.targets.fitted.sum())) * 3.0 / np.sqrt(self.tolerance)
 
     def difference(self, prediction: Prediction) -> np.ndarray:
-        """Predicted minus measured, fitted numbers (k,)."""
-        mask = self.targets.fitted
-        return prediction.values[mask] - self.targets.measured[mask]
+        """Predicted minus measured, fitted numbers (k,); 0 where they say nothing (`silent`)."""
+        return self.counted(prediction) - self.targets.measured[self.targets.fitted]
+
+    def counted(self, prediction: Prediction) -> np.ndarray:
+        """The fitted numbers (k,) as the sum counts them: a limit that is kept costs nothing."""
+        counted = np.where(self.silent(prediction), self.targets.measured, prediction.values)
+        return counted[self.targets.fitted]
+
+    def silent(self, prediction: Prediction) -> np.ndarray:
+        """Numbers whose limit is kept and which therefore say nothing there, (m,) bool."""
+        silent = self.targets.kept(prediction.values)
+        if self.limit and np.any(np.isfinite(prediction.values)):
+            silent[int(np.nanargmax(self._excesses(prediction)))] = False
+        return silent
+
+    def excess(self, prediction: Prediction) -> float:
+        """Largest movement beyond a fitted limit, in standard deviations; infinite if it failed."""
+        excesses = self._excesses(prediction)[self.targets.fitted & self.targets.censored]
+        return float("inf") if np.isnan(excesses).any() else float(excesses.max())
+
+    def _excesses(self, prediction: Prediction) -> np.ndarray:
+        """Predicted minus limit in standard deviations, (m,); minus infinity without a limit."""
+        std = np.sqrt(np.diag(self.targets.covariance))
+        own = self.targets.fitted & self.targets.censored
+        return np.where(own, (prediction.values - self.targets.measured) / std, -np.inf)
 
     def value(self, prediction: Prediction) -> float:
         """The loss: m2, or the sum of squared standardised differences; infinite if it failed."""

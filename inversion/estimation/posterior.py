@@ -24,6 +24,8 @@ from inversion.estimation.unknowns import Parameters
 
 #: A standard deviation of more than this share of the one before: not determined.
 AS_WIDE = 0.9
+#: Standard normal quantile of 95 % on one side.
+ONE_SIDED_95 = 1.645
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,15 @@ def interval(
     low = parameters.to_values(np.maximum(fitted - 1.96 * relative, parameters.fitted_low))
     high = parameters.to_values(np.minimum(fitted + 1.96 * relative, parameters.fitted_high))
     return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+
+
+def lower_bound(value: float, std: float) -> float:
+    """One-sided 95 % lower bound of a strength whose limit of flow is known, in its unit.
+
+    With the limit lognormal about `value`, at the bound something would have run with a probability
+    of 95 %; at any smaller strength with more.
+    """
+    return float(value * np.exp(-ONE_SIDED_95 * std / value))
 
 
 def root_mean_square(changes: Sequence[Mapping[str, float]], name: str) -> float:

@@ -17,7 +17,7 @@ from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
 
-Kind = Literal["start", "scan", "lbfgsb", "gauss_newton"]
+Kind = Literal["start", "scan", "lbfgsb", "gauss_newton", "limit"]
 
 
 @dataclass(frozen=True)
@@ -108,6 +108,7 @@ class Search:
         """Run at `values` with the derivative; learn the next steps from it."""
         steps = self.steps.steps(values)
         prediction, derivative, taken = self.engine.derivative(values, steps)
+        derivative = np.where(self.objective.silent(prediction)[:, None], 0.0, derivative)
         if prediction.status != "failed":
             self.steps.learn(derivative[self.objective.targets.fitted], values)
         return self.record(values, kind, iteration, prediction, derivative, taken)

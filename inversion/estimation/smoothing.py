@@ -72,7 +72,8 @@ def _least_squares(
     """Least squares of the smooth functions, fitted (p,); None where it lies at the rim."""
     objective = search.objective
     rows, constants = objective.prior
-    goal = objective.targets.measured[objective.targets.fitted]
+    mask = objective.targets.fitted
+    goal, bounded = objective.targets.measured[mask], objective.targets.censored[mask]
 
     def terms(place: np.ndarray) -> np.ndarray:
         return np.concatenate([[1.0], place, place**2])
@@ -81,7 +82,9 @@ def _least_squares(
     coefficients = np.linalg.lstsq(matrix, numbers, rcond=None)[0]
 
     def residuals(place: np.ndarray) -> np.ndarray:
-        data = objective.whitener @ (terms(place) @ coefficients - goal)
+        smooth = terms(place) @ coefficients
+        kept = bounded & (smooth < goal)  # a limit that is kept costs nothing
+        data = objective.whitener @ np.where(kept, 0.0, smooth - goal)
         return np.concatenate([data, rows @ (centre + half * place) - constants])
 
     low, high = places.min(axis=0), places.max(axis=0)

@@ -156,10 +156,12 @@ def _draw_answers(
         shared[x] = shared.get(x, 0) + 1
         x += shared[x] * APART
         low = min(answer.ratio_std, answer.ratio)
-        ax.errorbar(
-            [x], [answer.ratio], yerr=[[low], [answer.ratio_std]], fmt="none",
-            ecolor=OUR_COLOUR, capsize=3, linewidth=1.6, zorder=7,
-        )  # fmt: skip
+        if answer.bound:  # an arrow upwards
+            bar = {"yerr": 0.15 * ax.get_ylim()[1], "lolims": True}
+        else:
+            bar = {"yerr": [[low], [answer.ratio_std]], "capsize": 3}
+        ax.errorbar([x], [answer.ratio], fmt="none", ecolor=OUR_COLOUR, linewidth=1.6, zorder=7,
+                    **bar)  # fmt: skip
         ax.plot([x], [answer.ratio], marker="o", markersize=12, color=OUR_COLOUR,
                 markeredgecolor="white", zorder=8)  # fmt: skip
         letter = chr(ord("A") + number % 26)
@@ -168,7 +170,7 @@ def _draw_answers(
         taken.append(_box(ax, x, answer.ratio, (-8, -8, 8, 8)))
         zones = f"zone{'s' * (len(answer.zones) > 1)} {', '.join(answer.zones)}"
         title = answer.title.replace("$", r"\$")  # no formula
-        words = f"{letter}  {title}, {zones}: {answer.s_r_kpa:.3g} ± {answer.std_kpa:.2g} kPa"
+        words = f"{letter}  {title}, {zones}: {answer.words}"
         ax.annotate(words, (0.0, 1.0), xycoords="axes fraction", xytext=(8, -6 - LINE * number),
                     textcoords="offset points", va="top", fontsize=8, color=OUR_COLOUR,
                     path_effects=HALO, zorder=9)  # fmt: skip

@@ -112,13 +112,14 @@ def _predicted_toes(ax: Axes, data: BackAnalysisData, line: Iteration) -> None:
 
 def _heading(data: BackAnalysisData, look: int) -> str:
     line = data.result.iterations[look]
-    kind = {"start": "start", "scan": "scan"}.get(line.kind, f"iteration {line.iteration}")
+    kind = line.kind if line.kind in ("start", "scan") else f"iteration {line.iteration}"
     values = ", ".join(
         f"{_where(p.zones)}: {with_unit(line.values[p.name], p.unit)}"
         for p in data.result.answer.parameters
     )
     toes = ", ".join(
-        f"{toe.name} {line.predicted[toe.name]:.1f} m (measured {toe.values[0]:g})"
+        f"{toe.name} {line.predicted[toe.name]:.1f} m "
+        f"(measured {'< ' * toe.censored}{toe.values[0]:g})"
         for toe in data.toes
         if toe.name in line.predicted
     )

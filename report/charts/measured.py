@@ -50,5 +50,6 @@ def _summary(one: Series) -> str:
         square = sum((m.predicted - m.measured) ** 2 for m in one.lines) / len(one.lines)
         return f"{len(one.lines)} points, off by {square**0.5:.1f} {m.unit} (root mean square)"
     return (
-        f"measured {m.measured:g} ± {m.std:.3g} {m.unit}, predicted {fixed(m.predicted)} {m.unit}"
+        f"measured {'< ' * m.censored}{m.measured:g} ± {m.std:.3g} {m.unit}, "
+        f"predicted {fixed(m.predicted)} {m.unit}"
     )

@@ -63,7 +63,8 @@ def _draw_row(ax: Axes, number: int, row: Strength) -> None:
         ax.barh(number, row.high - row.low, left=row.low, height=0.52, color=colour, alpha=0.35,
                 linewidth=0, zorder=2)  # fmt: skip
     hollow = row.hollow or row.kind == "variant"
-    ax.plot(row.value, number, marker="D" if row.kind == "ours" else "o", linestyle="none",
+    ours = ">" if row.bound else "D"
+    ax.plot(row.value, number, marker=ours if row.kind == "ours" else "o", linestyle="none",
             markersize=7 if row.kind == "ours" else 5.5, color=colour, zorder=4,
             markerfacecolor="white" if hollow else colour)  # fmt: skip
     right = max(end for end in (row.value, row.high, *(row.wide or ())) if end is not None)
@@ -75,6 +76,8 @@ def _label(row: Strength) -> str:
     """The value, and its range or standard deviation where it has one."""
     if row.low is None:
         return fixed(row.value)
+    if row.bound:
+        return f"≥ {fixed(row.value)} (95 %)"
     if row.kind == "ours":
         return f"{fixed(row.value)} ± {fixed(row.high - row.value)}"
     return f"{fixed(row.value)} ({span(row.low, row.high)})"

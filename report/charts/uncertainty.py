@@ -15,7 +15,8 @@ from matplotlib.axes import Axes
 from inversion.back_analysis.result import ParameterAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from report.data.back_analysis import BackAnalysisData
-from report.numbers import MINUS, fixed, plus_minus, unit_of, with_unit
+from report.numbers import MINUS, fixed, unit_of, with_unit
+from report.sentences.back_analysis import answer_words
 from report.style import (
     HELD_OUT,
     NOTE,
@@ -112,8 +113,7 @@ def _draw_tornado(ax: Axes, p: ParameterAnswer, panel: Sequence[Bar]) -> None:
                 tell(ax, p.value + change, number, f"{change:+.2g}".replace("-", MINUS),
                      away=(side, 0))  # fmt: skip
     labels(ax, words(f"{p.label} ({unit_of(p.unit)})"))
-    heading = f"{p.label}: {plus_minus(p.value, p.std_total, p.unit)} (shaded)"
-    title(ax, words(heading), loc="right")
+    title(ax, words(f"{answer_words(p)} (shaded)"), loc="right")
 
 
 def draw_before_after(data: BackAnalysisData, path: Path) -> Path:

@@ -26,6 +26,7 @@ class Strength:
         kind: ours, engine, variant, classical or others.
         wide: a second, wider range (95 %).
         hollow: the value is quoted from memory.
+        bound: the value is a lower bound (95 %); `low` to `high` is the limit of flow.
     """
 
     label: str
@@ -35,6 +36,7 @@ class Strength:
     kind: str
     wide: tuple[float, float] | None = None
     hollow: bool = False
+    bound: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,11 +76,12 @@ def _ours(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
         if p.name in names:
             yield Strength(
                 f"{engine}, zone {', '.join(p.zones)}" if several else f"{engine}, this analysis",
-                p.value,
+                p.value if p.lower_bound_95 is None else p.lower_bound_95,
                 max(p.value - p.std_total, 0.0),
                 p.value + p.std_total,
                 "ours",
                 p.interval_95,
+                bound=p.lower_bound_95 is not None,
             )
     for variant in data.result.variants:
         for p in data.strengths:

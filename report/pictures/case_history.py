@@ -137,7 +137,7 @@ def distances(case: Case, readings: Sequence[Reading]) -> Overlay:
         for reading, mark in pairs:
             foot, outward = mark.start, mark.outward
             upper, lower = (share * _height(case) for share in LINES)
-            words = f"{mark.value:g} m measured"
+            words = f"{'less than ' * mark.limit}{mark.value:g} m measured"
             if mark.stated_range is not None:
                 low, high = mark.stated_range
                 words += f" ({low:g}-{high:g} m)"

@@ -13,7 +13,7 @@ import numpy as np
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engine_registry import engine_named
 from report.data.back_analysis import BackAnalysisData
-from report.numbers import fixed, plus_minus, signed, span, with_unit
+from report.numbers import at_least, fixed, plus_minus, signed, span, with_unit
 
 FAR, FAR_SHARE = 2.0, 0.1
 """Standard deviations beyond which a difference is a misfit; share of a series that may exceed."""
@@ -30,6 +30,9 @@ def answer_sentence(data: BackAnalysisData) -> str:
     result = data.result
     parts = []
     for p in data.strengths or result.answer.parameters:
+        if p.lower_bound_95 is not None:
+            parts.append(_bound(p))
+            continue
         ratio = ""
         if p.ratio is not None:
             ratio = f" (S_r/σ'_v0 = {p.ratio:.3f} ± {p.ratio_std:.3f})"
@@ -39,6 +42,24 @@ def answer_sentence(data: BackAnalysisData) -> str:
     how = f"by {engine} at {result.spacing_m:g} m spacing{_water(data)}"
     end = "" if result.answer.reached else " NOT FITTED: the search ended with a large loss."
     return f"{'; '.join(parts)}; {how}.{end}"
+
+
+def answer_words(p: ParameterAnswer) -> str:
+    """A parameter and its answer; of a bound the limit of flow that it rests on."""
+    of = "" if p.lower_bound_95 is None else ", limit of flow"
+    return f"{p.label}{of}: {plus_minus(p.value, p.std_total, p.unit)}"
+
+
+def _bound(p: ParameterAnswer) -> str:
+    """A strength of which only a lower bound is known."""
+    ratio = ""
+    if p.ratio_lower_bound_95 is not None:
+        ratio = f", S_r/σ'_v0 ≥ {p.ratio_lower_bound_95:.3f}"
+    limit = plus_minus(p.value, p.std_total, p.unit)
+    return (
+        f"{p.label} {at_least(p.lower_bound_95, p.std_total, p.unit)}{ratio}: nothing ran, and "
+        f"below {limit} something would"
+    )
 
 
 def _equally_good(parameter: ParameterAnswer) -> str:
@@ -96,11 +117,23 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
         "± is one standard deviation and includes the survey and every assumption that was varied. "
         "Ratios refer to the mean vertical effective stress of the zone before failure."
     ]
-    ranges = [f"{p.label} {span(*p.interval_95)} kPa" for p in data.strengths]
+    bounds = [p.label for p in data.strengths if p.lower_bound_95 is not None]
+    if bounds:
+        said.append(
+            f"No flow was measured, so of {', '.join(bounds)} only a lower bound is known: at it "
+            "something would have run with a probability of 95 %, with the survey's error and "
+            "every assumption counted. Nothing says how much stronger the soil is."
+        )
+    ranges = [
+        f"{p.label} {span(*p.interval_95)} kPa" for p in data.strengths if p.lower_bound_95 is None
+    ]
     if ranges:
         said.append(f"95 % range: {'; '.join(ranges)}.")
     if data.fitted:
-        names = [f"{m.name} {m.measured:g} {m.unit} ({m.confidence})" for m in data.fitted[:6]]
+        names = [
+            f"{m.name} {'< ' * m.censored}{m.measured:g} {m.unit} ({m.confidence})"
+            for m in data.fitted[:6]
+        ]
         more = f" and {len(data.fitted) - 6} more" if len(data.fitted) > 6 else ""
         said.append(
             f"Fitted: {'; '.join(names)}{more}. Set of measurements: '{result.measurement_set}'."
@@ -152,12 +185,13 @@ def compared(data: BackAnalysisData, predicted: Mapping[str, float]) -> list[Com
 
 
 def _compare(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Compared:
-    off = np.array([(value - m.measured) / m.std for m, value in lines])
+    off = np.array([_off(m, value) for m, value in lines])
     worst = int(np.argmax(np.abs(off)))
     m, value = lines[worst]
     beyond = int((np.abs(off) > FAR).sum())
     words = (
-        f"{name} measured {m.measured:g} ± {m.std:.3g} {m.unit}, predicted {fixed(value)} {m.unit}"
+        f"{name} measured {'< ' * m.censored}{m.measured:g} ± {m.std:.3g} {m.unit}, predicted "
+        f"{fixed(value)} {m.unit}"
     )
     if len(lines) > 1:
         square = np.sqrt(np.mean([(value - m.measured) ** 2 for m, value in lines]))
@@ -167,6 +201,12 @@ def _compare(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Com
             f"deviations, root mean square {square:.1f} {m.unit}, worst {place}"
         )
     return Compared(name, m.role, beyond > FAR_SHARE * len(lines), float(off[worst]), words)
+
+
+def _off(m: MeasurementAnswer, value: float) -> float:
+    """Predicted minus measured in standard deviations; 0 while a limit is kept."""
+    off = (value - m.measured) / m.std
+    return max(off, 0.0) if m.censored else off
 
 
 def misfits(data: BackAnalysisData) -> list[Compared]:
@@ -224,7 +264,8 @@ def toe_words(data: BackAnalysisData) -> list[str]:
         rows = [row for row in data.result.engines if row.engine == "mpm"]
         known = next(row.predicted for row in rows if row.values == answer)
     return [
-        f"the {toe.name} moves {fixed(known[toe.name])} m; {toe.values[0]:g} m was measured"
+        f"the {toe.name} moves {fixed(known[toe.name])} m; "
+        f"{'less than ' * toe.censored}{toe.values[0]:g} m was measured"
         for toe in data.toes
         if toe.name in known
     ]

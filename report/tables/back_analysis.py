@@ -11,7 +11,8 @@ from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from report.data.back_analysis import BackAnalysisData, Series
 from report.data.methods import slides
-from report.numbers import fixed, plus_minus, signed, span, unit_of, with_unit
+from report.numbers import fixed, limited, plus_minus, signed, span, unit_of, with_unit
+from report.sentences.back_analysis import answer_words
 from report.table import Table
 
 KINDS = {"ours": "this analysis", "engine": "the same question",
@@ -32,11 +33,13 @@ def answer_table(data: BackAnalysisData) -> Table:
             stress = f"{p.sigma_v0_kpa:.0f} (± {p.sigma_v0_std_kpa:.0f} within the zone)"
         notes = [] if p.determined else [f"not determined (± {p.prior_std:.2g} before)"]
         notes += [f"at its {p.at_bound} bound"] if p.at_bound else []
+        bound = p.lower_bound_95 is not None
+        notes += ["nothing runs from here on; 95 %: a lower bound"] if bound else []
         rows.append(
             [p.label, with_unit(fixed(p.value), p.unit), fixed(p.std_total), fixed(p.std_data),
-             span(*p.interval_95),
+             f"≥ {fixed(p.lower_bound_95)}" if bound else span(*p.interval_95),
              None if p.equally_good_range is None else span(*p.equally_good_range),
-             None if p.ratio is None else f"{p.ratio:.3f} ± {p.ratio_std:.3f}", stress,
+             _ratio(p), stress,
              f"{p.start:g} ({p.low:g} to {p.high:g})",
              "; ".join(notes)]
         )  # fmt: skip
@@ -45,13 +48,27 @@ def answer_table(data: BackAnalysisData) -> Table:
     return Table(header, rows)
 
 
+def _ratio(p: ParameterAnswer) -> str | None:
+    if p.ratio_lower_bound_95 is not None:
+        return f"≥ {p.ratio_lower_bound_95:.3f}"
+    return None if p.ratio is None else f"{p.ratio:.3f} ± {p.ratio_std:.3f}"
+
+
 def method_tables(data: BackAnalysisData) -> list[Table]:
     """The numbers of the chart of methods, one table for each slide."""
     header = ["method", "S_r (kPa)", "range (kPa)", "what it is"]
     return [
         Table(
             header,
-            [[r.label, fixed(r.value), span(r.low, r.high), KINDS[r.kind]] for r in panel.rows],
+            [
+                [
+                    r.label,
+                    f"≥ {fixed(r.value)}" if r.bound else fixed(r.value),
+                    span(r.low, r.high),
+                    KINDS[r.kind],
+                ]
+                for r in panel.rows
+            ],
             panel.title,
         )
         for panel in slides(data)
@@ -62,7 +79,8 @@ def engine_table(data: BackAnalysisData) -> Table:
     """The engines side by side, and under them the classical methods; empty: one engine alone."""
     parameters, fitted = _unknowns(data), data.fitted[:MOST_FITTED]
     header = ["engine", *_columns(parameters),
-              *(f"{m.name}: measured {fixed(m.measured)} {m.unit}" for m in fitted), "loss",
+              *(f"{m.name}: measured {limited(m.measured, m.censored)} {m.unit}" for m in fitted),
+              "loss",
               "points every"]  # fmt: skip
     rows: list[list[str | None]] = []
     for row in data.result.engines:
@@ -100,7 +118,7 @@ def measured_table(data: BackAnalysisData, lines: Sequence[MeasurementAnswer]) -
               "before the slide", "in std", "role"]  # fmt: skip
     rows = [
         [m.name, m.type.replace("_", " "),
-         None if m.measured is None else with_unit(fixed(m.measured), m.unit),
+         None if m.measured is None else with_unit(limited(m.measured, m.censored), m.unit),
          None if m.std is None else f"{m.std:.2g}", span(m.low, m.high),
          with_unit(fixed(m.predicted), m.unit), fixed(m.by_eye), fixed(m.predicted_at_start),
          signed(m.difference_in_std), m.role]
@@ -193,7 +211,7 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
     rows.append(["total", "root of the sum of squares", None, f"{p.std_total:.2f}"])
     unit = unit_of(p.unit)
     header = ["assumption", "what was changed", f"change ({unit})", f"adds ± ({unit})"]
-    return Table(header, rows, f"{p.label}: {plus_minus(p.value, p.std_total, p.unit)}")
+    return Table(header, rows, answer_words(p))
 
 
 def equally_good_table(data: BackAnalysisData) -> Table:

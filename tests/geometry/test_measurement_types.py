@@ -33,7 +33,8 @@ SPEED = {"name": "speed", "type": "velocity", "x_m": 12.0, "at_s": 1.5, "value_m
 DURATION = {"name": "eyewitness", "type": "slide_duration", "value_s": 2.0, "std_s": 0.5}
 PROFILE = {"name": "survey", "type": "surface_profile", "file": "survey.csv", "std_m": 0.4,
            "correlation_length_m": 8.0}  # fmt: skip
-EVERY = [TOE, CREST, CREST_POINTS, FREEBOARD, MARKER, HISTORY, SPEED, DURATION, PROFILE]
+STOOD = {"name": "no flow", "type": "no_flow", "side": "left", "limit_m": 1.5, "std_m": 0.5}
+EVERY = [TOE, CREST, CREST_POINTS, FREEBOARD, MARKER, HISTORY, SPEED, DURATION, PROFILE, STOOD]
 SURVEY = Profile(np.array([8.0, 12.0, 16.0, 20.0]), np.array([4.0, 6.0, 7.0, 6.0]), ["all"] * 4)
 
 
@@ -182,6 +183,15 @@ def test_a_profile_reads_the_surface_over_its_ground(section, slid):
         entry.observe(Deposit(before, before, 0.25, 0.5, slid.foot))
 
 
+def test_what_did_not_flow_is_read_as_a_toe_and_is_a_limit(slid):
+    stood, toe = entry_of(STOOD), entry_of(TOE)
+    assert stood.observe(slid) == pytest.approx(toe.observe(slid))
+    assert stood.censored and not toe.censored
+    assert stood.with_values(np.array([3.0])).values == pytest.approx([3.0])
+    (mark,) = stood.marks({"left": 0.0, "right": 30.0})
+    assert mark.limit and mark.end == pytest.approx(-1.5)
+
+
 def test_a_marker_may_be_measured_in_one_direction(slid):
     both = entry_of(MARKER).observe(slid)
     only = entry_of({key: value for key, value in MARKER.items() if key != "dx_m"})
@@ -243,6 +253,7 @@ def test_what_is_held_out():
         ({**HISTORY, "times_s": [1.0]}, "times_s has 1 numbers and values_m 3"),
         ({**SPEED, "std_m_per_s": 0.0}, "greater than 0"),
         ({**SPEED, "at_s": -2.0}, "greater than or equal to 0"),
+        ({**STOOD, "limit_m": 0.0}, r"limit_m\s+Input should be greater than 0"),
         ({**DURATION, "between": [0.9, 0.1]}, "between 0.9 and 0.1: shares of the way must ascend"),
         ({**DURATION, "between": [0.0, 0.9]}, "must ascend within 0 and 1"),
     ],
@@ -314,6 +325,10 @@ def test_profiles_and_toes_outside_the_domain_are_refused(section):
     box = {"x_min": -10.0, "x_max": 40.0, "y_max": 20.0, "walls": "closed"}
     with pytest.raises(InputError, match="'toe': the toe: -5000 lies outside the domain"):
         check_places(far, section.changed(domain=box), "m.yaml")
+    with pytest.raises(InputError, match="'no flow': limit_m: -60 lies outside the domain"):
+        check_places(
+            measurements_of({**STOOD, "limit_m": 60.0}), section.changed(domain=box), "m.yaml"
+        )
     feet = measurements_of(TOE, initial={"toe_left_x_m": -3000.0})
     with pytest.raises(InputError, match="initial.toe_left_x_m: -3000 lies outside"):
         check_places(feet, section, "m.yaml")

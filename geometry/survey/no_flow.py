@@ -1,0 +1,84 @@
+"""`no_flow`: the toe moved less than a limit; nothing ran, and how far it moved is not known.
+
+A censored observation. In a least-squares fit it costs nothing while the predicted runout is below
+the limit and the excess over it beyond; its likelihood is that of
+`inversion.estimation.likelihood`: Phi((limit - predicted) / std).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field
+
+from geometry.scenes.scene import Scene
+from geometry.survey.checks import check_in_domain
+from geometry.survey.marks import Distance, Mark
+from geometry.survey.measured import Deposit, Length
+from geometry.survey.site import Site
+from geometry.survey.toe import Side, naked_eye_toe, outward_of
+from geometry.survey.toe_runout import toe_runout
+
+
+class NoFlow(Length):
+    """The toe moved less than `limit_m` beyond the foot of the section, on one side."""
+
+    history: ClassVar[None] = None
+    along: ClassVar[None] = None
+    datum: ClassVar[None] = None
+    censored: ClassVar[bool] = True
+
+    type: Literal["no_flow"]
+    side: Side = Field(description="left or right of the section")
+    limit_m: float = Field(
+        gt=0, description="outward movement of the toe that would have been a flow slide [m]"
+    )
+
+    @property
+    def values(self) -> np.ndarray:
+        """The limit, (1,) [m]."""
+        return np.array([self.limit_m])
+
+    def with_values(self, values: np.ndarray) -> Self:
+        """The same with another limit, (1,) [m]."""
+        return self.model_copy(update={"limit_m": float(values[0])})
+
+    @property
+    def toe_side(self) -> Side:
+        """The side of the toe."""
+        return self.side
+
+    def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
+        """Runout [m], as of a `toe_runout`; also below the limit."""
+        return toe_runout(
+            deposit.position,
+            deposit.volume,
+            spacing=deposit.spacing,
+            side=self.side,
+            initial_toe=deposit.foot[self.side],
+            derivative=derivative,
+        )
+
+    def by_eye(self, deposit: Deposit) -> float:
+        """Runout of the outermost connected point [m]."""
+        seen = naked_eye_toe(
+            deposit.position, deposit.volume, spacing=deposit.spacing, side=self.side
+        )
+        return outward_of(self.side) * (seen - deposit.foot[self.side])
+
+    def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
+        """A limit within closed walls; open ones give way."""
+        if scene.domain.walls == "closed":
+            end = feet[self.side] + outward_of(self.side) * self.limit_m
+            check_in_domain(end, scene, f"{where}: limit_m")
+
+    @classmethod
+    def could_be_made(cls, site: Site) -> Sequence[NoFlow]:
+        """None: a `toe_runout` says more."""
+        return []
+
+    def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
+        """A dimension line from the foot to the limit."""
+        return [Distance(feet[self.side], outward_of(self.side), self.limit_m, None, limit=True)]
