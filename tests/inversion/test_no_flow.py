@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import trapezoid
 from scipy.stats import multivariate_normal, norm
 
 from geometry.survey.no_flow import NoFlow
@@ -116,11 +117,13 @@ def test_with_toes_and_correlated_errors_it_is_the_joint_probability():
     covariance = np.array([[4.0, 0.9, 0.4], [0.9, 1.2, 0.3], [0.4, 0.3, 0.8]])
     prediction = np.array([11.0, 1.0, 0.2])
     found = log_likelihood(goal, prediction, covariance)
-    # P(y1, y2 < limit, y3 < limit) by a narrow bar of the first.
-    width = 1e-3
+    # The density of the first, times the share of the others below their limits.
     joint = multivariate_normal(prediction, covariance)
-    ends = [joint.cdf([10.0 + side * width, LIMIT, LIMIT]) for side in (0.5, -0.5)]
-    assert found == pytest.approx(np.log((ends[0] - ends[1]) / width), abs=5e-3)
+    below = np.linspace(LIMIT - 12.0, LIMIT, 801)
+    grid = np.stack(np.meshgrid([10.0], below, below, indexing="ij"), axis=-1)[0]
+    expected = np.log(trapezoid(trapezoid(joint.pdf(grid), below), below))
+    assert found == pytest.approx(expected, abs=1e-3)
+    assert log_likelihood(goal, prediction, covariance) == found, "the same again"
     apart = log_likelihood(goal, prediction)
     expected = norm.logpdf(10.0, 11.0, 2.0) + sum(norm.logcdf((LIMIT - prediction[1:]) / STD))
     assert apart == pytest.approx(expected)
