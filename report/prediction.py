@@ -34,15 +34,22 @@ def summary(document: dict[str, Any]) -> str:
         rows.append(
             [f"{entry['name']} ({entry['unit']})", fixed(entry["mean"]), fixed(entry["std"]),
              *map(fixed, entry["quantiles"].values()),
-             None if entry["measured"] is None else f"{entry['measured']:g}",
+             None if entry["measured"] is None else _measured(entry),
              None if probability is None else f"{100 * probability:.1f} %"]
         )  # fmt: skip
     header = ["quantity", "mean", "std", *(f"{percent} %" for percent in QUANTILES), "measured",
               "P(beyond it)"]  # fmt: skip
     strengths = "; ".join(strength["words"] for strength in document["strengths"])
     lines = [f"{document['case']}: {strengths}", "", Table(header, rows).text(), ""]
-    toes = [entry for entry in document["quantities"] if entry["type"] == "toe_runout"]
+    toes = _toes(document)
     lines.append(_exceedances(toes).text() if toes else "no toe moves")
+    for entry in document["quantities"]:
+        if entry["censored"]:
+            lines.append(
+                f"{entry['name']}: the probability that it flows, a toe that moves more than "
+                f"{entry['measured']:g} {entry['unit']}, is "
+                f"{100 * entry['probability_beyond_measured']:.1f} %"
+            )
     for entry in toes:
         if entry["probability_at_the_edge"] > EDGE_SHOWN:
             lines.append(
@@ -59,6 +66,16 @@ def summary(document: dict[str, Any]) -> str:
         )
     lines.append(f"{len(document['runs'])} simulations, {document['samples']} samples")
     return "\n".join(lines)
+
+
+def _measured(entry: dict[str, Any]) -> str:
+    """The measured value, or the limit that was not exceeded."""
+    return f"{'< ' * entry['censored']}{entry['measured']:g}"
+
+
+def _toes(document: dict[str, Any]) -> list[dict[str, Any]]:
+    """The quantities that are runouts of a toe, measured or below a limit."""
+    return [entry for entry in document["quantities"] if entry["type"] in ("toe_runout", "no_flow")]
 
 
 def _exceedances(toes: Sequence[dict[str, Any]]) -> Table:
@@ -132,15 +149,14 @@ def _draw_band(ax: Axes, sections: dict[str, Any] | None) -> None:
 
 def _draw_curves(ax: Axes, document: dict[str, Any]) -> None:
     """Exceedance of each toe, and what was measured."""
-    toes = [entry for entry in document["quantities"] if entry["type"] == "toe_runout"]
-    for entry, colour in zip(toes, TOES, strict=False):
+    for entry, colour in zip(_toes(document), TOES, strict=False):
         curve = entry["exceedance"]
         beyond = np.array(curve["beyond"])
         ax.plot(beyond, 100 * np.array(curve["probability"]), color=colour, linewidth=1.8,
                 label=entry["name"])  # fmt: skip
         if entry["measured"] is not None:
             ax.axvline(entry["measured"], color=colour, linestyle="--", linewidth=1.2,
-                       label=f"measured: {entry['measured']:g} m")  # fmt: skip
+                       label=f"measured: {_measured(entry)} m")  # fmt: skip
     ax.set(ylim=(0, 100))
     labels(ax, "runout of the toe (m)", "probability of a longer runout (%)")
     ax.grid(color=LINE, linewidth=0.6)

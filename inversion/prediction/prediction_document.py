@@ -77,6 +77,7 @@ def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[st
             "probability": _rounded(found.exceedance(number, beyond)),
         },
         "measured": value if known else None,
+        "censored": entry.censored,
         "probability_beyond_measured": (
             _round(float(found.exceedance(number, np.array([value]))[0])) if known else None
         ),

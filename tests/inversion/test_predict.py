@@ -207,6 +207,27 @@ def test_the_other_toe_of_an_open_domain_is_predicted_however_it_is_drawn(lsfd, 
         assert {entry.name for entry in case.entries} == toes
 
 
+def test_the_probability_of_a_flow_that_did_not_happen_is_told(lsfd):
+    text = (lsfd / "measurements.yaml").read_text()
+    stood = (
+        "    - {name: downstream toe, type: no_flow, side: right, limit_m: 40.0, std_m: 0.5,\n"
+        "       confidence: assumed, source: a test}\n"
+    )
+    (lsfd / "measurements.yaml").write_text(text.replace("  field:\n", "  field:\n" + stood, 1))
+    case = prediction_case(load_case(lsfd))
+    assert "downstream toe" in case.known and "right toe" not in {e.name for e in case.entries}
+    case = replace(case, entries=[e for e in case.entries if e.name == "downstream toe"])
+    strength = lognormal()
+    found = predict(Formula(power_law, ["downstream toe"]), [strength], samples=40_000)
+    document = document_of(case, [strength], found, None)
+    (flow,) = document["quantities"]
+    expected = closed_form(strength, 40.0)
+    assert flow["censored"] and flow["measured"] == 40.0
+    assert flow["probability_beyond_measured"] == pytest.approx(expected, abs=0.01)
+    shown = f"{100 * flow['probability_beyond_measured']:.1f} %"
+    assert f"a toe that moves more than 40 m, is {shown}" in summary(document)
+
+
 @dataclass
 class Sheet(Formula):
     """A block of soil 2 m high whose front lies at the runout."""
