@@ -9,7 +9,7 @@ it by its name. Nothing heavy is imported before an engine is used.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -87,20 +87,23 @@ def _mpm(setup: Setup, store: RunStore) -> Forward:
 def _with_learned_simulator(
     case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
 ) -> BackAnalysis:
+    from gns.data.scene_facts import with_known_water
     from inversion.back_analysis.with_learned_simulator import SurrogateAnalysis
     from inversion.engines.gns_engine import prepare
     from inversion.engines.rollout_store import RolloutStore
     from inversion.engines.trained_model import load_model
 
     prepare(store.device, store.threads)
+    known, left_out = with_known_water(case.scene, case.setup.settings)
     return SurrogateAnalysis(
-        case,
+        replace(case, setup=replace(case.setup, settings=known)),
         store,
         watch.say,
         watch,
         model=load_model(model, store.device),
         rollouts=RolloutStore(folder / "rollouts"),
         on_frame=watch.frame_done,
+        left_out=left_out,
     )
 
 

@@ -157,7 +157,7 @@ class SimulationSettings(Settings):
         description="stress at t = 0: settled elastically, from K0 alone, or gravity at once",
     )
     water: Literal["buoyant", "pore_pressure"] = Field(
-        "buoyant",
+        "pore_pressure",
         description="pool and groundwater as pressure in and on the soil, or as reduced weight "
         "alone, which leaves out the thrust of the pool",
     )
@@ -474,6 +474,11 @@ class ScaleSettings(Settings):
     time_step_s: float | None = Field(
         None, gt=0, description="fixed time step, s; null: simulation.time_step_s"
     )
+    water: Literal["buoyant", "pore_pressure"] = Field(
+        "buoyant",
+        description="as simulation.water; what the features of a learned simulator express is "
+        "buoyant",
+    )
     runs_per_batch: int = Field(100, gt=0, description="runs simulated by one job")
 
     @property
@@ -561,9 +566,9 @@ class Config(Settings):
         return self.scales[name]
 
     def simulation_for(self, scale: str) -> SimulationSettings:
-        """The simulation settings with the scale's own duration and time step put in."""
+        """The simulation settings with the scale's own duration, time step and water put in."""
         own = self.scale(scale)
-        update: dict[str, float] = {"duration_s": own.duration_s}
+        update: dict[str, float | str] = {"duration_s": own.duration_s, "water": own.water}
         if own.time_step_s is not None:
             update["time_step_s"] = own.time_step_s
         return self.simulation.model_copy(update=update)

@@ -219,6 +219,23 @@ def first_window(positions: np.ndarray, facts: SceneFacts, history: int = 6) -> 
     return np.concatenate([earlier, np.asarray(positions, np.float32)[None]])
 
 
+def with_known_water(scene: Scene, settings: SimulationSettings) -> tuple[SimulationSettings, str]:
+    """Settings whose water the features express, and in words what that leaves out, or ""."""
+    if not _thrusts(scene, settings):
+        return settings, ""
+    return settings.model_copy(update={"water": "buoyant"}), (
+        "the learned simulator knows water as reduced weight alone: its answers leave out the "
+        "thrust of the pool, as do the runs of the material point method they are compared with"
+    )
+
+
+def _thrusts(scene: Scene, settings: SimulationSettings) -> bool:
+    """Whether the water pushes sideways, which a factor on the weight does not express."""
+    line = scene.phreatic_line
+    slopes = scene.has_water and line is not None and len({y for _, y in line}) > 1
+    return slopes and settings.water == "pore_pressure"
+
+
 def _check_known(scene: Scene, settings: SimulationSettings) -> None:
     """Refuse what the features cannot carry."""
     if on := effects_on(scene):
@@ -226,9 +243,7 @@ def _check_known(scene: Scene, settings: SimulationSettings) -> None:
             f"{scene.name}: effects: {on[0].effect.name} is on; the learned simulator knows the "
             "base physics alone"
         )
-    line = scene.phreatic_line
-    slopes = scene.has_water and line is not None and len({y for _, y in line}) > 1
-    if slopes and settings.water == "pore_pressure":
+    if _thrusts(scene, settings):
         raise InputError(
             f"{scene.name}: simulation.water: pore_pressure with a phreatic line that is not "
             "level; the learned simulator knows water as reduced weight: allowed is buoyant"

@@ -49,6 +49,7 @@ class SurrogateAnalysis(BackAnalysis):
         model: the simulator.
         rollouts: where its rollouts and their derivatives are kept.
         on_frame: called for each frame of a rollout.
+        left_out: what of the case's water neither engine has here, in words.
         pairs: both engines around the fit; None: not asked yet.
         alone: the answer without any correction.
         judged: what the material point method predicts at the answer.
@@ -59,6 +60,7 @@ class SurrogateAnalysis(BackAnalysis):
     model: Model
     rollouts: RolloutStore
     on_frame: Callable[[int, int], None] | None = None
+    left_out: str = ""
     pairs: Pairs | None = None
     alone: SearchResult | None = None
     judged: Prediction | None = None
@@ -109,6 +111,8 @@ class SurrogateAnalysis(BackAnalysis):
 
     def search_alone(self) -> None:
         """The answer of the learned simulator by itself, from the question's first guess."""
+        if self.left_out:
+            self.remark(self.left_out)
         for line in self.engine.outside(self.case.parameters.start):
             self.remark(f"outside the training of the model {self.model.name}: {line}")
         self.found = self.alone = self._fit(self.case.parameters.start)

@@ -10,7 +10,7 @@ from gns.data.scene_facts import SceneFacts, start_of
 from gns.network.simulator import Simulator, SimulatorConfig
 from pipeline.config import SimulationSettings
 
-SETTINGS = SimulationSettings()
+SETTINGS = SimulationSettings(water="buoyant")
 
 
 def small_scene(*, spacing: float = 1.0, water: float | None = 4.4, walls: str = "closed") -> Scene:

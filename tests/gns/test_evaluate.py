@@ -146,7 +146,7 @@ def test_rollout_of_a_scene(model, tmp_path, capsys):
     from gns.data.scene_facts import start_of
     from pipeline.config import SimulationSettings
 
-    facts, _ = start_of(small_scene(spacing=2.0), SimulationSettings())
+    facts, _ = start_of(small_scene(spacing=2.0), SimulationSettings(water="buoyant"))
     assert f"{runout(positions[-1], positions[0], facts, 'right'):.2f}" in printed.out
 
 

@@ -12,7 +12,7 @@ from pipeline.config import SimulationSettings
 from tests.gns.runs import scene_of
 from tests.mpm_taichi.ballistic import make_scene
 
-SETTINGS = SimulationSettings()
+SETTINGS = SimulationSettings(water="buoyant")
 LINE = [[0.0, 9.0], [20.0, 8.0], [40.0, 3.0]]
 
 

@@ -182,7 +182,7 @@ def test_wrong_files_are_refused_in_a_line(tmp_path):
 
 
 def test_another_frame_interval_is_refused(facts_and_start):
-    settings = SimulationSettings(frame_interval=0.5)
+    settings = SimulationSettings(frame_interval=0.5, water="buoyant")
     facts, positions = start_of(small_scene(), settings)
     with pytest.raises(InputError, match=r"0\.5; this model steps by 0\.4"):
         simulator().step(first_window(positions, facts), facts)

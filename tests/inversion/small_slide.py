@@ -71,7 +71,9 @@ def measured() -> list:
 def setup(specs: list[ParameterSpec] = SPECS, *, duration_s: float = 0.9, **more) -> Setup:
     """The question; eight frames."""
     scene = small_scene()
-    settings = SimulationSettings(duration_s=duration_s, early_stop=False, **more)
+    settings = SimulationSettings(
+        duration_s=duration_s, early_stop=False, **{"water": "buoyant", **more}
+    )
     targets = make_targets(measured(), fit=None, loss="misfit", source="test")
     foot = {side: scene.foot(side) for side in ("left", "right")}
     return Setup(scene, settings, Parameters(list(specs)), targets, foot)
@@ -148,7 +150,8 @@ def taught(case: Path, steps: int = 150) -> Simulator:
     It stands in for a trained one: it has learned a law made up here, not what soil does.
     """
     facts, positions = start_of(
-        load_scene(case / "scene.yaml"), SimulationSettings(frame_interval=INTERVAL)
+        load_scene(case / "scene.yaml"),
+        SimulationSettings(frame_interval=INTERVAL, water="buoyant"),
     )
     model = simulator(
         torch.float32, acceleration_mean=(0.0, 0.0), acceleration_std=(0.2, 0.2), width=16

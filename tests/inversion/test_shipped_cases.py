@@ -31,7 +31,7 @@ def test_the_question_of_lower_san_fernando():
     roles = dict(zip(targets.names, targets.roles, strict=True))
     assert roles["upstream toe"] == "fitted" and roles["freeboard"] == "held out"
     assert targets.measured[targets.fitted].tolist() == [53.0]
-    assert {v.water for v in case.question.variants} == {None, "none", "pore_pressure"}
+    assert {v.water for v in case.question.variants} == {None, "none", "buoyant"}
     assert [v.targets for v in case.question.variants if v.targets] == [
         {"upstream toe": 42.0}, {"upstream toe": 65.0},
     ]  # fmt: skip

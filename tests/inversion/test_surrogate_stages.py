@@ -24,7 +24,12 @@ pytestmark = pytest.mark.slow
 
 TOO_FAR = 3.0
 """What the surrogate is wrong by [m]."""
-SETTINGS = ["inversion.starts=2", "inversion.noise_seeds=2", "inversion.step_seeds=0"]
+SETTINGS = [
+    "inversion.starts=2",
+    "inversion.noise_seeds=2",
+    "inversion.step_seeds=0",
+    "simulation.water=buoyant",
+]
 QUESTION = """
 parameters:
   - {name: residual_strength_1, zones: ["1"], property: residual_strength_kpa,

@@ -61,9 +61,9 @@ def test_the_table_says_how_far_each_value_may_be_trusted(simulated):
     assert "value published, std published" in lines["freeboard"]
     assert lines["profile"].endswith("constructed: drawn, not compared")
     assert "Nothing is subtracted" in text
-    assert "S_r 21.5 kPa; water at 35.9 m (buoyant)\n" in comparison.heading(case, run)
+    assert "S_r 21.5 kPa; water at 35.9 m (pore pressure)\n" in comparison.heading(case, run)
     shaken = replace(case, scene=case.scene.changed(effects={"shaking": -0.2, "weak_base": 0}))
-    assert "(buoyant); with shaking -0.2 g\n" in comparison.heading(shaken, run)
+    assert "(pore pressure); with shaking -0.2 g\n" in comparison.heading(shaken, run)
 
 
 def test_the_energy_adds_up(simulated):

@@ -34,18 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Roll out, write, and print the runouts."""
     from geometry.scenes.scene import load_scene, scene_from_mapping
-    from gns.data.scene_facts import start_of
+    from gns.data.scene_facts import start_of, with_known_water
     from pipeline.config import load_config
     from pipeline.files import ready_folder
     from pipeline.progress import Progress
 
     config = load_config(arguments.config, arguments.overrides)
-    settings = config.simulation
     path = Path(arguments.scene)
     scene = load_scene(path / "scene.yaml" if path.is_dir() else path)
     if arguments.spacing is not None:
         document = {**scene.model_dump(), "spacing": arguments.spacing}
         scene = scene_from_mapping(document, f"{path} at --spacing {arguments.spacing:g}")
+    settings, left_out = with_known_water(scene, config.simulation)
+    if left_out:
+        print(f"warning: {left_out}", file=sys.stderr)
     duration = settings.duration_s if arguments.duration is None else arguments.duration
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration {duration:g}: must be greater than 0 s, and finite")
