@@ -31,6 +31,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Make, run or score."""
     arguments = _parser().parse_args(argv)
     config = load_config(arguments.config, arguments.overrides)
+    if arguments.step != "score":
+        simulation = config.simulation.model_copy(update={"water": _water(arguments)})
+        config = config.model_copy(update={"simulation": simulation})
     steps = {"plan": _plan, "make": _make, "run": _run, "more": _more, "score": _score}
     return steps[arguments.step](arguments, config)
 
@@ -111,6 +114,13 @@ def variants_of(text: str) -> list[str]:
 
 def _out(arguments: argparse.Namespace, config: Config) -> Path:
     return Path(config.results_folder) / RESULTS if arguments.out is None else Path(arguments.out)
+
+
+def _water(arguments: argparse.Namespace) -> str:
+    """Form of the water that the plan of the benchmark asks for."""
+    from benchmarks.hidden_effects.making.benchmark import load_benchmark
+
+    return load_benchmark(arguments.benchmark).plan.water
 
 
 def _workshop(arguments: argparse.Namespace, config: Config) -> tuple[Benchmark, Laboratory]:

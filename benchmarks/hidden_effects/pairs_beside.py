@@ -30,7 +30,7 @@ FOLDER = Path(__file__).resolve().parent
 def main(names: list[str]) -> None:
     """Print a line for each pair, or for those that are named."""
     benchmark = load_benchmark(FOLDER)
-    settings = SimulationSettings(duration_s=benchmark.plan.duration_s)
+    settings = SimulationSettings(duration_s=benchmark.plan.duration_s, water=benchmark.plan.water)
     laboratory = Laboratory(settings)
     base = base_models(laboratory)
     for case in read_json(FOLDER / "results.json"):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -47,6 +47,9 @@ class BenchmarkPlan(Document):
         "judge's, so that they count as outside the library",
     )
     duration_s: float = Field(40.0, gt=0, description="longest slide [s]")
+    water: Literal["buoyant", "pore_pressure"] = Field(
+        "pore_pressure", description="simulation.water of the truths and of the judge"
+    )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
 
 
