@@ -22,12 +22,13 @@ The stress out of the plane lies between the two others there and changes nothin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
 from benchmarks.verification.lab import Lab
+from mpm_taichi.solver.water import WATER_DENSITY
 
 DENSITY, GRAVITY = 2000.0, 9.81
 LENGTH, THICKNESS = 60.0, 3.0
@@ -45,7 +46,11 @@ AT_REST, GONE = 0.002, 0.4
 
 @dataclass(frozen=True)
 class Slab:
-    """A slab; `level`: drawn on level ground, with gravity tilted instead of the ground."""
+    """A slab.
+
+    `level`: drawn on level ground, with gravity tilted instead of the ground; `submerged`: under
+    still water, which gamma is then the submerged unit weight of.
+    """
 
     friction_deg: float
     cohesion_ratio: float  # c / (gamma z)
@@ -53,6 +58,7 @@ class Slab:
     level: bool
     spacing: float = 0.25  # m
     slope_deg: float = 20.0
+    submerged: bool = False
 
     @property
     def slope(self) -> float:
@@ -75,6 +81,10 @@ class Slab:
         return self._factor(
             LENGTH * THICKNESS - 0.5 * (BACK_TAPER + self.front_taper) * THICKNESS**2
         )
+
+    def dry(self) -> Slab:
+        """The same slab without water, and the same F."""
+        return replace(self, submerged=False)
 
     def _factor(self, area: float) -> float:
         """F of a slab of this area [m2] on the whole base."""
@@ -102,20 +112,23 @@ class Slab:
         right = float(np.ceil(4.0 + (LENGTH + room) * np.cos(b)))
         ground = [[x, float(foot[1] - (x - foot[0]) * np.tan(b))] for x in (0.0, right)]
         height = THICKNESS / np.cos(self.slope)
+        density = DENSITY - WATER_DENSITY * self.submerged
+        surface = float(foot[1] + THICKNESS)
         return {
             "name": f"slab, phi {self.friction_deg:g}, {self.contact}",
-            "domain": {"x_min": 0, "x_max": right, "y_max": float(foot[1] + THICKNESS + 3)},
+            "domain": {"x_min": 0, "x_max": right, "y_max": surface + 3},
             "ground": {"points": ground, "contact": self.contact},
             "zones": [{"name": "slab", "polygon": outline.tolist(), "material": "soil"}],
             "materials": {
                 "soil": {
                     "friction_deg": self.friction_deg,
-                    "cohesion_kpa": self.cohesion_ratio * DENSITY * GRAVITY * height / 1e3,
+                    "cohesion_kpa": self.cohesion_ratio * density * GRAVITY * height / 1e3,
                     "density": DENSITY,
                     "youngs_modulus_mpa": 30,
                     "poisson_ratio": 0.3,
                 }
             },
+            "water_level": surface + 2 if self.submerged else None,
             "spacing": self.spacing,
         }
 

@@ -14,6 +14,7 @@ import numpy as np
 from geometry.scenes.scene import Scene, scene_from_mapping
 from mpm_taichi import layout
 from mpm_taichi.materials.mohr_coulomb import material_constants
+from mpm_taichi.simulate import WATER_CHUNK
 from mpm_taichi.solver import runtime
 from mpm_taichi.solver.boundary import LEFT, NEAR, RIGHT
 from mpm_taichi.solver.initial_state import prepare
@@ -82,6 +83,10 @@ class Lab:
         left = frames
         while True:
             part = min(left, CHUNK)
+            if self.prepared.face is not None:
+                part = min(left, WATER_CHUNK)
+                if self.time > 0.0:
+                    self.slots.lay_water(0, self.prepared.water_now(self.position))
             self.slots.integers[0, layout.FRAME_COUNT] = part
             self.slots.run()
             left -= part

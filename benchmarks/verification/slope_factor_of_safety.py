@@ -93,9 +93,14 @@ def slope_scene(slope: Published, spacing: float) -> dict:
 def fail(slope: Published, spacing: float) -> Ramp:
     """Lower the strength of a slope until it has failed."""
     lab = Lab(slope_scene(slope, spacing))
-    edge = (np.abs(lab.start[:, 0] - BEHIND + 1.0) < 1.0) & (lab.start[:, 1] > HEIGHT - 1.0)
     factors = (0.8 * slope.factor, 1.25 * slope.factor)
-    return lower(lab, "soil", factors, crest=edge, height=HEIGHT, seconds=30.0)
+    return lower(lab, "soil", factors, crest=crest_of(lab), height=HEIGHT, seconds=30.0)
+
+
+def crest_of(lab: Lab) -> np.ndarray:
+    """The points at the edge of the crest, (P,) bool."""
+    beside = np.abs(lab.start[:, 0] - BEHIND + 1.0) < 1.0
+    return beside & (lab.start[:, 1] > HEIGHT - 1.0)
 
 
 def run(folder: Path | None, quick: bool = False) -> list[Row]:
@@ -124,7 +129,8 @@ def run(folder: Path | None, quick: bool = False) -> list[Row]:
 def name_of(slab: Slab) -> str:
     """What tells a slab from the others."""
     plane = "gravity tilted" if slab.level else "ground sloped"
-    return f"phi {slab.friction_deg:g}, {slab.contact}, {plane}"
+    water = ", under water" if slab.submerged else ""
+    return f"phi {slab.friction_deg:g}, {slab.contact}, {plane}{water}"
 
 
 def rows_of_slab(found: Stages, coarse: Stages | None = None) -> list[Row]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchmarks.generated_pages import ROOT
 
-PACKAGES = ("mpm_taichi", "geometry", "benchmarks")
+PACKAGES = ("inversion", "mpm_taichi", "geometry", "benchmarks")
 """Packages whose modules can change a figure; the rest reads settings and writes files."""
 
 PRESENTATION = ROOT / "benchmarks" / "generated_pages.py"
