@@ -21,6 +21,7 @@ from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
 from inversion.engine_registry import Engine
+from inversion.engines.relation_priors import with_relation_priors
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
@@ -60,6 +61,20 @@ class DiagnosisCase(Case):
     def priors(self) -> dict[str, tuple[float, float]]:
         """Effect -> mean and standard deviation of its amplitude."""
         return {name: (prior.mean, prior.std) for name, prior in self.question.priors.items()}
+
+    def with_relation_priors(self, store: RunStore) -> DiagnosisCase:
+        """The case with priors that come from a relation as means and standard deviations.
+
+        Raises:
+            InputError: no blow count, or a prior outside the bounds; one line.
+        """
+        source = str(self.folder / INVERSION_FILE)
+        setup = with_relation_priors(self.setup, self.blow_counts, store, source)
+        inversion = self.inversion.model_copy(update={"parameters": setup.parameters.specs})
+        other = self.validation_case
+        if other is not None:
+            other = other.with_relation_priors(store)
+        return replace(self, setup=setup, inversion=inversion, validation_case=other)
 
     def model(self, store: RunStore, engine: Engine | None = None) -> EngineModel:
         """A forward engine as the model of this case; None: the material point method.

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
+from geometry.survey.blow_counts import BlowCount, load_blow_counts
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
@@ -91,6 +92,15 @@ class Case:
         if self.survey is None:
             return {side: self.scene.foot(side) for side in SIDES}
         return self.survey.feet(self.scene)
+
+    @cached_property
+    def blow_counts(self) -> dict[str, BlowCount]:
+        """Zone -> its blow count; empty: the case has none.
+
+        Raises:
+            InputError: a file that does not hold together, or does not fit the scene; one line.
+        """
+        return load_blow_counts(self.folder, self.drawn)
 
     @property
     def marks(self) -> list[Mark]:

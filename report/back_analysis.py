@@ -63,6 +63,7 @@ def summary(data: BackAnalysisData) -> str:
         (tables.measured_table(data, lines), ["by eye", "before the slide"]),
         (tables.engine_table(data), []),
         *((table, []) for table in tables.method_tables(data)),
+        *((table, ["scatter"]) for table in tables.relation_tables(data)),
         (tables.variant_table(data), ["predicted", "loss"]),
         *((table, []) for table in tables.sensitivity_tables(data, strengths)),
         (tables.starts_table(data), []),
@@ -141,7 +142,8 @@ def _methods(data: BackAnalysisData) -> Section:
         "Bars of the residual strength in kPa, one row for each method.",
         "The diamond is this analysis with one standard deviation (bar) and its 95 % interval "
         "(line); hollow circles below it are variants of the question. Bars of the other methods "
-        "are the ranges over their judgement calls, or as published; hollow: quoted from memory.",
+        "are the ranges over their judgement calls, or as published; hollow: quoted from memory. "
+        "Relations with blow count have a bar of one standard deviation.",
     )
     return Section(
         title,
@@ -149,6 +151,7 @@ def _methods(data: BackAnalysisData) -> Section:
             *parts,
             *tabulated(tables.engine_table(data)),
             *said(tables.classical_notes(data)),
+            *tabulated(*tables.relation_tables(data)),
             *folded("The same in numbers", *tables.method_tables(data)),
         ],
     )
@@ -262,7 +265,7 @@ def _catalogue(data: BackAnalysisData) -> Section:
             save_figure(figure, data.folder / "catalogue.svg"),
             "Strength ratio against blow count, with correlations and our answers.",
             "The strength ratio of this analysis (letters) among published case histories and "
-            "correlations. Hollow marks and dashed lines are quoted from memory and unverified.",
+            "correlations. Hollow marks are quoted from memory and unverified.",
             least_width_px=640,
         ),
     )

@@ -27,7 +27,7 @@ ROOMS = {
     "mpm_taichi": ["materials", "effects", "solver"],
     "gns": ["data", "network", "rollout", "evaluation", "training"],
     "inversion": [
-        "problem", "estimation", "engines", "classical", "catalogue", "back_analysis",
+        "catalogue", "problem", "estimation", "engines", "classical", "back_analysis",
         "prediction", "new_case",
     ],
     "diagnosis": ["hypotheses", "adequacy", "signatures", "selection", "verdict"],

@@ -42,6 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
     for number, path in enumerate(paths):
         scene = load_scene(path)
         measurements = _measurements_beside(path, scene)
+        counted = _blow_counts_beside(path, scene)
         points = fill(scene)
         area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
         missed = len(points) * points.volume / area - 1.0
@@ -60,6 +61,8 @@ def run(arguments: argparse.Namespace) -> None:
         print_gaps(scene)
         if measurements is not None:
             _print_measurements(measurements)
+        if counted:
+            print(f"  blow counts of zones {', '.join(counted)}")
     print(
         f"{len(paths)} valid, {points_in_all} points, filled to within {100.0 * worst:.2f} % of "
         "the area" + (f", {draws} draws" if draws else "")
@@ -84,6 +87,13 @@ def _measurements_beside(path: Path, scene: Scene) -> Measurements | None:
     if path.name != "scene.yaml" or not (path.parent / FILE_NAME).is_file():
         return None
     return load_measurements(path.parent, scene)
+
+
+def _blow_counts_beside(path: Path, scene: Scene) -> list[str]:
+    """Zones with a blow count, of the case whose scene this is; empty: no case, or none."""
+    from geometry.survey.blow_counts import load_blow_counts
+
+    return list(load_blow_counts(path.parent, scene)) if path.name == "scene.yaml" else []
 
 
 def _print_measurements(measurements: Measurements) -> None:

@@ -23,6 +23,7 @@ from inversion.back_analysis import result_builder
 from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.equivalent_answers import EquivalentAnswer, walk
 from inversion.back_analysis.perturbed_answers import Problem, resolve
+from inversion.back_analysis.relations import compared_relations
 from inversion.back_analysis.result import (
     Noise,
     Result,
@@ -79,6 +80,7 @@ class BackAnalysis:
     engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
+        self.case = self.case.with_relation_priors(self.store)
         self.engine = self.engine_of(self.case.setup)
         self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
@@ -364,6 +366,7 @@ class BackAnalysis:
             measurements=result_builder.measurements(self.objective, found.best.prediction),
             noise=self.noise,
             classical=[],
+            relations=compared_relations(case, found.best.prediction),
             remarks=self.remarks,
             published=case.measurements.strength_published_kpa,
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},

@@ -15,6 +15,8 @@ import numpy as np
 from geometry.case import Case
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
+from inversion.engines.relation_priors import with_relation_priors
+from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.misfit import Objective
@@ -46,6 +48,16 @@ class InversionCase(Case):
     def parameters(self) -> Parameters:
         """The unknown parameters."""
         return self.setup.parameters
+
+    def with_relation_priors(self, store: RunStore) -> InversionCase:
+        """The case with priors that come from a relation as means and standard deviations.
+
+        Raises:
+            InputError: no blow count, or a prior outside the bounds; one line.
+        """
+        setup = with_relation_priors(self.setup, self.blow_counts, store, self.source)
+        question = self.question.model_copy(update={"parameters": setup.parameters.specs})
+        return replace(self, setup=setup, question=question)
 
     def objective(self, setup: Setup | None = None) -> Objective:
         """The objective to minimise, for the question or another reading of it."""

@@ -288,6 +288,28 @@ class EngineAnswer(StrictDocument):
     loss: float | None = Field(description="at `values`; null: the run failed")
 
 
+class RelationAnswer(StrictDocument):
+    """What a published relation gives for the blow counts of a parameter's zones."""
+
+    parameter: str = Field(description="name in the question")
+    relation: str = Field(description="name in files, such as weber_2015")
+    label: str = Field(description="in words")
+    zones: list[str] = Field(description="those of the parameter that have a blow count")
+    n1_60: float = Field(description="mean over them, by area")
+    n1_60_of_zones: dict[str, float] = Field(description="zone -> its blow count")
+    clean_sand: bool = Field(description="the relation asks for the clean-sand equivalent N1,60cs")
+    other_kind: bool = Field(description="some zone has only the other kind of blow count")
+    beyond: bool = Field(
+        description="a blow count lies beyond the relation's data and counts as their largest"
+    )
+    confidence: list[str] = Field(description="of the blow counts")
+    sigma_v0_kpa: float = Field(description="mean over the zones before failure, by area")
+    value_kpa: float = Field(description="median S_r; of several zones the mean by area")
+    low_kpa: float = Field(description="one standard deviation of its logarithm below")
+    high_kpa: float = Field(description="one standard deviation of its logarithm above")
+    scatter: str = Field(description="where that comes from")
+
+
 class SurrogatePair(StrictDocument):
     """One state at which both engines ran."""
 
@@ -334,6 +356,10 @@ class Result(StrictDocument):
     measurements: list[MeasurementAnswer] = Field(description="measured against predicted")
     noise: Noise | None = Field(description="on jittered points; null: not measured")
     classical: list[dict[str, Any]] = Field(description="as the classical methods write them")
+    relations: list[RelationAnswer] = Field(
+        default_factory=list,
+        description="published relations with blow count; empty: the case has no blow_counts.yaml",
+    )
     engines: list[EngineAnswer] = Field(
         default_factory=list, description="the engines side by side; empty: one alone has answered"
     )

@@ -74,6 +74,7 @@ def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None
         reason=run.reason or trouble,
         sigma_v0_kpa=mean,
         sigma_v0_std_kpa=spread,
+        zone_sigma_v0_kpa=_zone_sigma_v0(setup.scene, run),
         run_time_s=run.wall_time_s,
         at_rest=run.at_rest or failed,
     )
@@ -89,6 +90,17 @@ def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
         volume=run.volume if last else None,
         at_rest=run.at_rest or not last,
     )
+
+
+def _zone_sigma_v0(scene: Scene, run: KeptRun) -> dict[str, float]:
+    """Mean vertical effective stress of each zone that has points, by name [kPa]."""
+    count = np.bincount(run.zone, minlength=len(scene.zones))
+    total = np.bincount(run.zone, 1e-3 * run.vertical_stress, minlength=len(scene.zones))
+    return {
+        zone.name: float(total[place] / count[place])
+        for place, zone in enumerate(scene.zones)
+        if count[place]
+    }
 
 
 def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:

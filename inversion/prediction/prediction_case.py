@@ -15,7 +15,6 @@ import numpy as np
 from geometry.case import SIDES, Case
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Measured, single_lengths
-from geometry.survey.no_flow import NoFlow
 from geometry.survey.toe_runout import ToeRunout
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
@@ -99,7 +98,7 @@ def prediction_case(case: Case, *, spacing_m: float | None = None) -> Prediction
         question = load_question(case.folder, case.drawn)
     factor = case.config.inversion.spacing_factor
     case = case.resolved(question, spacing_factor=factor, spacing_m=spacing_m)
-    stood = [entry for entry in case.measured if isinstance(entry, NoFlow)]
+    stood = [entry for entry in case.measured if entry.censored]
     entries: list[Measured] = [
         entry for entry in (*single_lengths(case.measured), *stood) if not entry.constructed
     ]

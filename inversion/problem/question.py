@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, document_error
+from inversion.catalogue.correlations import RelationName
 from inversion.engine_registry import engines
 from pipeline.cli import InputError, say_once
 from pipeline.config import SimulationSettings, describe_error
@@ -61,10 +62,44 @@ def check_simulation(changes: Mapping[str, Any]) -> None:
 
 
 class Prior(Document):
-    """Prior knowledge as a normal distribution (of the logarithm, for strengths)."""
+    """Prior knowledge as a normal distribution (of the logarithm, for strengths).
 
-    mean: float = Field(description="most likely value, in the parameter's unit")
-    std: float = Field(gt=0, description="standard deviation, in the parameter's unit")
+    Either mean and standard deviation, or a published relation of residual strength with blow
+    count, from which they follow once the stress before failure is known
+    (`inversion.engines.relation_priors`).
+    """
+
+    mean: float | None = Field(None, description="most likely value, in the parameter's unit")
+    std: float | None = Field(None, gt=0, description="standard deviation, in the parameter's unit")
+    relation: RelationName | None = Field(
+        None, description="of residual strength with blow count, in place of mean and std"
+    )
+    n1_60: float | None = Field(
+        None,
+        ge=0,
+        le=60,
+        description="blow count for the relation, of the kind that it asks for; null: that of "
+        "blow_counts.yaml",
+    )
+    sigma_v0_kpa: float | None = Field(
+        None, description="in results: stress before failure at which the relation was taken"
+    )
+
+    @model_validator(mode="after")
+    def _one_or_the_other(self) -> Prior:
+        if self.relation is None:
+            if self.mean is None or self.std is None:
+                raise ValueError("give mean and std, or a relation")
+            if self.n1_60 is not None:
+                raise ValueError("n1_60: belongs to a relation; give it as well")
+        elif self.sigma_v0_kpa is None and (self.mean is not None or self.std is not None):
+            raise ValueError("mean, std: follow from the relation; give one or the other")
+        return self
+
+    @property
+    def known(self) -> bool:
+        """Mean and standard deviation are known."""
+        return self.mean is not None
 
 
 class ParameterSpec(Document):
@@ -105,7 +140,10 @@ class ParameterSpec(Document):
             )
         if self.property == "friction_deg" and not (self.low >= 0 and self.high < 89):
             raise ValueError(f"low {self.low:g} to high {self.high:g} must lie in 0 to 89 degrees")
-        if self.prior is not None and not self.low <= self.prior.mean <= self.high:
+        if self.prior is not None and self.prior.relation is not None:
+            if self.property != RESIDUAL_STRENGTH:
+                raise ValueError(f"prior.relation: is of {RESIDUAL_STRENGTH}, not {self.property}")
+        elif self.prior is not None and not self.low <= self.prior.mean <= self.high:
             raise ValueError(
                 f"prior.mean {self.prior.mean:g} lies outside low {self.low:g} to high "
                 f"{self.high:g}"

@@ -1,7 +1,7 @@
 """The catalogue in one picture: strength ratio against blow count, correlations, our answers.
 
 In: the catalogue and our answers. Out: a picture (png, svg or pdf). What is only quoted from memory
-is hollow or dashed, and the legend says so.
+is hollow, and the legend says so.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from inversion.catalogue.catalogue import (
     load_strengths,
 )
 from inversion.catalogue.correlations import (
-    CORRELATIONS,
     OLSON_STARK_BAND,
     OLSON_STARK_LARGEST,
+    RELATIONS,
     olson_stark_2002,
 )
 from report.style import HALO, HELD_OUT, TEXT_COLOUR, new_figure, save_figure, tell, tidy
 
 # Colours that keep apart for every kind of colour vision (Okabe and Ito).
-LINE_COLOURS = ("#0072b2", "#009e73", "#8a5a00")
+LINE_COLOURS = ("#0072b2", "#009e73", "#56b4a0", "#8a5a00", "#cc79a7")
 CASE_COLOUR, OUR_COLOUR = "#444444", HELD_OUT
 STRESSES_KPA = (50.0, 100.0, 300.0)
 LARGEST_COUNT, LARGEST_RATIO = 15.5, 0.36
@@ -52,8 +52,8 @@ DISPENSABLE = (" Dam", " Roadway", " Highway", " Railway", " Embankment", "North
 NOTE = (
     "Hollow: strength, stress or blow count is quoted from memory and unverified. "
     "Bars: stated range; one standard deviation for ours.\n"
-    "Blow counts are (N1)60 as tabulated; Idriss and Boulanger ask for the clean-sand equivalent. "
-    "Our ratios use the stress of our sections."
+    "Blow counts are (N1)60 as tabulated; Idriss and Boulanger and Weber ask for the clean-sand "
+    "equivalent. Our ratios use the stress of our sections."
 )
 
 
@@ -112,20 +112,20 @@ def _draw_correlations(ax: Axes) -> list[Line2D | Patch]:
         inside, middle - OLSON_STARK_BAND, middle + OLSON_STARK_BAND,
         color=LINE_COLOURS[0], alpha=0.13, linewidth=0, zorder=1,
     )  # fmt: skip
-    for correlation, colour in zip(CORRELATIONS, LINE_COLOURS, strict=True):
-        style = "--" if correlation.confidence == "recalled" else "-"
-        stresses = STRESSES_KPA if correlation.by_stress else (100.0,)
+    for relation, colour in zip(RELATIONS.values(), LINE_COLOURS, strict=True):
+        stresses = STRESSES_KPA if relation.by_stress else (100.0,)
+        shift = -5 if relation.clean_sand else 5  # so that two labels at one place stay apart
         for stress in stresses:
-            ratio = correlation.ratio(count, stress)
-            ax.plot(count, ratio, color=colour, linestyle=style, linewidth=1.6, zorder=2)
-            if correlation.by_stress:
-                tell(ax, count[-1], ratio[-1], f"{stress:g} kPa", away=(3, 0), color=colour)
-        words = correlation.label
-        if correlation.by_stress:
+            ratio = relation.ratio(count, stress)
+            ax.plot(count, ratio, color=colour, linewidth=1.6, zorder=2)
+            if relation.by_stress:
+                tell(ax, count[-1], ratio[-1], f"{stress:g} kPa", away=(3, shift), color=colour)
+        words = relation.label
+        if relation.band is not None:
+            words += f", ±{relation.band:g}"
+        if relation.by_stress:
             words += f", σ'$_{{v0}}$ {', '.join(f'{s:g}' for s in stresses)} kPa"
-        if correlation.confidence == "recalled":
-            words += " (recalled)"
-        handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.6, label=words))
+        handles.append(Line2D([], [], color=colour, linewidth=1.6, label=words))
     return handles
 
 

@@ -89,4 +89,5 @@ def _colour(kind: str) -> str:
         "engine": style.OURS,
         "variant": style.OURS,
         "classical": style.CLASSICAL,
+        "relation": style.HELD_OUT,
     }.get(kind, style.OTHERS)

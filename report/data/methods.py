@@ -23,7 +23,7 @@ class Strength:
         value: the strength; None: the method finds none.
         low: lower end of its range; None: no range.
         high: upper end.
-        kind: ours, engine, variant, classical or others.
+        kind: ours, engine, variant, classical, relation or others.
         wide: a second, wider range (95 %).
         hollow: the value is quoted from memory.
         bound: the value is a lower bound (95 %); `low` to `high` is the limit of flow.
@@ -62,6 +62,7 @@ def slides(data: BackAnalysisData) -> list[Slide]:
             *_ours(data, names),
             *_engines(data, names),
             *_classical(classical),
+            *_relations(data, names),
             *_published(data, names),
         ]
         found.append(Slide(_title(data, side), rows))
@@ -116,6 +117,19 @@ def _classical(analyses: Sequence[dict[str, Any]]) -> Iterator[Strength]:
             low, high = method["low_kpa"], method["high_kpa"]
             label = f"{method['title']}{several}"
             yield Strength(label, method["value_kpa"], low, high, "classical")
+
+
+def _relations(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
+    """What relations give for the blow counts of the zones, within one standard deviation."""
+    several = len(names) > 1
+    for row in data.result.relations:
+        if row.parameter in names:
+            zones = f", zone {', '.join(row.zones)}" if several else ""
+            label = f"{row.label}, N {row.n1_60:.3g}{zones}"
+            hollow = "recalled" in row.confidence
+            yield Strength(
+                label, row.value_kpa, row.low_kpa, row.high_kpa, "relation", hollow=hollow
+            )
 
 
 def _published(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
+from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, RelationAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from report.data.back_analysis import BackAnalysisData, Series
 from report.data.methods import slides
@@ -17,6 +17,7 @@ from report.table import Table
 
 KINDS = {"ours": "this analysis", "engine": "the same question",
          "variant": "this analysis, variant of the question", "classical": "classical",
+         "relation": "from blow counts",
          "others": "published elsewhere"}  # fmt: skip
 
 SEARCHES = {"gauss_newton": "Gauss-Newton", "lbfgsb": "L-BFGS-B"}
@@ -73,6 +74,40 @@ def method_tables(data: BackAnalysisData) -> list[Table]:
         )
         for panel in slides(data)
     ]
+
+
+def relation_tables(data: BackAnalysisData) -> list[Table]:
+    """Each strength next to what published relations give for its blow counts; by parameter."""
+    header = ["relation", "blow count", "σ'_v0 (kPa)", "S_r (kPa)", "± one std", "found / relation",
+              "scatter", ""]  # fmt: skip
+    found = []
+    for p in data.strengths:
+        ours, at_least = (p.value, "") if p.lower_bound_95 is None else (p.lower_bound_95, "≥ ")
+        rows = [
+            [row.label, _count(row), f"{row.sigma_v0_kpa:.0f}", fixed(row.value_kpa),
+             span(row.low_kpa, row.high_kpa), f"{at_least}{ours / row.value_kpa:.2f}", row.scatter,
+             _doubts(row)]
+            for row in data.result.relations
+            if row.parameter == p.name
+        ]  # fmt: skip
+        found.append(Table(header, rows, f"{p.label}, found {at_least}{fixed(ours)} kPa"))
+    return [table for table in found if table.rows]
+
+
+def _count(row: RelationAnswer) -> str:
+    kind = "N1,60cs" if row.clean_sand != row.other_kind else "N1,60"
+    counts = sorted(set(row.n1_60_of_zones.values()))
+    layers = f" (layers {counts[0]:g} to {counts[-1]:g})" if len(counts) > 1 else ""
+    return f"{kind} {row.n1_60:.3g}{layers}"
+
+
+def _doubts(row: RelationAnswer) -> str:
+    doubts = ["beyond its data: taken at their largest blow count"] if row.beyond else []
+    if row.other_kind:
+        doubts.append(f"asks for {'N1,60cs' if row.clean_sand else 'N1,60'}")
+    if row.confidence != ["published"]:
+        doubts.append(f"blow count {', '.join(row.confidence)}")
+    return "; ".join(doubts)
 
 
 def engine_table(data: BackAnalysisData) -> Table:

@@ -114,6 +114,12 @@ def full(name: str = "the fill") -> Result:
                         {"title": f"Kinetics of {name}", "value_kpa": 31.3, "low_kpa": 24.6,
                          "high_kpa": 45.4},
                         {"title": "ZIF", "value_kpa": None, "low_kpa": None, "high_kpa": None}]}],
+        relations=[{
+            "parameter": "residual_strength_1", "relation": "weber_2015",
+            "label": f"Weber of {name}", "zones": ["1"], "n1_60": 12.9,
+            "n1_60_of_zones": {"1": 12.9}, "clean_sand": True, "other_kind": True, "beyond": True,
+            "confidence": ["recalled"], "sigma_v0_kpa": 145.0, "value_kpa": 22.8, "low_kpa": 15.3,
+            "high_kpa": 34.0, "scatter": "assumed"}],
         published={"olson_stark_2002": {"value": 18.7, "low": 15.8, "high": 21.8,
                                         "confidence": "published"},
                    "weber_2015_imm": {"value": 25.8, "confidence": "recalled"},

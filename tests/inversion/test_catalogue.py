@@ -18,7 +18,13 @@ from inversion.catalogue.catalogue import (
     load_catalogue,
     load_strengths,
 )
-from inversion.catalogue.correlations import idriss_boulanger, kramer_wang_2015, olson_stark_2002
+from inversion.catalogue.correlations import (
+    RELATIONS,
+    idriss_boulanger_2008,
+    kramer_wang_2015,
+    olson_stark_2002,
+    weber_2015,
+)
 from pipeline.cli import InputError
 from report.charts.catalogue import catalogue_figure, draw_catalogue
 
@@ -55,10 +61,10 @@ def test_olson_and_stark_by_hand():
 
 def test_idriss_and_boulanger_by_hand():
     # N = 16: exp(1 - 3) = e^-2. N = 0: (16/21.2)^3 = 0.429887, so exp(-3.429887).
-    assert idriss_boulanger(16.0) == pytest.approx(0.1353353)
-    assert idriss_boulanger(0.0) == pytest.approx(np.exp(-3.429887), rel=1e-5)
-    assert idriss_boulanger(60.0) == pytest.approx(np.tan(np.radians(33.0)))
-    assert idriss_boulanger(60.0, friction_deg=45.0) == pytest.approx(1.0)
+    assert idriss_boulanger_2008(16.0) == pytest.approx(0.1353353)
+    assert idriss_boulanger_2008(0.0) == pytest.approx(np.exp(-3.429887), rel=1e-5)
+    assert idriss_boulanger_2008(60.0) == pytest.approx(np.tan(np.radians(33.0)))
+    assert idriss_boulanger_2008(60.0, friction_deg=45.0) == pytest.approx(1.0)
 
 
 def test_kramer_and_wang_by_hand():
@@ -67,6 +73,49 @@ def test_kramer_and_wang_by_hand():
     # At two: 2^0.1 = 1.0717735, so exp(-8.444 + 5.765070) = exp(-2.678930) at N = 0.
     assert kramer_wang_2015(0.0, 202.65) == pytest.approx(101.325 * np.exp(-2.678930), rel=1e-5)
     assert kramer_wang_2015(np.array([0.0, 10.0]), 100.0).shape == (2,)
+
+
+def test_the_relations_at_lower_san_fernando_are_the_published_ones():
+    """N 12.9 and 145 kPa: values that come with the published models of the dam [kPa]."""
+    expected = {
+        "idriss_boulanger_2008": 16.1, "olson_stark_2002": 17.4, "weber_2015": 22.8,
+        "kramer_wang_2015": 23.5,
+    }  # fmt: skip
+    found = {name: RELATIONS[name].strength(12.9, 145.0) for name in expected}
+    assert found == pytest.approx(expected, abs=0.05)
+    # Voids that cannot redistribute: times 1 + exp(12.9 / 2.4 - 6.6) = 1.293756.
+    other = RELATIONS["idriss_boulanger_2008_no_redistribution"].strength(12.9, 145.0)
+    assert other / found["idriss_boulanger_2008"] == pytest.approx(1.293756, rel=1e-5)
+
+
+def test_caps_of_the_relations():
+    assert RELATIONS["olson_stark_2002"].strength(30.0, 100.0) == pytest.approx(12.0)
+    assert RELATIONS["olson_stark_2002"].beyond(12.1)
+    assert not RELATIONS["olson_stark_2002"].beyond(12.0)
+    kramer = RELATIONS["kramer_wang_2015"]
+    assert kramer.strength(30.0, 100.0) == kramer.strength(15.0, 100.0) and kramer.beyond(15.1)
+    assert RELATIONS["weber_2015"].strength(30.0, 100.0) == pytest.approx(29.0)
+    for form in ("idriss_boulanger_2008", "idriss_boulanger_2008_no_redistribution"):
+        assert RELATIONS[form].strength(60.0, 100.0) == pytest.approx(64.94, abs=0.01)
+
+
+def test_weber_by_hand():
+    # At one atmosphere and N = 10: exp(1.407 + 4.2399) = 283.41; 10^1.45 + 2 + 41.13 = 71.3138.
+    expected = 0.048 * (283.41 - 0.43991 * 71.3138)
+    assert weber_2015(10.0, 101.325) == pytest.approx(expected, rel=1e-4)
+    assert np.all(weber_2015(np.linspace(0.0, 60.0, 50), 1.0) >= 0.0)
+
+
+@pytest.mark.parametrize("name", RELATIONS)
+def test_strength_rises_with_blow_count_and_stress_and_scatters(name):
+    relation = RELATIONS[name]
+    by_count = [relation.strength(n, 120.0) for n in np.linspace(1.0, 12.0, 12)]
+    by_stress = [relation.strength(8.0, s) for s in np.linspace(20.0, 300.0, 12)]
+    assert np.all(np.diff(by_count) > 0.0) and np.all(np.diff(by_stress) > 0.0)
+    if relation.band is None:
+        assert relation.log_std(8.0, 120.0) == 0.4 and "assumed" in relation.scatter_words
+    else:  # Olson and Stark: 0.03 of 0.09
+        assert relation.log_std(8.0, 120.0) == pytest.approx(1.0 / 3.0)
 
 
 # --- files ---
@@ -200,7 +249,7 @@ def test_the_picture_shows_all_that_has_a_place():
     assert len(hollow) == sum(s.recalled for s in placed) == 10
     assert ax.get_ylim()[1] > 0.8
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert any("(recalled)" in text for text in labels)
+    assert all(any(text.startswith(one.label) for text in labels) for one in RELATIONS.values())
     assert any("partly recalled" in text for text in labels)
     assert any("our back-analysis" in text for text in labels)
 

@@ -1,0 +1,89 @@
+"""Strengths that published relations give the layers of a section, from their blow counts.
+
+In: blow counts by zone, the vertical effective stress of each zone before failure, areas. Out: one
+`Estimate` for a relation and some zones; several layers that share a strength count by their area.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.scenes.polygon_checks import area
+from geometry.scenes.scene import Scene
+from geometry.survey.blow_counts import BlowCount
+from inversion.catalogue.correlations import Relation
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A zone of known blow count and stress.
+
+    Attributes:
+        zone: its name.
+        area_m2: of its section.
+        sigma_v0_kpa: its mean vertical effective stress before failure.
+        count: its blow count.
+    """
+
+    zone: str
+    area_m2: float
+    sigma_v0_kpa: float
+    count: BlowCount
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A strength by a relation.
+
+    Attributes:
+        strength_kpa: median S_r; the mean over the layers, by area.
+        log_std: standard deviation of its logarithm; the layers' scatter is one and the same.
+        n1_60: mean blow count of the layers, by area, of the kind used.
+        sigma_v0_kpa: mean stress of the layers, by area.
+        beyond: some blow count lies beyond the data of the relation, and counts as their largest.
+        other_kind: some layer has only the other kind of blow count (N1,60 for N1,60cs).
+    """
+
+    strength_kpa: float
+    log_std: float
+    n1_60: float
+    sigma_v0_kpa: float
+    beyond: bool
+    other_kind: bool
+
+
+def layers_of(
+    scene: Scene,
+    counts: Mapping[str, BlowCount],
+    sigma_v0_kpa: Mapping[str, float],
+    zones: Sequence[str],
+) -> list[Layer]:
+    """The zones among `zones` of which blow count and stress [kPa] are known, in their order."""
+    areas = {zone.name: area(zone.polygon) for zone in scene.zones}
+    return [
+        Layer(zone, areas[zone], sigma_v0_kpa[zone], counts[zone])
+        for zone in zones
+        if zone in counts and sigma_v0_kpa.get(zone, 0.0) > 0.0
+    ]
+
+
+def estimate(relation: Relation, layers: Sequence[Layer]) -> Estimate:
+    """The strength of one or more layers by a relation."""
+    kind = relation.clean_sand
+    counts = [layer.count.of_kind(kind) for layer in layers]
+    weights = np.array([layer.area_m2 for layer in layers])
+    pairs = [(n, layer.sigma_v0_kpa) for n, layer in zip(counts, layers, strict=True)]
+    strengths = np.array([relation.strength(*pair) for pair in pairs])
+    spread = strengths * [relation.log_std(*pair) for pair in pairs]
+    strength = float(np.average(strengths, weights=weights))
+    return Estimate(
+        strength_kpa=strength,
+        log_std=float(np.average(spread, weights=weights)) / strength,
+        n1_60=float(np.average(counts, weights=weights)),
+        sigma_v0_kpa=float(np.average([stress for _, stress in pairs], weights=weights)),
+        beyond=any(relation.beyond(n) for n in counts),
+        other_kind=any(layer.count.is_other_kind(kind) for layer in layers),
+    )
