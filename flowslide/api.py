@@ -44,6 +44,8 @@ from pipeline.progress import Cancel, Cancelled, Report, Watch
 if TYPE_CHECKING:
     from diagnosis.verdict.verdict import Verdict
     from geometry.case import Case
+    from inversion.back_analysis.case import InversionCase
+    from inversion.back_analysis.engine_choice import Choice
     from inversion.back_analysis.result import Result
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
@@ -249,24 +251,38 @@ def back_analyse(
     """
     from inversion.back_analysis.case import inversion_case
     from inversion.back_analysis.engine_choice import chosen_engine
-    from inversion.back_analysis.result_files import save_all
-    from inversion.engines.run_store import RunStore
 
     watch = Watch(progress, cancel)
     with own_code(effect_files, measurement_files), _folder(out) as folder:
         asked = inversion_case(
-            _with_choices(load_case(case, settings=settings), method, quick),
+            with_choices(load_case(case, settings=settings), method, quick),
             measurement_set=measurement_set,
             spacing_m=spacing_m,
             use_constructed=use_constructed,
         )
         choice = chosen_engine(asked, engine, None if model is None else os.fspath(model))
-        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        analysis = choice.engine.back_analysis(asked, store, watch, choice.model, folder)
-        return save_all(analysis, analysis.run(), folder)
+        return answer(asked, choice, folder, watch, device=device, threads=threads)
 
 
-def _with_choices(case: Case, method: str | None, quick: bool) -> Case:
+def answer(
+    asked: InversionCase,
+    choice: Choice,
+    folder: Path,
+    watch: Watch,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+) -> Result:
+    """Answer a question that was read, by an engine that was chosen; see `back_analyse`."""
+    from inversion.back_analysis.result_files import save_all
+    from inversion.engines.run_store import RunStore
+
+    store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+    analysis = choice.engine.back_analysis(asked, store, watch, choice.model, folder)
+    return save_all(analysis, analysis.run(), folder)
+
+
+def with_choices(case: Case, method: str | None, quick: bool) -> Case:
     """The case with the settings of a back-analysis that arguments replace."""
     changes: dict[str, Any] = {} if method is None else {"method": method}
     if quick:

@@ -209,6 +209,23 @@ class InversionSettings(Settings):
         description="multiplies the spacing of every case: 2 is a quarter of the points and about "
         "six times as fast",
     )
+    coarse_factor: float = Field(
+        2.0,
+        ge=1,
+        description="of the engine mpm: how the answer changes (first iterations, other starts, "
+        "jitter, variants, sensitivities) is found at this times the spacing that the case asks "
+        "for; 1: everything at one spacing",
+    )
+    coarse_points: int = Field(
+        400, ge=50, description="a section with fewer points at that spacing has no coarse runs"
+    )
+    check_share: float = Field(
+        0.9,
+        ge=0,
+        le=1,
+        description="the largest sensitivities, with this share of the variance, are run again at "
+        "the spacing of the answer; 0: none",
+    )
     tolerance_m2: float = Field(
         0.1, gt=0, description="loss `runout`: squared runout error that is good enough, m2"
     )

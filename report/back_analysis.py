@@ -71,7 +71,18 @@ def summary(data: BackAnalysisData) -> str:
     ]
     parts = [heading, *(table.text(without=left_out, folded=True) for table, left_out in narrow)]
     parts += [two_strengths(data.folder).text()]
-    parts += ["\n".join(map(plain, [*words.undetermined_sentences(data), *result.remarks]))]
+    parts += [
+        "\n".join(
+            map(
+                plain,
+                [
+                    *words.undetermined_sentences(data),
+                    *words.spacing_sentences(data),
+                    *result.remarks,
+                ],
+            )
+        )
+    ]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -217,6 +228,7 @@ def _sensitivities(data: BackAnalysisData) -> Section:
     numbers = folded(
         "The same in numbers", *tables.sensitivity_tables(data, data.result.answer.parameters)
     )
+    parts += said(words.spacing_sentences(data))
     return Section("What moves the answer", [*parts, *numbers])
 
 

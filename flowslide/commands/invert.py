@@ -60,13 +60,15 @@ def run(arguments: argparse.Namespace) -> None:
     from inversion.back_analysis.case import inversion_case
     from inversion.back_analysis.engine_choice import chosen_engine
     from pipeline.config import load_config
-    from pipeline.progress import Progress
+    from pipeline.progress import Progress, Watch
     from report.back_analysis import summary, write_report
     from report.data.back_analysis import load_back_analysis
 
     settings = load_config(arguments.config, arguments.overrides)
     case = inversion_case(
-        api.load_case(arguments.case, settings=settings),
+        api.with_choices(
+            api.load_case(arguments.case, settings=settings), arguments.method, arguments.quick
+        ),
         measurement_set=arguments.set_of_measurements,
         spacing_m=arguments.spacing,
         use_constructed=arguments.use_constructed,
@@ -75,19 +77,10 @@ def run(arguments: argparse.Namespace) -> None:
     results = Path(case.config.results_folder) / case.name
     folder = Path(arguments.out or results / choice.engine.folder)
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
-        result = api.back_analyse(
-            case,
-            out=folder,
-            engine=choice.engine.name,
-            model=choice.model,
-            method=arguments.method,
-            quick=arguments.quick,
-            spacing_m=arguments.spacing,
-            use_constructed=arguments.use_constructed,
-            device=arguments.device,
-            threads=arguments.threads,
-            progress=bar.report,
-        )
+        result = api.answer(
+            case, choice, folder, Watch(bar.report),
+            device=arguments.device, threads=arguments.threads,
+        )  # fmt: skip
         data = load_back_analysis(folder, case, result)
         if arguments.report != "none":
             bar.report(bar.done, bar.total, "writing the report")

@@ -8,7 +8,7 @@ killed back-analysis goes through the finished stages again in seconds.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,15 +21,22 @@ import mpm_taichi
 from inversion import PHYSICS_VERSION
 from inversion.back_analysis import result_builder
 from inversion.back_analysis.case import InversionCase
+from inversion.back_analysis.changed_answers import (
+    Here,
+    Solved,
+    largest,
+    ratio_change,
+    sensitivity_answer,
+    variant_answer,
+)
 from inversion.back_analysis.equivalent_answers import EquivalentAnswer, walk
-from inversion.back_analysis.perturbed_answers import Problem, resolve
+from inversion.back_analysis.perturbed_answers import ROUNDS, Problem, resolve
 from inversion.back_analysis.relations import compared_relations
 from inversion.back_analysis.result import (
     Noise,
     Result,
     SeedAnswer,
     SensitivityAnswer,
-    Side,
     Start,
     VariantAnswer,
 )
@@ -37,10 +44,11 @@ from inversion.back_analysis.variants import Changed
 from inversion.engine_registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
-from inversion.estimation.calibrate import calibrate, further_starts
+from inversion.engines.two_spacings import KnownDerivative, Move, Moved
+from inversion.estimation.calibrate import calibrate, further_starts, refine
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import Posterior, posterior, root_mean_square
+from inversion.estimation.posterior import Posterior, posterior
 from inversion.estimation.search import Evaluation, Search, SearchResult
 from inversion.problem.forward import Forward
 from inversion.problem.question import Sensitivity
@@ -59,6 +67,8 @@ class BackAnalysis:
         say: called with a line on each step of the work.
         watch: called for each stage.
         engine_name: of the engine that predicts, as in the registry.
+        move: from coarse runs to those at the spacing of the answer; None: there are no coarse
+            runs, or no answer yet.
     """
 
     case: InversionCase
@@ -77,6 +87,7 @@ class BackAnalysis:
     remarks: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
     runs: int = 0
+    move: Move | None = None
     engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
@@ -84,7 +95,6 @@ class BackAnalysis:
         self.engine = self.engine_of(self.case.setup)
         self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
-        self.least_m = 2.0 * self.case.scene.spacing
 
     def run(self) -> Result:
         """All stages."""
@@ -125,6 +135,24 @@ class BackAnalysis:
         """The forward engine of a reading of the question."""
         return engine_named(self.engine_name).forward(setup, self.store)
 
+    @property
+    def coarse_spacing_m(self) -> float | None:
+        """Spacing of the coarse runs [m]; None: there are none."""
+        return None if engine_named(self.engine_name).trained else self.case.coarse_spacing_m
+
+    def engine_of_changes(self, setup: Setup) -> Forward:
+        """The engine that says how a reading of the question changes the answer.
+
+        Where there are coarse runs: they, moved so that they agree with the fine run at the answer.
+        A setup that has no coarse one keeps its own spacing.
+        """
+        if self.coarse_spacing_m is None:
+            return self.engine_of(setup)
+        coarse = self.case.coarsened(setup)
+        if coarse is None:
+            return Moved(self.engine_of(setup), Move.none())
+        return Moved(self.engine_of(coarse), self.move)
+
     def objective_of(self, setup: Setup) -> Objective:
         """The objective to minimise for a reading of the question."""
         return self.case.objective(setup)
@@ -141,21 +169,61 @@ class BackAnalysis:
 
     def search(self) -> None:
         """Find the answer from the question's first guess."""
-        settings = self.case.config.inversion
-        seeds = [
-            self.engine_of(self.case.jittered(self.case.setup, seed))
-            for seed in range(1, settings.step_seeds + 1)
-        ]
-        search = self._search(self.engine, self.steps, seeds=seeds, tell=True)
-        start = self.case.parameters.start
-        self.found = calibrate(search, start, method=settings.method, least_m=self.least_m)
+        self.found = self._search_fine(self._search_coarse()) if self.coarse_spacing_m else (
+            self._searched(self.engine, self._jittered(self.case.setup))
+        )  # fmt: skip
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
+        seeds = [self.engine_of_changes(setup) for setup in self._jittered(self.case.setup)]
         if seeds:  # runs that the stage `seeds` asks for again: they cost nothing
             mask = self.objective.targets.fitted
             self.steps.noise, _ = measured_noise(seeds, self.found.values, mask)
         self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
         self.tell_doubts()
+
+    def _jittered(self, setup: Setup) -> list[Setup]:
+        """The setups whose runs measure the noise of a finite difference."""
+        seeds = range(1, self.case.config.inversion.step_seeds + 1)
+        return [self.case.jittered(setup, seed) for seed in seeds]
+
+    def _searched(self, engine: Forward, jittered: list[Setup]) -> SearchResult:
+        """The whole search, from the question's first guess, by one engine."""
+        seeds = [self.engine_of(setup) for setup in jittered]
+        search = self._search(engine, self.steps, seeds=seeds, tell=True)
+        start, method = self.case.parameters.start, self.case.config.inversion.method
+        return calibrate(search, start, method=method, least_m=self._least_m(engine))
+
+    def _search_coarse(self) -> SearchResult:
+        """The same by coarse runs alone."""
+        coarse = self.case.coarsened(self.case.setup)
+        found = self._searched(self.engine_of(coarse), self._jittered(coarse))
+        self.say(f"at {self.coarse_spacing_m:g} m: {self._told(found)}")
+        return found
+
+    def _search_fine(self, coarse: SearchResult) -> SearchResult:
+        """Go on from the answer of coarse runs, with the derivative that is known there."""
+        parameters, method = self.case.parameters, self.case.config.inversion.method
+
+        def agreeing(evaluation: Evaluation) -> Forward:
+            self.move = self._move(coarse.best, evaluation)
+            return self.engine_of_changes(self.case.setup)
+
+        slope = coarse.best.derivative * parameters.value_per_fitted(coarse.values)[None, :]
+        engine = KnownDerivative(self.engine, slope)
+        search = self._search(engine, self.steps, tell=True)
+        found = refine(search, coarse.values, method=method, sampled=agreeing)
+        self.move = self._move(coarse.best, found.best)
+        return found.after(coarse, method)
+
+    def _move(self, coarse: Evaluation, fine: Evaluation) -> Move:
+        """From coarse to fine runs, which agree at these two evaluations."""
+        to_fitted = self.case.parameters.to_fitted
+        beyond = np.nan_to_num(fine.prediction.values - coarse.prediction.values)
+        return Move(
+            shift=to_fitted(coarse.values) - to_fitted(fine.values),
+            numbers=dict(zip(self.engine.names, map(float, beyond), strict=True)),
+            sigma_v0_kpa=fine.prediction.sigma_v0_kpa - coarse.prediction.sigma_v0_kpa,
+        )
 
     def tell_doubts(self) -> None:
         """Remarks on the answer."""
@@ -179,12 +247,12 @@ class BackAnalysis:
     def find_equally_good(self) -> None:
         """Walk along what the data do not determine."""
         if len(self.spread.flat):
-            before = self.engine.runs
+            engine = self.engine_of_changes(self.case.setup)
             self.stops = walk(
-                self.engine, self.objective, self.found.values, self.slope,
+                engine, self.objective, self.found.values, self.slope,
                 self.spread.flat, self.found.best.loss,
             )  # fmt: skip
-            self.runs += self.engine.runs - before
+            self.runs += engine.runs
             self.say(f"other answers that fit as well: {len(self.stops)}")
 
     def measure_noise(self) -> None:
@@ -203,6 +271,7 @@ class BackAnalysis:
         values = np.array([problem.refined for _, problem in kept])
         self.noise = Noise(
             jitter=self.case.config.inversion.noise_jitter,
+            spacing_m=kept[0][1].prediction.spacing_m,
             seeds=[seed for seed, _ in kept],
             std=targets.named(before.std(axis=0, ddof=1)),
             mean=targets.named(before.mean(axis=0)),
@@ -224,103 +293,72 @@ class BackAnalysis:
         )
 
     def solve_variants(self) -> None:
-        """Search under every other reading of the question."""
+        """Solve every other reading of the question, and again at the answer's spacing."""
+        solved = self._solved_variants()
+        # The limit of flow is no fit that a few steps could mend.
+        self._again_fine([one for one in solved if not one.problem.objective.limit])
+        for one in solved:
+            self.variants.append(variant_answer(one))
+            self.say(f"{one.entry.name}: {self._listed(one.best.values)}: {one.words}")
+
+    def _solved_variants(self) -> list[Solved]:
+        """Variants with an answer: from that to the question, or else by a search of their own."""
+        changed = {v.name: self.case.variant(v) for v in self.case.question.variants}
+        near = {
+            name: self._problem(one.setup)
+            for name, one in changed.items()
+            if self.coarse_spacing_m
+            and one.setup.targets.names == self.objective.targets.names
+            and not self.objective_of(one.setup).limit
+        }
+        self._resolve(list(near.values()))
+        solved = []
         for variant in self.case.question.variants:
-            changed = self.case.variant(variant)
-            found = self._calibrated(variant.name, changed.setup, self.found.values)
-            if found is None:
+            one, problem = changed[variant.name], near.get(variant.name)
+            if problem is not None and problem.reached:
+                solved.append(Solved(variant, one, problem))
                 continue
-            self.say(f"{variant.name}: {self._told(found)}")
-            targets, parameters = changed.setup.targets, self.case.parameters
-            self.variants.append(
-                VariantAnswer(
-                    name=variant.name,
-                    words=changed.words,
-                    values=parameters.as_mapping(found.values),
-                    ratios=result_builder.ratios(
-                        found.best.prediction, found.values, parameters.names
-                    ),
-                    loss=found.best.loss,
-                    reached=found.reached,
-                    predicted=targets.named(found.best.prediction.values),
-                    measured=targets.named(targets.measured, targets.fitted),
-                    at_bound=result_builder.bounded(
-                        parameters.names, parameters.at_bound(found.values)
-                    ),
-                    words_end=found.words,
-                )
-            )
+            found = self._calibrated(variant.name, one.setup, self.found.values)
+            if found is not None:
+                solved.append(Solved(variant, one, self._problem(one.setup, found), found))
+        return solved
 
     def solve_sensitivities(self) -> None:
         """Solve again under every changed assumption, all of them side by side."""
         entries, left_out = self.known_sensitivities()
         for line in left_out:
             self.remark(line)
-        asked = [(entry, changed) for entry, changes in entries for changed in changes]
-        problems = [self._problem(changed.setup) for _, changed in asked]
-        self._resolve(problems)
+        solved = [
+            Solved(entry, changed, self._problem(changed.setup))
+            for entry, changes in entries
+            for changed in changes
+        ]
+        self._resolve([one.problem for one in solved])
+        here = Here(self._refined, self.found.best.prediction)
+        answered = [one for one in solved if one.answered]
+        if answered:
+            share = self.case.config.inversion.check_share
+            names = largest(answered, here, self.spread.std, share)
+            self._again_fine([one for one in answered if one.entry.name in names], rounds=0)
         for entry, _ in entries:
-            own = [
-                (changed, problem)
-                for (other, changed), problem in zip(asked, problems, strict=True)
-                if other is entry
-            ]
-            self._keep_sensitivity(entry, own)
+            self._keep_sensitivity(
+                entry.name, [one for one in answered if one.entry is entry], here
+            )
 
-    def _keep_sensitivity(self, entry: Sensitivity, own: list[tuple[Changed, Problem]]) -> None:
-        names = self.case.parameters.names
-        answered = [self._side(changed, problem) for changed, problem in own
-                    if problem.before is not None and np.isfinite(problem.loss)]  # fmt: skip
-        if not answered:
-            self.remark(f"{entry.name}: the simulation failed; not among the sensitivities")
+    def _keep_sensitivity(self, name: str, own: Sequence[Solved], here: Here) -> None:
+        if not own:
+            self.remark(f"{name}: the simulation failed; not among the sensitivities")
             return
-        if not all(side.reached for side in answered):
-            self.remark(
-                f"{entry.name}: not fitted to the tolerance; its change is a linear estimate"
-            )
-        changes = [side.change for side in answered]
-        first = names[0]
-        worst = max(answered, key=lambda side: abs(side.change[first]))
-        self.sensitivities.append(
-            SensitivityAnswer(
-                name=entry.name,
-                kind=entry.kind,
-                words="; ".join(side.words for side in answered),
-                change=worst.change,
-                std={name: root_mean_square(changes, name) for name in names},
-                sides=answered,
-            )
-        )
-        if entry.kind != "target":
-            moved = [side.ratio_change for side in answered]
-            self.ratio_changes[entry.name] = {
-                name: root_mean_square(moved, name) for name in moved[0]
-            }
-        self.say(f"{entry.name}: " + ", ".join(
-            f"{side.words}: {first} {side.change[first]:+.2f}" for side in answered
+        found = sensitivity_answer(own, here)
+        if not all(side.reached for side in found.sides):
+            self.remark(f"{name}: not fitted to the tolerance; its change is a linear estimate")
+        self.sensitivities.append(found)
+        if found.kind != "target":
+            self.ratio_changes[name] = ratio_change(found)
+        first = self.case.parameters.names[0]
+        self.say(f"{name}: " + ", ".join(
+            f"{side.words}: {first} {side.change[first]:+.2f}" for side in found.sides
         ))  # fmt: skip
-
-    def _side(self, changed: Changed, problem: Problem) -> Side:
-        parameters, targets = self.case.parameters, changed.setup.targets
-        here, there = self._refined, problem.refined
-        sigma, new_sigma = self.found.best.prediction.sigma_v0_kpa, problem.prediction.sigma_v0_kpa
-        new_sigma = np.where(np.isnan(new_sigma), sigma, new_sigma)  # the engine does not know it
-        with np.errstate(invalid="ignore"):
-            ratio_change = there / new_sigma - here / sigma
-        return Side(
-            words=changed.words,
-            values=parameters.as_mapping(there),
-            change=parameters.as_mapping(there - here),
-            ratio_change={
-                name: float(change)
-                for name, change in zip(parameters.names, ratio_change, strict=True)
-                if np.isfinite(change)
-            },
-            predicted_before=targets.named(problem.before.values, targets.fitted),
-            predicted=targets.named(problem.prediction.values, targets.fitted),
-            loss=problem.loss,
-            reached=problem.reached,
-        )
 
     def _told_derivative(self) -> np.ndarray:
         """The derivative at the answer without its noise, which carries no information."""
@@ -353,6 +391,7 @@ class BackAnalysis:
             measurement_set=case.measurement_set,
             engine=self.engine_name,
             spacing_m=case.scene.spacing,
+            coarse_spacing_m=self.coarse_spacing_m,
             manifest=self._manifest(),
             question=case.question,
             answer=result_builder.answer(
@@ -432,14 +471,17 @@ class BackAnalysis:
 
     def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> SearchResult | None:
         """Another search with the noise that is known; None, and a line, where there is none."""
-        engine = self.engine_of(setup)
+        engine = self.engine_of_changes(setup)
         noise = self.steps.noise
         if int(setup.targets.fitted.sum()) != len(noise):
             noise = np.full(int(setup.targets.fitted.sum()), float(np.max(noise)))
         search = self._search(engine, self._steps(noise, self.objective_of(setup)))
         try:
             found = calibrate(
-                search, start, method=self.case.config.inversion.method, least_m=self.least_m
+                search,
+                start,
+                method=self.case.config.inversion.method,
+                least_m=self._least_m(engine),
             )
         except WorkFailed as error:
             self.remark(f"{name}: no answer: {error}")
@@ -447,14 +489,48 @@ class BackAnalysis:
         self.runs += engine.runs
         return found
 
-    def _problem(self, setup: Setup) -> Problem:
-        """A question close to the answer's."""
+    def _problem(self, setup: Setup, found: SearchResult | None = None) -> Problem:
+        """A question close to the answer's; or what a search has found as its answer."""
+        best = self.found.best if found is None else found.best
+        objective = self.objective_of(setup)
         return Problem(
-            self.engine_of(setup), self.objective_of(setup), self.found.values, self.slope
+            self.engine_of_changes(setup),
+            objective,
+            best.values,
+            objective.fitted_derivative(best.derivative, best.values),
+            prediction=None if found is None else best.prediction,
+            before=None if found is None else found.evaluations[0].prediction,
         )
 
-    def _resolve(self, problems: list[Problem]) -> None:
-        resolve(problems)
+    def _again_fine(self, solved: Sequence[Solved], rounds: int = ROUNDS) -> None:
+        """Solve what coarse runs have answered again at the spacing of the answer.
+
+        Args:
+            solved: those without coarse runs, and those that fail now, stay as they are.
+            rounds: batches after the first.
+        """
+        again = {
+            number: Problem(
+                self.engine_of(one.changed.setup),
+                one.problem.objective,
+                one.problem.refined,
+                one.problem.slope,
+            )
+            for number, one in enumerate(solved)
+            if self.coarse_spacing_m and self.case.coarsened(one.changed.setup) is not None
+        }
+        self._resolve(list(again.values()), rounds)
+        for number, problem in again.items():
+            if np.isfinite(problem.loss):
+                solved[number].fine = problem
+
+    @staticmethod
+    def _least_m(engine: Forward) -> float:
+        """What must move for a search to begin [m]."""
+        return 2.0 * engine.setup.scene.spacing
+
+    def _resolve(self, problems: list[Problem], rounds: int = ROUNDS) -> None:
+        resolve(problems, rounds)
         self.runs += sum(problem.engine.runs for problem in problems)
 
     def _tell_evaluation(self, evaluation: Evaluation) -> None:
@@ -477,11 +553,12 @@ class BackAnalysis:
         self.say(f"{name}: {values}: {predicted}: {loss} ({evaluation.runs} simulations)")
 
     def _told(self, found: SearchResult) -> str:
-        values = ", ".join(
-            f"{spec.name} {value:.4g}"
-            for spec, value in zip(self.case.parameters.specs, found.values, strict=True)
+        return f"{self._listed(found.values)}: {found.words} ({found.runs} simulations)"
+
+    def _listed(self, values: np.ndarray) -> str:
+        return ", ".join(
+            f"{name} {value:.4g}" for name, value in self.case.parameters.as_mapping(values).items()
         )
-        return f"{values}: {found.words} ({found.runs} simulations)"
 
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:

@@ -13,6 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from geometry.case import Case
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import scene_from_mapping
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
 from inversion.engines.relation_priors import with_relation_priors
@@ -101,6 +103,37 @@ class InversionCase(Case):
                 reason = str(error).removeprefix(f"{self.source}: sensitivities: ")
                 left_out.append(f"left out at {self.scene.spacing:g} m spacing: {reason}")
         return found, left_out
+
+    @cached_property
+    def coarse_spacing_m(self) -> float | None:
+        """Spacing of coarse runs [m]; None: every run is at the spacing in force.
+
+        So it is where the settings ask for no coarser spacing, where the section would have few
+        points at it, or a zone that is too thin.
+        """
+        settings = self.config.inversion
+        spacing = settings.coarse_factor * self.own_spacing_m
+        points = len(fill(self.scene)) * (self.scene.spacing / spacing) ** 2
+        if spacing <= self.scene.spacing or points < settings.coarse_points:
+            return None
+        return spacing if self._at(spacing, self.setup) is not None else None
+
+    def coarsened(self, setup: Setup) -> Setup | None:
+        """The same setup at the coarse spacing.
+
+        None: there is no such spacing, the setup asks for a spacing of its own, or one of its zones
+        would be too thin.
+        """
+        if self.coarse_spacing_m is None or setup.scene.spacing != self.scene.spacing:
+            return None
+        return self._at(self.coarse_spacing_m, setup)
+
+    def _at(self, spacing: float, setup: Setup) -> Setup | None:
+        document = {**setup.scene.model_dump(), "spacing": spacing}
+        try:
+            return replace(setup, scene=scene_from_mapping(document, self.source))
+        except InputError:
+            return None
 
     def jittered(self, setup: Setup, seed: int) -> Setup:
         """The same setup with its points jittered by a seed."""

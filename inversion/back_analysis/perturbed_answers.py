@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from inversion.estimation.gauss_newton import bounded_step, broyden
+from inversion.estimation.gauss_newton import LEAST, bounded_step, broyden
 from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
 
@@ -60,6 +60,15 @@ class Problem:
         if self.objective.loss == "misfit":
             return self.settled and bool(np.isfinite(self.loss))
         return self.loss < self.objective.tolerance
+
+    @property
+    def words(self) -> str:
+        """How good the fit is."""
+        if not self.reached:
+            return f"not fitted: loss {self.loss:.2g}"
+        if self.objective.loss == "misfit":
+            return LEAST
+        return f"loss {self.loss:.2g} below the tolerance {self.objective.tolerance:g}"
 
     def propose(self) -> np.ndarray | None:
         """Values of the next run (p,); None: nothing more to be done."""

@@ -22,6 +22,10 @@ from pipeline.documents import StrictDocument, document_schema
 from pipeline.files import read_json, write_json
 
 FILE_NAME = "result.json"
+SPACING = (
+    "between the material points of its runs, m; coarse ones are moved so that they agree with the "
+    "run at the answer's spacing at the answer; 0: the engine has none"
+)
 
 
 class ParameterAnswer(StrictDocument):
@@ -97,6 +101,7 @@ class EquallyGood(StrictDocument):
 
     along: int = Field(description="number of the direction in `undetermined` it was found along")
     values: dict[str, float] = Field(description="parameters by name")
+    spacing_m: float = Field(description=SPACING)
     predicted: dict[str, float] = Field(description="fitted measurements by name")
     loss: float = Field(description="m2 for the paper's loss, else standardised")
     at_bound: list[str] = Field(description="parameters that rest on a bound there")
@@ -162,6 +167,7 @@ class Iteration(StrictDocument):
     kind: Literal["start", "scan", "lbfgsb", "gauss_newton", "limit"] = Field(
         description="what asked for it"
     )
+    spacing_m: float = Field(description=SPACING)
     accepted: bool = Field(description="False: a step that made it worse and was taken back")
     values: dict[str, float] = Field(description="parameters by name")
     loss: float | None = Field(description="null: the run failed")
@@ -180,6 +186,7 @@ class Start(StrictDocument):
     iterations: int = Field(description="after the start")
     runs: int = Field(description="simulations asked for")
     words: str = Field(description="how the search ended")
+    spacing_m: float = Field(description=SPACING)
 
 
 class VariantAnswer(StrictDocument):
@@ -187,7 +194,11 @@ class VariantAnswer(StrictDocument):
 
     name: str = Field(description="as in the question")
     words: str = Field(description="what is different")
+    spacing_m: float = Field(description=SPACING)
     values: dict[str, float] = Field(description="parameters by name")
+    coarse_values: dict[str, float] | None = Field(
+        None, description="as found at the coarse spacing; null: not asked at both"
+    )
     ratios: dict[str, float] = Field(description="strength / sigma'_v0 there, by name")
     loss: float = Field(description="at `values`")
     reached: bool = Field(description="the loss is below the tolerance")
@@ -201,9 +212,13 @@ class Side(StrictDocument):
     """One of the changes of a sensitivity, and the answer with it."""
 
     words: str = Field(description="what was changed, and by how much")
+    spacing_m: float = Field(description=SPACING)
     values: dict[str, float] = Field(description="with the linear step that would be next")
     change: dict[str, float] = Field(
         description="values minus the answer's, each first corrected for what its fit still lacks"
+    )
+    coarse_change: dict[str, float] | None = Field(
+        None, description="the change as found at the coarse spacing; null: not asked at both"
     )
     ratio_change: dict[str, float] = Field(description="change of strength / sigma'_v0")
     predicted_before: dict[str, float] = Field(
@@ -221,7 +236,14 @@ class SensitivityAnswer(StrictDocument):
     kind: str = Field(description="as in the question")
     words: str = Field(description="what was changed")
     change: dict[str, float] = Field(description="of the side that changes the answer most")
-    std: dict[str, float] = Field(description="root mean square over the sides: its contribution")
+    std: dict[str, float] = Field(
+        description="its contribution: root mean square over the sides; of the cell size the "
+        "distance to `limit_of_small_cells`"
+    )
+    limit_of_small_cells: dict[str, float] | None = Field(
+        None,
+        description="of the cell size: the answer with ever smaller cells, extrapolated; else null",
+    )
     sides: list[Side] = Field(description="each of the changes")
 
 
@@ -267,6 +289,7 @@ class SeedAnswer(StrictDocument):
 class Noise(StrictDocument):
     """How much the numbers depend on where exactly the material points lie."""
 
+    spacing_m: float = Field(description=SPACING)
     jitter: float = Field(description="each point moved by up to jitter x spacing / 2")
     seeds: list[int] = Field(description="whose runs finished")
     std: dict[str, float] = Field(description="standard deviation of each prediction at the answer")
@@ -345,7 +368,11 @@ class Result(StrictDocument):
     title: str = Field(description="name in words")
     measurement_set: str = Field(description="the set that was fitted")
     engine: str = Field(description="mpm, or gns: a learned simulator")
-    spacing_m: float = Field(description="between material points")
+    spacing_m: float = Field(description="between material points, m: of the answer")
+    coarse_spacing_m: float | None = Field(
+        None,
+        description="of the runs that say how the answer changes; null: all are as the answer's",
+    )
     manifest: dict[str, Any] = Field(description="settings, versions, seeds, machine, time")
     question: Question = Field(description="as asked")
     answer: Answer = Field(description="what was found")

@@ -50,6 +50,7 @@ def iterations(evaluations: Sequence[Evaluation], objective: Objective) -> list[
         Iteration(
             iteration=evaluation.iteration,
             kind=evaluation.kind,
+            spacing_m=evaluation.prediction.spacing_m,
             accepted=evaluation.accepted,
             values=objective.parameters.as_mapping(evaluation.values),
             loss=evaluation.loss if np.isfinite(evaluation.loss) else None,
@@ -72,6 +73,7 @@ def start_of(found: SearchResult, objective: Objective) -> Start:
         iterations=found.iterations,
         runs=found.runs,
         words=found.words,
+        spacing_m=found.best.prediction.spacing_m,
     )
 
 
@@ -210,6 +212,7 @@ def answer(
         equally_good=[
             EquallyGood(
                 along=stop.along,
+                spacing_m=stop.prediction.spacing_m,
                 values=parameters.as_mapping(stop.values),
                 predicted=targets.named(stop.prediction.values, targets.fitted),
                 loss=stop.loss,

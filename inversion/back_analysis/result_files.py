@@ -70,7 +70,8 @@ def save_sections(analysis: BackAnalysis, path: Path) -> None:
     count = len(points)
     kept = [evaluation.prediction.positions for evaluation in evaluations]
     final = np.stack([p if len(p) == count else np.full((count, 2), np.nan) for p in kept])
-    answer = next(
+    # The last one at these values: a coarse run before it may have had the same.
+    answer = max(
         place
         for place, evaluation in enumerate(evaluations)
         if evaluation.accepted and np.array_equal(evaluation.values, analysis.found.values)

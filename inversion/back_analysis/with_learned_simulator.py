@@ -222,36 +222,14 @@ class SurrogateAnalysis(BackAnalysis):
         """A search with the engine and objective that are known by now."""
         method = self.case.config.inversion.method
         search = self._search(self.engine, self.steps, tell=True)
-        found = calibrate(search, start, method=method, least_m=self.least_m)
+        found = calibrate(search, start, method=method, least_m=self._least_m(self.engine))
         self.runs += found.runs
         return found
 
     def _search_on(self) -> None:
         """Search from the present answer; the evaluations follow those before."""
-        before, method = self.found, self.case.config.inversion.method
-        found = self._fit(before.values)
-        last = before.evaluations[-1]
-        evaluations = [
-            replace(
-                evaluation,
-                kind=method if evaluation.kind == "start" else evaluation.kind,
-                iteration=evaluation.iteration + last.iteration + 1,
-                runs=evaluation.runs + before.runs,
-                seconds=evaluation.seconds + last.seconds,
-            )
-            for evaluation in found.evaluations
-        ]
-        place = next(
-            number
-            for number, evaluation in enumerate(found.evaluations)
-            if evaluation is found.best
-        )
-        self.found = replace(
-            found,
-            best=evaluations[place],
-            evaluations=[*before.evaluations, *evaluations],
-            runs=found.runs + before.runs,
-        )
+        before = self.found
+        self.found = self._fit(before.values).after(before, self.case.config.inversion.method)
 
     def _judge(self) -> None:
         """The material point method at the answer; the stress before failure is its own."""

@@ -77,6 +77,7 @@ def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None
         zone_sigma_v0_kpa=_zone_sigma_v0(setup.scene, run),
         run_time_s=run.wall_time_s,
         at_rest=run.at_rest or failed,
+        spacing_m=setup.scene.spacing,
     )
 
 

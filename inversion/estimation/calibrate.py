@@ -8,7 +8,7 @@ last.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -21,6 +21,7 @@ from inversion.estimation.lbfgsb import lbfgsb
 from inversion.estimation.search import Evaluation, Search, SearchResult
 from inversion.estimation.smoothing import smoothed
 from inversion.estimation.unknowns import Parameters
+from inversion.problem.forward import Forward
 
 Method = Literal["gauss_newton", "lbfgsb"]
 METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
@@ -64,7 +65,32 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
             search.start_again()
             first = search.evaluate(better.values, "scan", better.iteration)
             found = _searched(search, first, method)
-    return _polished(search, found)
+    return _polished(search, found, search.engine)
+
+
+def refine(
+    search: Search,
+    start: np.ndarray,
+    *,
+    method: Method,
+    sampled: Callable[[Evaluation], Forward],
+) -> SearchResult:
+    """Search on from the answer of a coarser engine: no scan, and no looking around.
+
+    Args:
+        search: the problem.
+        start: that answer, (p,).
+        method: gauss_newton or lbfgsb.
+        sampled: the cheaper engine that is run around the end of the search to smooth a misfit,
+            given the evaluation with which it must agree.
+
+    Raises:
+        WorkFailed: the first run failed.
+    """
+    if search.objective.limit:
+        return flow_limit(search, start)
+    found = _searched(search, search.evaluate(start, "start", 0), method)
+    return _polished(search, found, sampled(found.best))
 
 
 def _searched(search: Search, first: Evaluation, method: Method) -> SearchResult:
@@ -82,13 +108,13 @@ def _searched(search: Search, first: Evaluation, method: Method) -> SearchResult
     return METHODS[method](search, found.best)
 
 
-def _polished(search: Search, found: SearchResult) -> SearchResult:
+def _polished(search: Search, found: SearchResult, engine: Forward) -> SearchResult:
     """The bottom of the valley, where many numbers are fitted and the simulation has noise."""
     if search.objective.loss != "misfit" or not np.any(search.steps.noise > 0):
         return found
     if not np.isfinite(found.best.loss) or search.exhausted:
         return found
-    evaluation = smoothed(search, found.best)
+    evaluation = smoothed(search, found.best, engine)
     if evaluation is None:
         return found
     ripple = np.sum((search.objective.survey_whitener * search.steps.noise[None, :]) ** 2)

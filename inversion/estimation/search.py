@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -155,7 +155,7 @@ class Search:
     def reject(self, evaluation: Evaluation) -> None:
         """Mark an evaluation as a step that was taken back."""
         place = next(i for i, kept in enumerate(self.evaluations) if kept is evaluation)
-        self.evaluations[place] = Evaluation(**{**vars(evaluation), "accepted": False})
+        self.evaluations[place] = replace(evaluation, accepted=False)
 
 
 @dataclass(frozen=True)
@@ -185,3 +185,27 @@ class SearchResult:
     def iterations(self) -> int:
         """Iterations after the start."""
         return max(evaluation.iteration for evaluation in self.evaluations)
+
+    def after(self, before: SearchResult, kind: Kind) -> SearchResult:
+        """This search as the continuation of another: its evaluations follow those before.
+
+        Its first evaluation, a start by itself, is then one more of `kind`.
+        """
+        last = before.evaluations[-1]
+        evaluations = [
+            replace(
+                evaluation,
+                kind=kind if evaluation.kind == "start" else evaluation.kind,
+                iteration=evaluation.iteration + last.iteration + 1,
+                runs=evaluation.runs + before.runs,
+                seconds=evaluation.seconds + last.seconds,
+            )
+            for evaluation in self.evaluations
+        ]
+        place = next(i for i, one in enumerate(self.evaluations) if one is self.best)
+        return replace(
+            self,
+            best=evaluations[place],
+            evaluations=[*before.evaluations, *evaluations],
+            runs=self.runs + before.runs,
+        )

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from inversion.estimation.search import Evaluation, Search
+from inversion.problem.forward import Forward
 
 #: Places on either side, in half-widths; half-width of a strength's logarithm, of an angle [deg].
 PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
@@ -22,12 +23,13 @@ MOST_MOVES = 3
 LEAST_RUNS = 5
 
 
-def smoothed(search: Search, best: Evaluation) -> Evaluation | None:
+def smoothed(search: Search, best: Evaluation, engine: Forward) -> Evaluation | None:
     """An evaluation at the bottom of the valley; None: not found, or outside the places tried.
 
     Args:
         search: of a fit with noise; given the evaluation.
         best: where the search ended.
+        engine: is run across the valley.
     """
     parameters = search.objective.parameters
     half = np.where(parameters.logarithmic, HALF_LOG, HALF_DEGREES) / parameters.prior_std
@@ -38,7 +40,7 @@ def smoothed(search: Search, best: Evaluation) -> Evaluation | None:
         if centre is not None and np.array_equal(rounded, centre):
             break
         centre = rounded
-        found = _bottom(search, centre, half)
+        found = _bottom(search, engine, centre, half)
         if found is None:
             return None
         bottom = found
@@ -46,7 +48,9 @@ def smoothed(search: Search, best: Evaluation) -> Evaluation | None:
     return search.evaluate(parameters.to_values(bottom), best.kind, iteration)
 
 
-def _bottom(search: Search, centre: np.ndarray, half: np.ndarray) -> np.ndarray | None:
+def _bottom(
+    search: Search, engine: Forward, centre: np.ndarray, half: np.ndarray
+) -> np.ndarray | None:
     """The bottom seen from around `centre`, fitted (p,); None: too few runs, or at the rim."""
     parameters = search.objective.parameters
     offsets = [np.zeros(len(half))]
@@ -55,7 +59,7 @@ def _bottom(search: Search, centre: np.ndarray, half: np.ndarray) -> np.ndarray 
     fitted = np.clip(
         centre + half * np.array(offsets), parameters.fitted_low, parameters.fitted_high
     )
-    predictions = search.engine.predict([parameters.to_values(place) for place in fitted])
+    predictions = engine.predict([parameters.to_values(place) for place in fitted])
     mask = search.objective.targets.fitted
     kept = np.array([np.all(np.isfinite(p.values[mask])) for p in predictions])
     if kept.sum() < max(LEAST_RUNS, 2 * len(half) + 1):

@@ -280,11 +280,11 @@ def _sensitivities(scene: Scene) -> str:
     )
     if scene.has_water:
         text += "  - {name: water level, kind: water_level, std_m: 0.5}   # assumed\n"
-    if _bears(scene, 1.5):
-        text += "  - {name: cell size, kind: cell_size, factor: 1.5}\n"
+    if _bears(scene, 2.0):
+        text += "  - {name: cell size, kind: cell_size, factor: 2.0}\n"
     else:
         text += (
-            "  - {name: cell size, kind: cell_size, factor: 0.75}   # a zone is too thin for 1.5\n"
+            "  - {name: cell size, kind: cell_size, factor: 0.75}   # a zone is too thin for 2\n"
         )
     text += "  - {name: time step, kind: time_step, factor: 0.5}\n"
     return text + "  - {name: transfer, kind: simulation, simulation: {transfer: flip}}\n"

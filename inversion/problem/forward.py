@@ -66,6 +66,7 @@ class Prediction:
             does not know it.
         run_time_s: time the run took, whenever it was [s].
         at_rest: the slide came to rest; False: it was cut off in motion.
+        spacing_m: between the material points of its run [m]; 0: it has none.
     """
 
     values: np.ndarray
@@ -79,6 +80,7 @@ class Prediction:
     zone_sigma_v0_kpa: dict[str, float] = field(default_factory=dict)
     run_time_s: float = 0.0
     at_rest: bool = True
+    spacing_m: float = 0.0
 
     @property
     def failed(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engine_registry import engine_named
 from report.data.back_analysis import BackAnalysisData
-from report.numbers import at_least, fixed, plus_minus, signed, span, with_unit
+from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit
 
 FAR, FAR_SHARE = 2.0, 0.1
 """Standard deviations beyond which a difference is a misfit; share of a series that may exceed."""
@@ -279,6 +279,55 @@ def constructed_sentence(data: BackAnalysisData) -> str:
     return (
         f"Constructed, not surveyed: {', '.join(names)}. Drawn (dotted) for orientation only; "
         "part of neither the fit nor the score."
+    )
+
+
+def spacing_sentences(data: BackAnalysisData) -> list[str]:
+    """Which numbers come from coarse runs, how these were checked, and the limit of small cells."""
+    result = data.result
+    said = []
+    if result.coarse_spacing_m is not None:
+        said.append(
+            f"The answer and its predictions are of runs with points every {result.spacing_m:g} m. "
+            f"What changes the answer was found with points every {result.coarse_spacing_m:g} m, "
+            "by runs moved so that both agree at the answer. " + _checked(data)
+        )
+    for entry in result.sensitivities:
+        if entry.limit_of_small_cells is not None:
+            limits = ", ".join(
+                f"{p.label} {fixed(entry.limit_of_small_cells[p.name])} {unit_of(p.unit)}"
+                for p in data.strengths
+            )
+            if limits:
+                said.append(
+                    f"Extrapolated to ever smaller cells: {limits}; the distance to it is in the "
+                    f"standard deviation ({entry.name})."
+                )
+    return said
+
+
+def _checked(data: BackAnalysisData) -> str:
+    """What the runs at the spacing of the answer gave where coarse ones had been taken."""
+    off = [
+        (abs(side.change[p.name] - side.coarse_change[p.name]) / p.std_total, entry.name)
+        for entry in data.result.sensitivities
+        for side in entry.sides
+        if side.coarse_change is not None
+        for p in data.strengths
+    ]
+    off += [
+        (abs(one.values[p.name] - one.coarse_values[p.name]) / p.std_total, one.name)
+        for one in data.result.variants
+        if one.coarse_values is not None
+        for p in data.strengths
+    ]
+    if not off:
+        return "Nothing was run at both."
+    checked = list(dict.fromkeys(name for _, name in off))
+    worst, name = max(off)
+    return (
+        f"Run at both, and given as at the smaller one: {', '.join(checked)}. They differ by at "
+        f"most {worst:.2f} standard deviations of the strength ({name})."
     )
 
 

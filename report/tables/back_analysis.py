@@ -213,9 +213,11 @@ def variant_table(data: BackAnalysisData) -> Table:
             [variant.name, *(fixed(variant.values[p.name]) for p in parameters),
              ", ".join(f"{ratio:.3f}" for ratio in variant.ratios.values()), predicted,
              f"{variant.loss:.2g}",
+             *_spacing(data, variant.spacing_m),
              "; ".join([variant.words, *notes, *_at_bounds(parameters, variant.at_bound)])]
         )  # fmt: skip
-    header = ["variant", *_columns(parameters), "S_r/σ'_v0", "predicted", "loss", ""]
+    header = ["variant", *_columns(parameters), "S_r/σ'_v0", "predicted", "loss",
+              *_spacing(data), ""]  # fmt: skip
     return Table(header, rows)
 
 
@@ -230,22 +232,32 @@ def sensitivity_tables(
 
 
 def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
+    coarse = data.result.coarse_spacing_m
     rows: list[list[str | None]] = [
-        ["survey", "errors of the fitted measurements", None, f"{p.std_data:.2f}"]
-    ]
+        ["survey", "errors of the fitted measurements", None, f"{p.std_data:.2f}",
+         *_spacing(data, coarse), *([None] if coarse else [])]
+    ]  # fmt: skip
     for entry in data.result.sensitivities:
         added = "not added" if entry.kind == "target" else f"{entry.std[p.name]:.2f}"
         for number, side in enumerate(entry.sides):
             fit = "" if side.reached else " (not fitted: linear estimate)"
             name, its = (entry.name, added) if number == 0 else ("", "")
-            rows.append([name, f"{side.words}{fit}", signed(side.change[p.name], 2), its])
+            both = None if side.coarse_change is None else signed(side.coarse_change[p.name], 2)
+            rows.append(
+                [name, f"{side.words}{fit}", signed(side.change[p.name], 2), its,
+                 *_spacing(data, side.spacing_m), *([both] if coarse else [])]
+            )  # fmt: skip
     if data.result.noise is not None:
         seeds = f"{len(data.result.noise.seeds)} jitter seeds"
         std = data.result.noise.answer_std[p.name]
-        rows.append([NOISE_SOURCE, seeds, None, f"{std:.2f}"])
-    rows.append(["total", "root of the sum of squares", None, f"{p.std_total:.2f}"])
+        rows.append([NOISE_SOURCE, seeds, None, f"{std:.2f}",
+                     *_spacing(data, data.result.noise.spacing_m),
+                     *([None] if coarse else [])])  # fmt: skip
+    rows.append(["total", "root of the sum of squares", None, f"{p.std_total:.2f}",
+                 *([None, None] if coarse else [])])  # fmt: skip
     unit = unit_of(p.unit)
-    header = ["assumption", "what was changed", f"change ({unit})", f"adds ± ({unit})"]
+    header = ["assumption", "what was changed", f"change ({unit})", f"adds ± ({unit})",
+              *_spacing(data), *([f"change at {coarse:g} m"] if coarse else [])]  # fmt: skip
     return Table(header, rows, answer_words(p))
 
 
@@ -253,14 +265,17 @@ def equally_good_table(data: BackAnalysisData) -> Table:
     """Equally good answers with what they predict; the answer itself first."""
     answer, fitted = data.result.answer, data.fitted[:MOST_FITTED]
     parameters = answer.parameters
-    header = ["", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted), "loss", ""]
+    header = ["", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted), "loss",
+              *_spacing(data), ""]  # fmt: skip
     if not answer.equally_good:
         return Table(header, [])
     rows = [["this answer", *(fixed(p.value) for p in parameters),
-             *(fixed(m.predicted) for m in fitted), f"{answer.loss:.2g}", ""]]  # fmt: skip
+             *(fixed(m.predicted) for m in fitted), f"{answer.loss:.2g}",
+             *_spacing(data, data.result.spacing_m), ""]]  # fmt: skip
     for stop in answer.equally_good:
         rows.append(["equally good", *(fixed(stop.values[p.name]) for p in parameters),
                      *_predicted(stop.predicted, fitted), f"{stop.loss:.2g}",
+                     *_spacing(data, stop.spacing_m),
                      "; ".join(_at_bounds(parameters, stop.at_bound))])  # fmt: skip
     return Table(header, rows)
 
@@ -273,11 +288,12 @@ def history_table(data: BackAnalysisData) -> Table:
          SEARCHES.get(line.kind, line.kind) + ("" if line.accepted else ", rejected"),
          *(fixed(line.values[p.name], 2) for p in parameters),
          *_predicted(line.predicted, fitted),
-         None if line.loss is None else f"{line.loss:.3g}", line.runs_so_far]
+         None if line.loss is None else f"{line.loss:.3g}", *_spacing(data, line.spacing_m),
+         line.runs_so_far]
         for line in data.result.iterations
     ]  # fmt: skip
     header = ["iteration", "what", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted),
-              "loss", "simulations so far"]  # fmt: skip
+              "loss", *_spacing(data), "simulations so far"]  # fmt: skip
     return Table(header, rows)
 
 
@@ -288,12 +304,13 @@ def starts_table(data: BackAnalysisData) -> Table:
         [", ".join(f"{start.start[p.name]:.3g}" for p in parameters),
          ", ".join(f"{start.answer[p.name]:.2f}" for p in parameters),
          f"{start.loss:.2g}" + ("" if start.reached else " (not fitted)"), start.iterations,
-         start.runs]
+         start.runs, *_spacing(data, start.spacing_m)]
         for start in data.result.starts
         if len(data.result.starts) > 1
     ]  # fmt: skip
     names = ", ".join(p.label for p in parameters)
-    return Table(["first guess", "answer", "loss", "iterations", "simulations"], rows, names)
+    header = ["first guess", "answer", "loss", "iterations", "simulations", *_spacing(data)]
+    return Table(header, rows, names)
 
 
 def timing_table(data: BackAnalysisData) -> Table:
@@ -321,6 +338,13 @@ def provenance_table(data: BackAnalysisData) -> Table:
     rows += [[f"settings: {group}", _listed(settings.get(group))]
              for group in ("simulation", "inversion")]  # fmt: skip
     return Table(["", ""], [row for row in rows if row[1]])
+
+
+def _spacing(data: BackAnalysisData, spacing_m: float | None = None) -> list[str]:
+    """Cell of the column of spacings, or its heading; none where all runs have one spacing."""
+    if data.result.coarse_spacing_m is None:
+        return []
+    return ["points every" if spacing_m is None else f"{spacing_m:g} m"]
 
 
 def _simulations(data: BackAnalysisData) -> str:

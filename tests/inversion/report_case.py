@@ -51,7 +51,7 @@ def document(parameters: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
     looks = [("start", 30.0, 86.0, 43.7), ("gauss_newton", 27.5, 0.01, 53.1)]
     return {
         "case": "no_such_case", "title": "A Dam", "measurement_set": "field", "engine": "mpm",
-        "spacing_m": 2.0, "manifest": {}, "question": {
+        "spacing_m": 2.0, "coarse_spacing_m": None, "manifest": {}, "question": {
             "parameters": [{key: p[key] for key in keys} for p in parameters]},
         "answer": {
             "parameters": parameters, "loss": 0.01, "loss_unit": "m2", "tolerance": 0.1,
@@ -60,7 +60,7 @@ def document(parameters: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
             "undetermined": [], "equally_good": [], "derivative": {}, "steps": {},
             "derivative_resolved": {}},
         "iterations": [
-            {"iteration": number, "kind": kind, "accepted": True,
+            {"iteration": number, "kind": kind, "spacing_m": 2.0, "accepted": True,
              "values": {**values, names[0]: value}, "loss": loss,
              "predicted": {"upstream toe": runout}, "runs_so_far": 4 * number + 1, "seconds": 1.0}
             for number, (kind, value, loss, runout) in enumerate(looks)],
@@ -81,15 +81,18 @@ def full(name: str = "the fill") -> Result:
     values = {"residual_strength_1": 51.0, "friction_7": 30.0}
     zero = {"residual_strength_1": 0.0, "friction_7": 0.0}
     change = {**zero, "residual_strength_1": -0.8}
-    side = {"words": f"pool of {name}", "values": values, "change": change, "ratio_change": {},
-            "predicted_before": {}, "predicted": {}, "loss": 0.01, "reached": False}  # fmt: skip
+    side = {"words": f"pool of {name}", "spacing_m": 2.0, "values": values, "change": change,
+            "coarse_change": change, "ratio_change": {}, "predicted_before": {}, "predicted": {},
+            "loss": 0.01, "reached": False}  # fmt: skip
     sensitivity = {"words": name, "change": change, "std": change | {"residual_strength_1": 0.8}}
     made = document(
         [strength, friction()],
         title=name,
+        coarse_spacing_m=4.0,
         starts=[{"start": values, "answer": values, "loss": 0.01, "reached": True, "iterations": 2,
-                 "runs": 9, "words": "done"}] * 2,
-        variants=[{"name": f"without {name}", "words": "no water", "values": values,
+                 "runs": 9, "words": "done", "spacing_m": 4.0}] * 2,
+        variants=[{"name": f"without {name}", "words": "no water", "spacing_m": 4.0,
+                   "values": values, "coarse_values": values,
                    "ratios": {"residual_strength_1": 0.17}, "loss": 0.02, "reached": True,
                    "predicted": {"upstream toe": 53.0, "freeboard": -2.2},
                    "measured": {"upstream toe": 53.0}, "at_bound": ["friction_7"],
@@ -97,8 +100,8 @@ def full(name: str = "the fill") -> Result:
         sensitivities=[
             sensitivity | {"name": f"level of {name}", "kind": "water_level", "sides": [side] * 2},
             sensitivity | {"name": "upper toe", "kind": "target", "sides": [side]}],
-        noise={"jitter": 0.5, "seeds": [1, 2], "std": {}, "mean": {}, "answers": [],
-               "answer_std": zero},
+        noise={"spacing_m": 4.0, "jitter": 0.5, "seeds": [1, 2], "std": {}, "mean": {},
+               "answers": [], "answer_std": zero},
         measurements=[
             measurement("upstream toe", source=name),
             measurement("freeboard", type="freeboard", measured=1.5, low=1.0, high=2.0, std=0.5,
@@ -136,7 +139,7 @@ def full(name: str = "the fill") -> Result:
             "remaining": 1.0,
         }
     ]
-    answer["equally_good"] = [{"along": 0, "values": {"residual_strength_1": 27.0,
+    answer["equally_good"] = [{"along": 0, "spacing_m": 4.0, "values": {"residual_strength_1": 27.0,
                                "friction_7": 37.0}, "predicted": {"upstream toe": 53.0},
                                "loss": 0.01, "at_bound": ["friction_7"]}]  # fmt: skip
     return Result.model_validate(made)

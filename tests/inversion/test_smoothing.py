@@ -40,7 +40,9 @@ def answers(seed: int) -> np.ndarray:
 
 def test_three_starts_end_nearer_to_each_other_and_to_the_truth(monkeypatch):
     smoothed = np.array([answers(seed) for seed in range(12)])
-    monkeypatch.setattr("inversion.estimation.calibrate.smoothed", lambda search, look: None)
+    monkeypatch.setattr(
+        "inversion.estimation.calibrate.smoothed", lambda search, look, engine: None
+    )
     plain = np.array([answers(seed) for seed in range(12)])
     apart = [np.median(np.ptp(np.log(kind), axis=1)) for kind in (plain, smoothed)]
     away = [np.sqrt(np.mean(np.log(kind / 25.0) ** 2)) for kind in (plain, smoothed)]

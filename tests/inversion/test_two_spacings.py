@@ -1,0 +1,202 @@
+"""Coarse runs for what changes the answer: as exact as the fine ones they stand for, and fewer."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from geometry.case import load_case
+from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.case import inversion_case
+from inversion.back_analysis.changed_answers import Here, Solved, largest, limit_of_cells
+from inversion.back_analysis.perturbed_answers import Problem
+from inversion.engines.run_store import RunStore
+from inversion.engines.two_spacings import KnownDerivative, Move, Moved
+from inversion.estimation.calibrate import calibrate, refine
+from inversion.estimation.derivatives import FiniteSteps
+from inversion.estimation.search import Search
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.question import CellSize
+from pipeline.config import load_config
+from tests.inversion.analytic import Formula, angle, problem, strength, targets
+
+PARAMETERS = Parameters([strength("a"), angle("b", start=31.0)])
+
+
+def coarse(values: np.ndarray) -> np.ndarray:
+    """Runs less far than the fine one."""
+    return np.array([48 - 100 * np.log(values[0] / 27.5) - 0.3 * (values[1] - 30)])
+
+
+def fine(values: np.ndarray) -> np.ndarray:
+    """53 m at 27.5 kPa; steeper by a tenth than the coarse one."""
+    return np.array([53 - 110 * np.log(values[0] / 27.5) - 0.3 * (values[1] - 30)])
+
+
+def engine(formula) -> Formula:
+    made = Formula(formula, ["toe 0"])
+    made.setup = SimpleNamespace(parameters=PARAMETERS)
+    return made
+
+
+def answered(formula):
+    """The search that answers a question by itself."""
+    search = problem(PARAMETERS.specs, formula, targets(53.0))
+    return search, calibrate(search, PARAMETERS.start, method="gauss_newton", least_m=2.0)
+
+
+def test_the_fine_answer_is_found_by_few_runs_with_the_coarse_derivative():
+    search, found = answered(coarse)
+    slope = found.best.derivative * PARAMETERS.value_per_fitted(found.values)[None, :]
+    known = KnownDerivative(engine(fine), slope)
+    steps = FiniteSteps(PARAMETERS, np.zeros(1))
+    again = refine(
+        Search(known, search.objective, steps),
+        found.values,
+        method="gauss_newton",
+        sampled=lambda evaluation: known,
+    )
+    assert again.reached and known.runs <= 3
+    assert fine(again.values)[0] == pytest.approx(53.0, abs=0.32)
+    together = again.after(found, "gauss_newton")
+    assert together.best is together.evaluations[-1] and together.runs == found.runs + known.runs
+    assert [one.iteration for one in together.evaluations] == list(range(len(together.evaluations)))
+
+
+def test_moved_coarse_runs_agree_with_the_fine_one_and_carry_its_changes():
+    here, there = np.array([27.5, 31.0]), np.array([26.2, 31.5])
+    move = Move(
+        PARAMETERS.to_fitted(there) - PARAMETERS.to_fitted(here),
+        {"toe 0": float((fine(here) - coarse(there))[0])},
+        -3.0,
+    )
+    moved = Moved(engine(coarse), move)
+    assert moved.predict([here])[0].values == pytest.approx(fine(here))
+    # A strength higher by a tenth has the coarse effect, whatever the strengths themselves.
+    weaker = np.array([1.1 * 27.5, 31.0])
+    change = moved.predict([weaker])[0].values - moved.predict([here])[0].values
+    assert change == pytest.approx([-100 * np.log(1.1)])
+    plain, other = Moved(engine(fine), Move.none()), engine(fine)
+    assert plain.predict([weaker])[0].values == pytest.approx(other.predict([weaker])[0].values)
+    both = moved.predict_each([(moved, here), (plain, here)])
+    assert both[0].values == pytest.approx(both[1].values)
+
+
+def solved(name: str, change: float, factor: float = 2.0) -> Solved:
+    """A sensitivity that multiplies the first parameter."""
+    objective = problem(PARAMETERS.specs, fine, targets(53.0)).objective
+    values = np.array([27.5 * change, 31.0])
+    one = Problem(engine(fine), objective, values, np.zeros((1, 2)))
+    one.receive(replace(engine(fine).predict([values])[0], values=np.array([53.0])))
+    return Solved(CellSize(name=name, kind="cell_size", factor=factor), None, one)
+
+
+def test_the_limit_of_small_cells_is_that_of_an_error_in_proportion_to_the_cell():
+    truth, slope = 25.0, 0.03
+
+    def strength_at(cell: float) -> float:
+        return truth * np.exp(slope * cell)
+
+    here = Here(np.array([strength_at(1.0), 31.0]), None)
+    for factor in (0.5, 1.5, 2.0):
+        one = solved("cell", strength_at(factor) / 27.5, factor)
+        # The prior draws the refined values by a hair.
+        assert limit_of_cells(one, here, factor)["a"] == pytest.approx(truth, rel=1e-3)
+
+
+def test_the_largest_sensitivities_are_checked_until_little_is_left():
+    here = Here(np.array([27.5, 31.0]), None)
+    entries = [solved("large", 1.2), solved("large", 0.85), solved("middle", 1.08),
+               solved("small", 1.01)]  # fmt: skip
+    std = np.array([1.0, 2.0])
+    assert largest(entries, here, std, 0.0) == set()
+    # Changes of 5.5 and -4.1, 2.2 and 0.3 kPa; the survey has 1 kPa of the variance of 29.5 kPa^2.
+    assert largest(entries, here, std, 0.8) == {"large"}
+    assert largest(entries, here, std, 0.98) == {"large", "middle"}
+    assert largest(entries, here, std, 1.0) >= {"large", "middle", "small"}
+
+
+def test_where_there_is_no_coarse_spacing_everything_is_at_one(lsfd):
+    def case(*changes: str, **more):
+        settings = load_config(None, ["inversion.coarse_points=50", *changes])
+        return inversion_case(load_case(lsfd, settings), **more)
+
+    found = case("inversion.coarse_factor=1.25")  # of 4 m in the question
+    assert found.coarse_spacing_m == found.coarsened(found.setup).scene.spacing == 5.0
+    assert case("inversion.coarse_factor=1.25", spacing_m=2.0).coarse_spacing_m == 5.0
+    assert case("inversion.coarse_factor=1.25", spacing_m=5.0).coarse_spacing_m is None
+    assert case("inversion.coarse_factor=1").coarse_spacing_m is None
+    assert (
+        case("inversion.coarse_factor=1.25", "inversion.coarse_points=400").coarse_spacing_m is None
+    )
+    assert case("inversion.coarse_factor=2").coarse_spacing_m is None  # a zone is too thin
+    of_its_own = replace(found.setup, scene=found.setup.scene.changed(spacing=3.0))
+    assert found.coarsened(of_its_own) is None
+
+
+@pytest.fixture(scope="module")
+def both(root, tmp_path_factory):
+    """One question with and without coarse runs, and once more from the kept runs."""
+    from tests.inversion.conftest import QUESTION
+
+    folder = tmp_path_factory.mktemp("two") / "small_dam"
+    shutil.copytree(root / "case_histories" / "lower_san_fernando", folder)
+    (folder / "inversion.yaml").write_text(
+        QUESTION.replace("spacing_m: 4", "spacing_m: 2.5")
+        + "  - {name: cells, kind: cell_size, factor: 1.6}\n"
+    )
+
+    def solve(factor: float, store: RunStore):
+        settings = load_config(
+            None,
+            [f"inversion.coarse_factor={factor}", "inversion.coarse_points=300",
+             "inversion.starts=2", "inversion.noise_seeds=2", "inversion.step_seeds=2"],
+        )  # fmt: skip
+        analysis = BackAnalysis(inversion_case(load_case(folder, settings)), store)
+        return analysis.run()
+
+    stores = [RunStore(folder / name, threads=1) for name in ("fast", "slow")]
+    found = [solve(factor, store) for factor, store in zip((1.6, 1.0), stores, strict=True)]
+    again = RunStore(folder / "fast", threads=1)
+    return *found, solve(1.6, again), again, stores
+
+
+@pytest.mark.slow
+def test_coarse_runs_give_what_fine_ones_give(both):
+    fast, slow, *_ = both
+    std = slow.answer.parameters[0].std_total
+    for mine, own in zip(fast.answer.parameters, slow.answer.parameters, strict=True):
+        assert abs(mine.value - own.value) < own.std_total / 3
+        assert abs(mine.std_total - own.std_total) < own.std_total / 3
+    for mine, own in zip(fast.sensitivities, slow.sensitivities, strict=True):
+        assert abs(mine.change["residual_strength_1"] - own.change["residual_strength_1"]) < std / 3
+    for mine, own in zip(fast.variants, slow.variants, strict=True):
+        name = "residual_strength_1"
+        assert mine.reached and abs(mine.values[name] - own.values[name]) < std / 3
+
+
+@pytest.mark.slow
+def test_a_result_says_at_which_spacing_each_number_was_made(both):
+    fast, slow, again, store, stores = both
+    assert (fast.spacing_m, fast.coarse_spacing_m) == (2.5, 4.0)
+    assert [one.spacing_m for one in fast.iterations][0] == 4.0
+    assert fast.iterations[-1].spacing_m == 2.5
+    assert fast.noise.spacing_m == fast.starts[1].spacing_m == 4.0
+    sides = [side for one in fast.sensitivities for side in one.sides]
+    checked = [side for side in sides if side.coarse_change is not None]
+    assert checked and all(side.spacing_m == 2.5 for side in checked)
+    assert {side.spacing_m for side in sides if side.coarse_change is None} == {4.0}
+    assert all(one.coarse_values and one.spacing_m == 2.5 for one in fast.variants)
+    assert slow.coarse_spacing_m is None
+    assert all(one.coarse_values is None for one in slow.variants)
+    # Most of the runs are coarse; asked again, nothing is computed and nothing changes.
+    assert store.computed == 0
+    for one in (fast, again):
+        one.manifest.clear()
+        one.timings.clear()
+        one.iterations.clear()
+    assert fast == again
