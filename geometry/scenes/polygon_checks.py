@@ -17,6 +17,9 @@ Point = tuple[float, float]
 #: Overlap of two zones, or part of a zone below the ground, taken for rounding; in point areas.
 AREA_TOLERANCE = 0.5
 
+#: A zone must be wider than twice this share of the spacing: as wide as the spacing itself will do.
+HALF = 0.499
+
 #: Most places for points in a domain: beyond it a laptop's memory ends.
 MOST_PLACES = 5e7
 
@@ -54,7 +57,7 @@ def check_zones(
     for name, vertices in polygons.items():
         _check_inside(name, vertices, box)
         shapes[name] = _simple(name, vertices)
-        if shapes[name].buffer(-0.5 * spacing).is_empty:
+        if shapes[name].buffer(-HALF * spacing).is_empty:
             raise ValueError(
                 f"zones: zone {name!r} is a sliver, nowhere as wide as the spacing {spacing:g} m; "
                 "give it width, join it to a neighbour or take a smaller spacing"

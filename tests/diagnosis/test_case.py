@@ -99,7 +99,9 @@ def test_spacing_of_the_command_of_the_case_and_of_the_configuration(embankment)
 
 
 def test_constructed_data_enter_nothing(root):
-    case = diagnosis_case(load_case(root / "case_histories" / "lower_san_fernando"), spacing_m=4)
+    case = diagnosis_case(
+        load_case(root / "case_histories" / "lower_san_fernando_paper"), spacing_m=4
+    )
     roles = dict(zip(case.setup.targets.names, case.setup.targets.roles, strict=True))
     assert roles["upstream toe"] == "fitted"
     assert {role for name, role in roles.items() if name.startswith("profile")} == {"constructed"}

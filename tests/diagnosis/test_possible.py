@@ -34,7 +34,9 @@ def test_what_was_measured_is_not_proposed(case):
 
 
 def test_a_dam_with_four_numbers_could_have_been_surveyed(root):
-    case = diagnosis_case(load_case(root / "case_histories" / "lower_san_fernando"), spacing_m=4)
+    case = diagnosis_case(
+        load_case(root / "case_histories" / "lower_san_fernando_paper"), spacing_m=4
+    )
     entries = possible_measurements(case.setup)
     names = [entry.name for entry in entries]
     assert sum(name == "surface" for name in names) == 10, "its profile is constructed"

@@ -12,7 +12,7 @@ import flowslide
 from flowslide.command_line import main
 from mpm_taichi.effects import effects
 
-CASE, COARSE = "lower_san_fernando", 4.0
+CASE, COARSE = "lower_san_fernando_paper", 4.0
 
 
 class Told:

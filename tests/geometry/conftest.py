@@ -54,8 +54,8 @@ def config() -> Config:
 
 @pytest.fixture(scope="session")
 def case_folder(root: Path) -> Path:
-    """Folder of Lower San Fernando."""
-    return root / "case_histories" / "lower_san_fernando"
+    """Folder of Lower San Fernando as the paper assumes it."""
+    return root / "case_histories" / "lower_san_fernando_paper"
 
 
 @pytest.fixture(scope="session")

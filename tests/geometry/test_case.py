@@ -9,7 +9,7 @@ from geometry.case import load_case
 from pipeline.cli import InputError
 from pipeline.config import load_config
 
-NAME = "lower_san_fernando"
+NAME = "lower_san_fernando_paper"
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def test_a_name_is_found_from_any_working_directory(case_folder, tmp_path, monke
     monkeypatch.chdir(tmp_path)
     case = load_case(NAME)
     assert case.folder.resolve() == case_folder and case.name == NAME
-    assert case.title == "Lower San Fernando"
+    assert case.title == "Lower San Fernando Paper"
 
 
 def test_the_foot_is_the_surveyed_one_else_the_drawn_one(case_folder, bare):

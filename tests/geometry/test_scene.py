@@ -151,7 +151,8 @@ def test_units_are_converted_once(document):
 
 
 def test_water_table(dam):
-    assert dam.has_water
+    assert not dam.has_water
+    dam = dam.changed(water_level=35.9)
     x = np.array([-50.0, 100.0, 181.0, 196.15, 211.3, 500.0])
     np.testing.assert_allclose(dam.phreatic_level(x), [35.9, 35.9, 35.9, 18.95, 2.0, 2.0])
     level = dam.changed(phreatic_line=None)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
+
+from tests.dams import dam_with_pool
 
 QUESTION = """
 parameters:
@@ -29,9 +30,8 @@ sensitivities:
 
 
 @pytest.fixture
-def lsfd(root: Path, tmp_path: Path) -> Path:
+def lsfd(tmp_path: Path) -> Path:
     """A case folder that may be changed."""
-    folder = tmp_path / "small_dam"
-    shutil.copytree(root / "case_histories" / "lower_san_fernando", folder)
+    folder = dam_with_pool(tmp_path / "small_dam")
     (folder / "inversion.yaml").write_text(QUESTION)
     return folder

@@ -22,12 +22,13 @@ from inversion.problem.question import (
     ZoneBoundary,
 )
 from pipeline.cli import InputError
+from tests.dams import dam_with_pool
 from tests.inversion.analytic import toes
 
 
 @pytest.fixture(scope="module")
-def case(root):
-    return inversion_case(load_case(root / "case_histories" / "lower_san_fernando"))
+def case(tmp_path_factory):
+    return inversion_case(load_case(dam_with_pool(tmp_path_factory.mktemp("case") / "dam")))
 
 
 def area(scene, name: str) -> float:

@@ -18,7 +18,7 @@ EXAMPLE = ROOT / "docs" / "examples" / "my_effect.py"
 def folder(tmp_path):
     """Lower San Fernando with an effect that no library has."""
     case = tmp_path / "case"
-    shutil.copytree(ROOT / "case_histories" / "lower_san_fernando", case)
+    shutil.copytree(ROOT / "case_histories" / "lower_san_fernando_paper", case)
     scene = yaml.safe_load((case / "scene.yaml").read_text())
     scene["effects"] = {"strength_regain": 0.1}
     (case / "scene.yaml").write_text(yaml.safe_dump(scene))
@@ -29,7 +29,7 @@ def folder(tmp_path):
 @pytest.mark.parametrize("command", [["invert"], ["predict", "--residual-strength", "20"]])
 def test_a_file_that_is_not_there_is_refused(command, tmp_path):
     with pytest.raises(InputError, match="none.py: No such file"):
-        main([*command, "lower_san_fernando", "--effects", str(tmp_path / "none.py")])
+        main([*command, "lower_san_fernando_paper", "--effects", str(tmp_path / "none.py")])
 
 
 @pytest.mark.slow

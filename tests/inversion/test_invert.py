@@ -18,6 +18,7 @@ import pytest
 
 from inversion.back_analysis.result import Result, load_result, schema_text
 from pipeline.cli import InputError
+from tests.dams import dam_with_pool
 from tests.inversion.conftest import QUESTION
 
 SMALL = ("--set", "inversion.noise_seeds=2", "--set", "inversion.starts=2",
@@ -32,8 +33,7 @@ def arguments(case: Path, out: Path) -> list[str]:
 def solved(root, tmp_path_factory):
     """The case solved once, without interruption: its folder, what was said, the files' folder."""
     folder = tmp_path_factory.mktemp("solved")
-    case = folder / "small_dam"
-    shutil.copytree(root / "case_histories" / "lower_san_fernando", case)
+    case = dam_with_pool(folder / "small_dam")
     (case / "inversion.yaml").write_text(QUESTION)
     done = subprocess.run(
         [sys.executable, "-m", *arguments(case, folder / "out")],

@@ -24,7 +24,7 @@ ENTRY = {"name": "centroid", "type": "centroid_travel", "value_m": -12.0, "std_m
 def folder(tmp_path):
     """Lower San Fernando with a measurement that no library has, in the fit."""
     case = tmp_path / "case"
-    shutil.copytree(ROOT / "case_histories" / "lower_san_fernando", case)
+    shutil.copytree(ROOT / "case_histories" / "lower_san_fernando_paper", case)
     survey = yaml.safe_load((case / "measurements.yaml").read_text())
     survey["sets"][survey["default_set"]].append(ENTRY)
     (case / "measurements.yaml").write_text(yaml.safe_dump(survey))

@@ -76,7 +76,7 @@ def test_a_normal_strength_stays_positive_however_wide():
 
 
 def test_zones_are_checked(root):
-    scene = load_scene(root / "case_histories/lower_san_fernando/scene.yaml")
+    scene = load_scene(root / "case_histories/lower_san_fernando_paper/scene.yaml")
     nameless = parse_strength("18+-5", "lognormal")
     assert placed([nameless], ["1"], scene)[0].zones == ("1",)
     for strengths, zones, words in (
@@ -166,7 +166,7 @@ class CutOff(Formula):
 
 
 def test_slides_cut_off_in_motion_are_told(root):
-    case = prediction_case(load_case(root / "case_histories/lower_san_fernando"))
+    case = prediction_case(load_case(root / "case_histories/lower_san_fernando_paper"))
     case = replace(case, entries=[e for e in case.entries if e.name == "upstream toe"])
     found = predict(CutOff(power_law, ["upstream toe"]), [lognormal()])
     moving = int(sum(found.strengths[:, 0] <= 15))
@@ -177,7 +177,7 @@ def test_slides_cut_off_in_motion_are_told(root):
 
 
 def test_an_open_domain_has_no_edge_and_room_on_both_sides(root):
-    case = prediction_case(load_case(root / "case_histories/lower_san_fernando"))
+    case = prediction_case(load_case(root / "case_histories/lower_san_fernando_paper"))
     assert case.scene.domain.walls == "open"
     toe = next(entry for entry in case.entries if entry.name == "upstream toe")
     found = predict(Formula(power_law, [toe.name]), [lognormal()])
@@ -296,7 +296,7 @@ def test_the_command_predicts_a_dam_that_has_not_failed(root, lsfd, tmp_path):
 )
 @pytest.mark.slow
 def test_bad_input_ends_with_one_line(root, arguments, words):
-    done = command(root, "lower_san_fernando", *arguments)
+    done = command(root, "lower_san_fernando_paper", *arguments)
     assert done.returncode == 2
     assert words in done.stderr and done.stderr.count("\n") == 1
 

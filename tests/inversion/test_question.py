@@ -15,7 +15,7 @@ from pipeline.cli import InputError
 from pipeline.config import load_config
 
 
-@pytest.mark.parametrize("name", ["lower_san_fernando", "la_marquesa"])
+@pytest.mark.parametrize("name", ["lower_san_fernando", "lower_san_fernando_paper", "la_marquesa"])
 def test_the_shipped_questions_hold_together(root, name):
     case = inversion_case(load_case(root / "case_histories" / name))
     assert case.setup.targets.fitted.any()

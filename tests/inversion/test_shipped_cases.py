@@ -1,14 +1,16 @@
-"""The two dams that ship: their data agree with each other and with what their README says."""
+"""The dams that ship: their data agree with each other and with what their README says."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shapely.geometry import Polygon
 
 from geometry.case import load_case
 from geometry.scenes.fill import fill
+from geometry.scenes.polygon_checks import gaps
 from geometry.scenes.scene import Scene, load_scene
 from geometry.survey.measurements import load_measurements
 from geometry.survey.surface_profile import surface_profile
@@ -23,10 +25,13 @@ def loaded(name: str, **options: object) -> InversionCase:
     return inversion_case(load_case(CASES / name), **options)
 
 
+LOWER_FILL = [f"upstream_fill_{layer}" for layer in (1, 2, 3, 4)]
+
+
 def test_the_question_of_lower_san_fernando():
     case = loaded("lower_san_fernando")
-    sought = [(p.zones, p.start, p.low, p.high) for p in case.question.parameters]
-    assert sought == [(["1"], 30, 5, 90), (["6"], 30, 27, 33), (["7"], 30, 27, 37)]
+    (sought,) = case.question.parameters
+    assert (sought.zones, sought.start, sought.low, sought.high) == (LOWER_FILL, 30, 5, 90)
     targets = case.setup.targets
     roles = dict(zip(targets.names, targets.roles, strict=True))
     assert roles["upstream toe"] == "fitted" and roles["freeboard"] == "held out"
@@ -36,9 +41,59 @@ def test_the_question_of_lower_san_fernando():
         {"upstream toe": 42.0}, {"upstream toe": 65.0},
     ]  # fmt: skip
     top = next(s for s in case.question.sensitivities if s.name.startswith("top of"))
-    up, down = case.sides(top)
-    heights = [max(y for _, y in changed.setup.scene.zones[0].polygon) for changed in (up, down)]
-    assert heights == pytest.approx([24.5, 12.5])
+    heights = [
+        max(y for zone in changed.setup.scene.zones if zone.name in LOWER_FILL
+            for _, y in zone.polygon)
+        for changed in case.sides(top)
+    ]  # fmt: skip
+    assert heights == pytest.approx([21.5, 15.5])
+
+
+def test_the_section_of_lower_san_fernando():
+    scene = load_scene(CASES / "lower_san_fernando" / "scene.yaml")
+    assert gaps({zone.name: zone.polygon for zone in scene.zones}, scene.spacing) == []
+    # The published area is 5,525 m2.
+    assert sum(Polygon(zone.polygon).area for zone in scene.zones) == pytest.approx(5523.5, abs=0.1)
+    assert (scene.foot("left"), scene.foot("right"), scene.water_level) == (88.3, 366.4, 35.9)
+    survey = load_measurements(CASES / "lower_san_fernando", scene)
+    assert survey.foot("left") == scene.foot("left") and survey.initial.crest_y_m == 47.0
+    # Undrained strengths: 0.8 x the published ratio x the mean of the weight above, less water.
+    points, d = fill(scene), scene.spacing
+    density = np.array([soil.density for soil in scene.materials.values()])[points.material]
+    column = np.floor(points.position[:, 0] / d).astype(int)
+    height = points.position[:, 1]
+    above = np.array([
+        density[(column == own) & (height > y)].sum() * d + 0.5 * d * rho
+        for own, y, rho in zip(column, height, density, strict=True)
+    ])  # fmt: skip
+    top = np.array([height[column == own].max() + 0.5 * d for own in column])
+    level = scene.phreatic_level(points.position[:, 0])
+    pool, pore = np.maximum(level - top, 0), np.maximum(level - height, 0)
+    stress = 9.81e-3 * (above + 1000.0 * (pool - pore))
+    for zone, ratio in (("core", 0.153), ("rolled_fill", 0.5), ("ground_shale", 0.5)):
+        (place,) = [n for n, one in enumerate(scene.zones) if one.name == zone]
+        strength = scene.materials[scene.zones[place].material].cohesion_kpa
+        assert strength == pytest.approx(0.8 * ratio * stress[points.zone == place].mean(), abs=1)
+
+
+def test_the_constructed_profile_of_lower_san_fernando_reads_as_measured():
+    folder = CASES / "lower_san_fernando"
+    scene = load_scene(folder / "scene.yaml")
+    (profile,) = load_measurements(folder, scene).profiles
+    ground = [point for point in scene.ground.points if 35.3 < point[0] < 366.4]
+    outline = [*zip(profile.whole.x.tolist(), profile.whole.y.tolist(), strict=True), *ground[::-1]]
+    assert Polygon(outline).area == pytest.approx(5523.5, rel=0.003)
+    assert profile.whole.x[0] == pytest.approx(scene.foot("left") - 53.0)
+    assert 47.0 - np.interp(190.0, profile.whole.x, profile.whole.y) == pytest.approx(20, abs=0.5)
+    assert profile.whole.y[profile.whole.x >= 190.0].max() - 35.9 == pytest.approx(1.5, abs=0.1)
+
+
+def test_the_question_of_the_paper():
+    case = loaded("lower_san_fernando_paper")
+    sought = [(p.zones, p.start, p.low, p.high) for p in case.question.parameters]
+    assert sought == [(["1"], 30, 5, 90), (["6"], 30, 27, 33), (["7"], 30, 27, 37)]
+    assert not case.scene.has_water and case.setup.targets.fitted.sum() == 1
+    assert {s.name for s in case.question.sensitivities} >= {"cell size", "transfer"}
 
 
 @pytest.mark.parametrize(

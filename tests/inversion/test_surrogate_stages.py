@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from inversion.engines.run_store import RunStore
 from inversion.engines.trained_model import Model
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from tests.dams import dam_with_pool
 
 pytestmark = pytest.mark.slow
 
@@ -73,10 +73,9 @@ RUNS = RunStore(None, threads=1)
 
 
 @pytest.fixture(scope="module")
-def both(root, tmp_path_factory):
+def both(tmp_path_factory):
     """The results of the surrogate, corrected, and of the real engine."""
-    case = tmp_path_factory.mktemp("case") / "small_dam"
-    shutil.copytree(root / "case_histories" / "lower_san_fernando", case)
+    case = dam_with_pool(tmp_path_factory.mktemp("case") / "small_dam")
     (case / "inversion.yaml").write_text(QUESTION)
     loaded = inversion_case(load_case(case, load_config(None, SETTINGS)))
     with pytest.MonkeyPatch.context() as patch:

@@ -17,14 +17,15 @@ from mpm_taichi import comparison
 from mpm_taichi.__main__ import main
 from pipeline.cli import InputError, WorkFailed
 from report.pictures.case_history import distances, line_overlay
+from tests.dams import dam_with_pool
 
 SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
 LIQUEFIED = "liquefied_hydraulic_fill"
 
 
 @pytest.fixture(scope="module")
-def folder(request):
-    return request.config.rootpath / "case_histories" / "lower_san_fernando"
+def folder(tmp_path_factory):
+    return dam_with_pool(tmp_path_factory.mktemp("case") / "dam")
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,9 @@ def test_the_energy_adds_up(simulated):
 def test_the_command_writes_all(folder, tmp_path, capsys):
     main(["case", str(folder), "--out", str(tmp_path), "--spacing", "4", *SHORT])
     out = capsys.readouterr().out
-    assert out.startswith("Lower San Fernando: liquefied hydraulic fill S_r 21.5 kPa; water at")
+    assert out.startswith(
+        "Lower San Fernando Paper: liquefied hydraulic fill S_r 21.5 kPa; water at"
+    )
     assert "slide duration [s]" in out
     assert "not read" in out and "duration: the run was stopped in motion at 2" in out
     assert "stopped after 2.0 s" in out and f"Picture: {tmp_path / 'runout.png'}" in out
@@ -159,7 +162,7 @@ def test_folders_that_are_no_case(folder, tmp_path):
 
 def test_a_run_that_a_guard_stops_is_failed_work(folder, tmp_path):
     options = ["--spacing", "4", "--set", "simulation.time_step_s=0.5", *SHORT]
-    with pytest.raises(WorkFailed, match="lower_san_fernando: stopped at .* s: "):
+    with pytest.raises(WorkFailed, match="lower_san_fernando_paper: stopped at .* s: "):
         main(["case", str(folder), "--out", str(tmp_path), *options])
     assert not list(tmp_path.iterdir())
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-
 import pytest
 
 from diagnosis.hypotheses.hypothesis_file import load_hypothesis
@@ -14,12 +12,13 @@ from inversion.classical.judgement import load_judgements
 from inversion.problem.question import load_question
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from tests.dams import dam_with_pool
 
 
 @pytest.fixture
-def lsfd(root, tmp_path):
-    """A copy of the Lower San Fernando dam."""
-    return shutil.copytree(root / "case_histories/lower_san_fernando", tmp_path / "lsfd")
+def lsfd(tmp_path):
+    """A dam with a pool, to be changed."""
+    return dam_with_pool(tmp_path / "lsfd")
 
 
 def change(path, old, new):

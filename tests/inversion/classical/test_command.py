@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from inversion.classical.analysis import options_of
 from inversion.classical.judgement import Judgement, default_judgements, load_judgements
 from inversion.classical.sections_of_case import case_sections, head_of
 from pipeline.cli import InputError
+from tests.dams import dam_with_pool
 
 ROOT = Path(__file__).resolve().parents[3]
 CASES = ROOT / "case_histories"
@@ -24,8 +24,7 @@ QUICK = {"unit_weight_factors": [], "zif_shares": [0.4], "sections": [], "slip_s
 @pytest.fixture
 def lsfd(tmp_path):
     """A copy of the case with fewer alternatives and sections."""
-    folder = tmp_path / "dam"
-    shutil.copytree(CASES / "lower_san_fernando", folder)
+    folder = dam_with_pool(tmp_path / "dam")
     change(folder, sections=5, alternatives=QUICK)
     return folder
 
@@ -98,7 +97,7 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
     ],
 )
 @pytest.mark.slow
-def test_every_option_has_an_effect(option, value):
+def test_every_option_has_an_effect(lsfd, option, value):
     """Each judgement call changes a method's answer (solved without the other alternatives)."""
     from flowslide.commands.classical import _judgements, add_arguments
     from inversion.classical.analysis import SOLVERS, Workbench
@@ -107,7 +106,7 @@ def test_every_option_has_an_effect(option, value):
     parser = base_parser("test", "")
     add_arguments(parser)
     given = [option] if value is None else [option, value]
-    case = case_sections(load_case(CASES / "lower_san_fernando"))
+    case = case_sections(load_case(lsfd))
     found = []
     for extra in ([], given):
         arguments = parser.parse_args(["x", "--sections", "5", *extra])
@@ -210,7 +209,7 @@ def test_without_a_file_every_side_with_a_runout_is_analysed():
         ("upstream", "left", "level"),
         ("downstream", "right", "phreatic"),
     ]
-    nothing = load_measurements(CASES / "lower_san_fernando")
+    nothing = load_measurements(CASES / "lower_san_fernando_paper")
     kept = [m for m in nothing.sets["field"] if m.type != "toe_runout"]
     nothing = nothing.model_copy(update={"sets": {"field": kept}})
     with pytest.raises(InputError, match="name the side"):
@@ -232,7 +231,7 @@ def test_sections_that_make_no_slide_are_a_finding_where_nobody_said_they_do(lsf
 
 def test_head_of_the_mass_follows_from_the_surfaces():
     for name, side, head in (
-        ("lower_san_fernando", "left", 214.5),
+        ("lower_san_fernando_paper", "left", 214.5),
         ("la_marquesa", "left", 13.5),
         ("la_marquesa", "right", 13.5),
     ):

@@ -10,7 +10,7 @@ from geometry.scenes.scene import load_scene
 from inversion.classical.section import OUTSIDE, Section, Soil, section_of, water_line_after
 from tests.budget import examples
 
-LSFD = "case_histories/lower_san_fernando/scene.yaml"
+LSFD = "case_histories/lower_san_fernando_paper/scene.yaml"
 
 
 @settings(max_examples=examples(60), deadline=None)
