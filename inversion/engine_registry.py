@@ -94,13 +94,16 @@ def _with_learned_simulator(
     from inversion.engines.trained_model import load_model
 
     prepare(store.device, store.threads)
-    known, left_out = with_known_water(case.scene, case.setup.settings)
+    chosen = load_model(model, store.device)
+    known, left_out = with_known_water(
+        case.scene, case.setup.settings, thrust=chosen.simulator.config.thrust
+    )
     return SurrogateAnalysis(
         replace(case, setup=replace(case.setup, settings=known)),
         store,
         watch.say,
         watch,
-        model=load_model(model, store.device),
+        model=chosen,
         rollouts=RolloutStore(folder / "rollouts"),
         on_frame=watch.frame_done,
         left_out=left_out,

@@ -10,8 +10,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from gns.data.scene_facts import CONTACTS, SOIL, WATER_DENSITY, SceneFacts
+from gns.data.scene_facts import CONTACTS, SOIL, SceneFacts
 from gns.data.statistics import Moments
+from mpm_taichi.solver.water import WATER_DENSITY
 
 Range = tuple[float, float]
 
@@ -19,6 +20,7 @@ MEANINGS = {
     "tan_friction": "tangent of the friction angle",
     "cohesion": "cohesion / (rho g d)",
     "body_force_factor": "weight under water / weight in air, at t = 0",
+    "horizontal_body_force": "horizontal force of the water / weight in air, at t = 0",
     "relative_density": "density / density of water",
     "youngs_modulus": "Young's modulus (mean of the soil) / (rho g d)",
     "height": "highest point above the ground below it / d, at t = 0",
@@ -43,7 +45,7 @@ def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
         lowest and highest value by name, of `MEANINGS`; `ground_friction` only for Coulomb ground.
     """
     soil = facts.type == SOIL
-    tangent, cohesion, density, factor = facts.properties[soil].astype(np.float64).T
+    tangent, cohesion, density, push, weight = facts.properties[soil].astype(np.float64).T
     unit = density * facts.gravity * facts.spacing
     x, y = positions[soil].astype(np.float64).T
     slope = _steepest(facts, float(x.min()), float(x.max()))
@@ -51,7 +53,8 @@ def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
     ranges = {
         "tan_friction": _range(tangent),
         "cohesion": _range(cohesion / unit),
-        "body_force_factor": _range(factor),
+        "body_force_factor": _range(-weight),
+        "horizontal_body_force": _range(np.abs(push)),
         "relative_density": _range(density / WATER_DENSITY),
         "youngs_modulus": _range(facts.numbers["youngs_modulus"] / unit),
         "height": _range(np.max(y - facts.ground_height(x)) / facts.spacing),

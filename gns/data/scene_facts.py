@@ -17,20 +17,18 @@ import numpy as np
 
 from geometry.scenes.fill import fill
 from mpm_taichi.effects import effects_on
+from mpm_taichi.solver.water import water_force
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
     from pipeline.config import SimulationSettings
 
-WATER_DENSITY = 1000.0
-"""Density of fresh water [kg/m3], as in `mpm_taichi.solver.boundary`."""
-
 SOIL, KINEMATIC = 0, 1
 """Types of points: moved by the simulator; prescribed motion."""
 
-PROPERTIES = ("tan_friction", "cohesion", "density", "body_force_factor")
-"""Columns of `SceneFacts.properties`: -, Pa, kg/m3, - (the last at t = 0)."""
+PROPERTIES = ("tan_friction", "cohesion", "density", "body_force_x", "body_force_y")
+"""Columns of `SceneFacts.properties`: -, Pa, kg/m3, g, g (the last two at t = 0)."""
 
 CONTACTS = ("rough", "no_slip", "coulomb")
 """Meaning of the number `ground_contact`: the place in this list."""
@@ -49,6 +47,7 @@ NUMBERS = (
     "ground_friction",  # Coulomb coefficient; 0 for other contacts
     "youngs_modulus",  # mean over the soil points [Pa]
     "poisson_ratio",  # mean over the soil points
+    "thrust",  # 1: where the phreatic line falls, the water pushes sideways as well
 )
 """Names of `SceneFacts.numbers`, in the order in which they are stored."""
 
@@ -59,7 +58,7 @@ class SceneFacts:
 
     Attributes:
         type: (N,) int8, SOIL or KINEMATIC.
-        properties: (N, 4) float32, columns as in PROPERTIES.
+        properties: (N, 5) float32, columns as in PROPERTIES.
         initial_velocity: (N, 2) float32 [m/s]; kinematic points keep theirs.
         zone: (N,) int16, place in the scene's zones; of no use to the simulator.
         ground: (P, 2) float64 [m], level beyond its ends.
@@ -114,28 +113,32 @@ class SceneFacts:
         """Elevation of the base [m] at `x` [m], any shape."""
         return np.interp(x, self.ground[:, 0], self.ground[:, 1])
 
-    def submerged(self, positions: np.ndarray) -> np.ndarray:
-        """Share of the water's lift that acts at `positions` (..., 2) [m], from 0 to 1, (...).
+    def body_force(self, positions: np.ndarray) -> np.ndarray:
+        """Weight and force of the water per mass, over g: (0, -1) where there is no water.
 
-        It sets in over one cell around the phreatic line, as in
-        `mpm_taichi.solver.boundary.water_force`.
-        """
-        if not self.has_water:
-            return np.zeros(positions.shape[:-1])
-        x, y = positions[..., 0], positions[..., 1]
-        level = np.interp(x, self.phreatic_line[:, 0], self.phreatic_line[:, 1])
-        return np.clip((level - y) / self.numbers["cell"] + 0.5, 0.0, 1.0)
-
-    def body_force_factor(self, positions: np.ndarray) -> np.ndarray:
-        """Weight under water over weight in air, 1 - submerged rho_w / rho.
+        The water's part is that of the solver (`mpm_taichi.solver.water.water_force`) at the
+        points: its lift and, with thrust, the push of a line that falls along x.
 
         Args:
             positions: of all points, (..., N, 2) [m].
 
         Returns:
-            (..., N); multiplies gravity.
+            (..., N, 2).
         """
-        return 1.0 - self.submerged(positions) * WATER_DENSITY / self.properties[:, 2]
+        force = np.zeros(positions.shape)
+        force[..., 1] = -1.0
+        if self.has_water:
+            x, cell = positions[..., 0], self.numbers["cell"]
+            fall = 0.0
+            if self.numbers["thrust"]:
+                fall = (self._level(x - 0.5 * cell) - self._level(x + 0.5 * cell)) / cell
+            push = water_force(self._level(x), fall, positions[..., 1], cell, 1.0)
+            force += np.stack(push, axis=-1) / self.properties[:, 2, None]
+        return force
+
+    def _level(self, x: np.ndarray) -> np.ndarray:
+        """Height of the phreatic line [m]."""
+        return np.interp(x, self.phreatic_line[:, 0], self.phreatic_line[:, 1])
 
     def stored_numbers(self) -> np.ndarray:
         """`numbers` as (len(NUMBERS),) float64."""
@@ -170,7 +173,7 @@ def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np
             np.array([np.tan(m.friction_rad) for m in materials])[number],
             np.array([m.cohesion_pa for m in materials])[number],
             density,
-            np.ones(len(points)),
+            np.zeros((len(points), 2)),
         ]
     ).astype(np.float32)
     facts = SceneFacts(
@@ -182,7 +185,7 @@ def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np
         phreatic_line=_phreatic_line(scene),
         numbers=_numbers(scene, settings, points.material, points.kinematic),
     )
-    properties[:, 3] = facts.body_force_factor(points.position)
+    properties[:, 3:] = facts.body_force(points.position)
     return facts, points.position
 
 
@@ -219,18 +222,34 @@ def first_window(positions: np.ndarray, facts: SceneFacts, history: int = 6) -> 
     return np.concatenate([earlier, np.asarray(positions, np.float32)[None]])
 
 
-def with_known_water(scene: Scene, settings: SimulationSettings) -> tuple[SimulationSettings, str]:
-    """Settings whose water the features express, and in words what that leaves out, or ""."""
+def with_known_water(
+    scene: Scene, settings: SimulationSettings, *, thrust: bool
+) -> tuple[SimulationSettings, str]:
+    """Settings whose water a model knows, and in words what that leaves out, or "".
+
+    Args:
+        scene: the scene.
+        settings: of its simulation.
+        thrust: whether the model knows the thrust of water (`SimulatorConfig.thrust`).
+    """
     if not _thrusts(scene, settings):
         return settings, ""
-    return settings.model_copy(update={"water": "buoyant"}), (
-        "the learned simulator knows water as reduced weight alone: its answers leave out the "
-        "thrust of the pool, as do the runs of the material point method they are compared with"
+    if not thrust:
+        return settings.model_copy(update={"water": "buoyant"}), (
+            "the learned simulator knows water as reduced weight alone: its answers leave out the "
+            "thrust of the pool, as do the runs of the material point method they are compared with"
+        )
+    if settings.water_face == "fixed":
+        return settings, ""
+    return settings.model_copy(update={"water_face": "fixed"}), (
+        "the learned simulator knows the phreatic line of the section alone: in its answers the "
+        "pool does not follow the soil, nor in the runs of the material point method they are "
+        "compared with"
     )
 
 
 def _thrusts(scene: Scene, settings: SimulationSettings) -> bool:
-    """Whether the water pushes sideways, which a factor on the weight does not express."""
+    """Whether the water pushes sideways."""
     line = scene.phreatic_line
     slopes = scene.has_water and line is not None and len({y for _, y in line}) > 1
     return slopes and settings.water == "pore_pressure"
@@ -243,10 +262,11 @@ def _check_known(scene: Scene, settings: SimulationSettings) -> None:
             f"{scene.name}: effects: {on[0].effect.name} is on; the learned simulator knows the "
             "base physics alone"
         )
-    if _thrusts(scene, settings):
+    if _thrusts(scene, settings) and settings.water_face == "moving":
         raise InputError(
-            f"{scene.name}: simulation.water: pore_pressure with a phreatic line that is not "
-            "level; the learned simulator knows water as reduced weight: allowed is buoyant"
+            f"{scene.name}: simulation.water_face: moving with a phreatic line that is not level; "
+            "the learned simulator knows the line of the section alone: allowed is fixed, or "
+            "simulation.water: buoyant"
         )
 
 
@@ -280,5 +300,6 @@ def _numbers(
         "ground_friction": scene.ground.friction_coefficient or 0.0,
         "youngs_modulus": np.mean(np.array([m.youngs_modulus_pa for m in materials])[soil]),
         "poisson_ratio": np.mean(np.array([m.poisson_ratio for m in materials])[soil]),
+        "thrust": _thrusts(scene, settings),
     }
     return {name: float(numbers[name]) for name in NUMBERS}

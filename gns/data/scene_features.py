@@ -70,7 +70,8 @@ def side_view(start: np.ndarray, facts: SceneFacts, side: Side) -> SideView:
     soil = facts.type == SOIL
     outward = -1.0 if side == "left" else 1.0
     x, y = outward * start[soil, 0].astype(float), start[soil, 1].astype(float)
-    tangent, cohesion, density, factor = facts.properties[soil].astype(float).T
+    tangent, cohesion, density, _, weight = facts.properties[soil].astype(float).T
+    factor = -weight
     speed = facts.initial_velocity[soil].astype(float)
     length = math.sqrt(soil.sum()) * facts.spacing
     height = y - facts.ground_height(outward * x)

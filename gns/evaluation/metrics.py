@@ -78,7 +78,7 @@ class Energy:
     """Energy of the soil over time [J per metre of width], (T,) each."""
 
     kinetic: np.ndarray
-    released: np.ndarray  # work done by weight, less buoyancy, since t = 0
+    released: np.ndarray  # work done by weight and water since t = 0
 
 
 def score(
@@ -267,10 +267,10 @@ def profile_error(
 
 
 def energy_history(positions: np.ndarray, facts: SceneFacts) -> Energy:
-    """Kinetic energy and work of the weight, from positions alone.
+    """Kinetic energy and work of weight and water, from positions alone.
 
     Velocities are central differences, the first one that of the scene. Every point has the mass
-    rho d^2; below the phreatic line its weight is less by the buoyancy, where it is at the time.
+    rho d^2; the water acts on it where it is at the time.
 
     Args:
         positions: (T, N, 2) [m].
@@ -283,9 +283,8 @@ def energy_history(positions: np.ndarray, facts: SceneFacts) -> Energy:
     velocity[0] = facts.initial_velocity[soil]
     kinetic = 0.5 * (velocity**2).sum(axis=2) @ mass
     middle = 0.5 * (positions[1:].astype(np.float64) + positions[:-1])
-    factor = facts.body_force_factor(middle)[:, soil]
-    fall = -np.diff(path[..., 1], axis=0)
-    work = (factor * fall) @ mass * facts.gravity
+    force = facts.body_force(middle)[:, soil]
+    work = (force * np.diff(path, axis=0)).sum(axis=2) @ mass * facts.gravity
     return Energy(kinetic=kinetic, released=np.concatenate([[0.0], np.cumsum(work)]))
 
 

@@ -1,9 +1,10 @@
 """Input features of points and edges (paper, its section on the GNS; plain numbers only).
 
 A point: its last velocities, normalised; how near ground and walls are, up to the connectivity
-radius; how the ground slopes there; whether it is kinematic; its strength; its body-force factor,
-which carries buoyancy and follows the point into and out of the water; if wanted, how much soil
-lies above it and how this changes sideways, which drives a slope. An edge: where the sender is
+radius; how the ground slopes there; whether it is kinematic; its strength; its body force,
+which carries the water and follows the point into and out of it: the vertical part and, if wanted,
+the horizontal one; if wanted, how much soil lies above it and how this changes sideways, which
+drives a slope. An edge: where the sender is
 from the receiver, in radii, and how far. Every feature is differentiable with respect to positions,
 material properties and water level.
 """
@@ -34,9 +35,9 @@ TINY = 1e-12
 """Keeps the slope of a square root finite."""
 
 
-def point_feature_count(history: int, overburden: bool = False) -> int:
+def point_feature_count(history: int, *, overburden: bool = False, thrust: bool = False) -> int:
     """Number of features of a point for windows of `history` frames."""
-    return 2 * (history - 1) + 8 + (OVERBURDEN_FEATURES if overburden else 0)
+    return 2 * (history - 1) + 8 + thrust + (OVERBURDEN_FEATURES if overburden else 0)
 
 
 def point_features(
@@ -48,6 +49,7 @@ def point_features(
     velocity_std: Tensor,
     strength: StrengthFeature = "log",
     overburden: bool = False,
+    thrust: bool = False,
 ) -> Tensor:
     """Features of the points.
 
@@ -59,6 +61,7 @@ def point_features(
         velocity_std: (2,) likewise.
         strength: how cohesion is given: c itself, or log(1 + c / STRENGTH_FLOOR).
         overburden: include features of the soil above (`overburden_features`).
+        thrust: include the horizontal force of the water.
 
     Returns:
         (N, `point_feature_count`).
@@ -74,7 +77,8 @@ def point_features(
     cohesion = scene.cohesion
     if strength == "log":
         cohesion = torch.log1p(cohesion / STRENGTH_FLOOR)
-    factor = body_force_factor(now, scene)
+    push, weight = body_force(now, scene).unbind(1)
+    factor = -weight
     others = [
         above,
         closeness * slope,
@@ -85,6 +89,8 @@ def point_features(
         cohesion,
         factor,
     ]
+    if thrust:
+        others.append(push)
     features = [velocities, torch.stack(others, dim=1)]
     if overburden:
         features.append(overburden_features(now, scene.density, factor))
@@ -144,13 +150,18 @@ def fading_of(features: Tensor) -> Tensor:
     return 1.0 - beyond.square() * (3.0 - 2.0 * beyond)
 
 
-def body_force_factor(positions: Tensor, scene: ScaledScene) -> Tensor:
-    """Weight under water over weight in air, (N,), as `SceneFacts.body_force_factor`."""
+def body_force(positions: Tensor, scene: ScaledScene) -> Tensor:
+    """Weight and force of the water per mass, over g, (N, 2), as `SceneFacts.body_force`."""
+    none = torch.zeros_like(scene.density)
     if len(scene.phreatic_line) == 0:
-        return torch.ones_like(scene.density)
-    level = height_on_line(positions[:, 0], scene.phreatic_line)
-    submerged = ((level - positions[:, 1]) / scene.cell + 0.5).clamp(0.0, 1.0)
-    return 1.0 - submerged / scene.density
+        return torch.stack([none, none - 1.0], dim=1)
+    line, x = scene.phreatic_line, positions[:, 0]
+    submerged = ((height_on_line(x, line) - positions[:, 1]) / scene.cell + 0.5).clamp(0.0, 1.0)
+    lift, push = submerged / scene.density, none
+    if scene.thrust:
+        half = 0.5 * scene.cell
+        push = lift * (height_on_line(x - half, line) - height_on_line(x + half, line)) / scene.cell
+    return torch.stack([push, lift - 1.0], dim=1)
 
 
 def height_on_line(x: Tensor, line: Tensor) -> Tensor:

@@ -61,6 +61,9 @@ class SimulatorConfig(StrictDocument):
     )
     strength: StrengthFeature = Field("log", description="how cohesion is given to the network")
     overburden: bool = Field(False, description="points know what lies above them")
+    thrust: bool = Field(
+        False, description="points feel the horizontal force of the water; from the data"
+    )
     grid_cell: float = Field(
         0.0, ge=0, description="cell of a coarse grid in addition to the edges [d]; 0: none (paper)"
     )
@@ -89,7 +92,9 @@ class Simulator(nn.Module):
         super().__init__()
         self.config = config
         self.network = Network(
-            point_features=point_feature_count(config.history, config.overburden),
+            point_features=point_feature_count(
+                config.history, overburden=config.overburden, thrust=config.thrust
+            ),
             width=config.width,
             message_passing_steps=config.message_passing_steps,
             grid_cell=config.grid_cell,
@@ -143,6 +148,7 @@ class Simulator(nn.Module):
             velocity_std=self.velocity_std,
             strength=self.config.strength,
             overburden=self.config.overburden,
+            thrust=self.config.thrust,
         )
 
     def advance(self, window: Tensor, scene: ScaledScene, graph: Graph | None = None) -> Tensor:
@@ -195,8 +201,14 @@ class Simulator(nn.Module):
         """The facts of a scene in the model's units, type of number and device.
 
         Raises:
-            InputError: its frames are another time apart than those of the training.
+            InputError: its frames are another time apart than those of the training, or its water
+                pushes sideways and the model does not know it.
         """
+        if facts.numbers["thrust"] and not self.config.thrust:
+            raise InputError(
+                "simulation.water: pore_pressure with a phreatic line that is not level; this "
+                "model knows water as reduced weight: allowed is buoyant"
+            )
         own, asked = self.config.frame_interval, facts.frame_interval
         if abs(asked - own) > SAME_INTERVAL * own:
             raise InputError(

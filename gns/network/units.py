@@ -14,7 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gns.data.scene_facts import KINEMATIC, WATER_DENSITY, SceneFacts
+from gns.data.scene_facts import KINEMATIC, SceneFacts
+from mpm_taichi.solver.water import WATER_DENSITY
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class ScaledScene:
         density: (N,) rho / rho of water.
         ground: (P, 2) vertices, level beyond the ends.
         phreatic_line: (L, 2) vertices, level beyond the ends; (0, 2) without water.
-        cell: edge of a cell of the simulation, over which the water's lift sets in.
+        cell: edge of a cell of the simulation, over which the water's force sets in.
+        thrust: whether the water pushes sideways where the line falls.
         low: (2,) lower left corner of the box of side walls and lid; infinite where it is open. Its
             floor is the ground.
         high: (2,) upper right corner.
@@ -50,6 +52,7 @@ class ScaledScene:
     ground: Tensor
     phreatic_line: Tensor
     cell: float
+    thrust: bool
     low: Tensor
     high: Tensor
 
@@ -140,7 +143,7 @@ def scaled(
     """The facts of a scene in the model's units."""
     spacing, gravity, numbers = facts.spacing, facts.gravity, facts.numbers
     origin = np.array([0.5 * (numbers["x_min"] + numbers["x_max"]), facts.ground[:, 1].min()])
-    tangent, cohesion, density, _ = facts.properties.astype(np.float64).T
+    tangent, cohesion, density, _, _ = facts.properties.astype(np.float64).T
     box = np.full((2, 2), np.inf)
     if not numbers["walls_open"]:
         box[1] = (np.array([numbers["x_max"], numbers["y_max"]]) - origin) / spacing
@@ -163,6 +166,7 @@ def scaled(
         ground=tensor((facts.ground - origin) / spacing),
         phreatic_line=tensor((facts.phreatic_line - origin) / spacing),
         cell=numbers["cell"] / spacing,
+        thrust=bool(numbers["thrust"]),
         low=tensor(box[0]),
         high=tensor(box[1]),
     )

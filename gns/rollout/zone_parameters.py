@@ -14,8 +14,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gns.data.scene_facts import WATER_DENSITY, SceneFacts
+from gns.data.scene_facts import SceneFacts
 from gns.network.units import ScaledScene
+from mpm_taichi.solver.water import WATER_DENSITY
 
 Property = Literal["cohesion_kpa", "friction_deg", "density", "water_level"]
 

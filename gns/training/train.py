@@ -217,6 +217,7 @@ def simulator_config(
         **{name: getattr(settings, name) for name in MODEL_SETTINGS},
         radius=settings.radius_cells * cell,
         history=settings.past_velocities + 1,
+        thrust=metadata.ranges["horizontal_body_force"][1] > 0.0,
         frame_interval=interval,
         velocity_mean=mean,
         velocity_std=tuple(math.hypot(std, settings.noise) for std in data.velocity_std),

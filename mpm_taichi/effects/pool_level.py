@@ -49,7 +49,8 @@ EFFECT = Effect(
         "are known to 0.5-2 m, and a pool falls in a drawdown or rises by the wave of the slide"
     ),
     looks_like=(
-        "a higher pool carries more of the weight: shorter runout, less settlement, much as a "
+        "a higher pool carries more of the weight and pushes harder on what holds it back: a slide "
+        "into the pool runs shorter and settles less (one away from it may run farther), much as a "
         "larger S_r; it acts on all that is submerged, so shells and remnant move along"
     ),
     amplitude=Amplitude(

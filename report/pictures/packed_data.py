@@ -45,7 +45,7 @@ def numbers_of(
     split: str, template: str, first: np.ndarray, last: np.ndarray, frames: int, facts: SceneFacts
 ) -> RunNumbers:
     """The numbers of one run, from its first and last positions (N, 2) [m] and its facts."""
-    tangent, cohesion, density, _ = facts.properties[facts.type == SOIL].T
+    tangent, cohesion, density = facts.properties[facts.type == SOIL, :3].T
     frictionless = tangent == 0.0
     unit = density * facts.gravity * facts.spacing
     weakest = np.min((cohesion / unit)[frictionless]) if frictionless.any() else np.nan

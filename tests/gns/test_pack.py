@@ -20,11 +20,14 @@ from gns.data.pack import pack, plan_packing
 from gns.data.scene_facts import NUMBERS, PROPERTIES, start_of
 from gns.data.shard import MEMBERS, Shard
 from gns.data.trajectories import list_sources, read_left_out, read_source
+from gns.training.train import simulator_config
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError, WorkFailed
-from pipeline.config import PackSettings, SimulationSettings
+from pipeline.config import PackSettings, SimulationSettings, TrainSettings
 from tests.gns.conftest import SETTINGS
 from tests.gns.runs import scene_of, write_batch
+
+BUOYANT = SimulationSettings(duration_s=2.0, frame_interval=0.4, water="buoyant")
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -52,7 +55,7 @@ def test_the_layout_is_plain_arrays_stored_as_they_are(packed, batches):
                 assert kinds == {zipfile.ZIP_STORED}
             with np.load(path, allow_pickle=False) as arrays:
                 assert arrays["run_numbers"].tolist() == [run.run for run in entry.runs]
-                assert arrays["layout_version"] == 1 and str(arrays["key"]) == entry.key
+                assert arrays["layout_version"] == 2 and str(arrays["key"]) == entry.key
                 assert tuple(arrays["number_names"]) == NUMBERS
                 assert tuple(arrays["property_names"]) == PROPERTIES
                 for run in entry.runs:
@@ -88,6 +91,21 @@ def test_what_was_packed_is_read_back(packed, batches):
             np.testing.assert_array_equal(values, found.arrays()[name])
     with pytest.raises(InputError, match=r"no run 999; it holds \d+ runs"):
         shard.positions(999)
+
+
+def test_the_thrust_of_water_is_packed_and_a_model_of_it_knows_it(tmp_path):
+    thrust = SimulationSettings(
+        duration_s=2.0, frame_interval=0.4, water="pore_pressure", water_face="fixed"
+    )
+    wet = {"water_level": 9.0, "phreatic_line": [[0.0, 9.0], [30.0, 4.0]]}
+    for name, settings, known in (("thrust", thrust, True), ("lift", BUOYANT, False)):
+        batch = write_batch(tmp_path / f"{name}.h5", range(10), settings=settings, **wet)
+        metadata = pack_into(tmp_path / name, [batch]).metadata
+        entry = metadata.splits["train"][0]
+        facts = Shard(tmp_path / name / entry.file).facts(entry.runs[0].run)
+        assert np.any(facts.properties[:, 3] > 0.02) == known
+        assert np.all(facts.properties[:, 4] >= -1.0) and np.any(facts.properties[:, 4] > -0.6)
+        assert simulator_config(TrainSettings(), metadata, 2.0).thrust == known
 
 
 def test_failed_runs_are_left_out_by_name(tmp_path):

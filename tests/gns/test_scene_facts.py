@@ -6,13 +6,22 @@ import numpy as np
 import pytest
 
 from geometry.scenes.fill import fill
-from gns.data.scene_facts import KINEMATIC, NUMBERS, SOIL, before, first_window, start_of
+from gns.data.scene_facts import (
+    KINEMATIC,
+    NUMBERS,
+    SOIL,
+    before,
+    first_window,
+    start_of,
+    with_known_water,
+)
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.gns.runs import scene_of
 from tests.mpm_taichi.ballistic import make_scene
 
 SETTINGS = SimulationSettings(water="buoyant")
+FIXED = SimulationSettings(water="pore_pressure", water_face="fixed")
 LINE = [[0.0, 9.0], [20.0, 8.0], [40.0, 3.0]]
 
 
@@ -42,34 +51,38 @@ def test_properties_are_the_materials():
     assert facts.numbers["youngs_modulus"] == pytest.approx(30e6)
 
 
-def test_weight_under_water_is_that_of_the_solver():
-    from mpm_taichi.solver.boundary import make_grid
-    from mpm_taichi.solver.water import water_force
+@pytest.mark.parametrize("settings", [SETTINGS, FIXED])
+def test_body_force_is_that_of_the_solver(settings):
+    from mpm_taichi import layout
+    from mpm_taichi.solver.boundary import make_grid, node_tables
 
     scene = wet()
-    facts, start = start_of(scene, SETTINGS)
-    cell = make_grid(scene).cell
-    for shift in (0.0, 7.0, -3.0):
-        places = start + [shift, -0.3 * shift]
-        level = scene.phreatic_level(places[:, 0])
-        _, up = water_force(level, 0.0, places[:, 1], cell, 9.81)
-        weight = facts.properties[:, 2] * 9.81
-        np.testing.assert_allclose(facts.body_force_factor(places), 1 - up / weight, atol=1e-6)
-    np.testing.assert_allclose(facts.properties[:, 3], facts.body_force_factor(start), rtol=1e-6)
-    assert facts.properties[:, 3].min() < 0.6 and facts.properties[:, 3].max() == 1.0
+    facts, start = start_of(scene, settings)
+    grid = make_grid(scene)
+    _, surroundings = node_tables(
+        scene, grid, wall_contact="smooth", water=settings.water, water_face="fixed", gravity=9.81
+    )
+    x, y = grid.coordinates()
+    nodes = np.stack([x, y], axis=-1).reshape(-1, 2)[: len(start)]
+    water = surroundings[: len(start), [layout.WATER_X, layout.WATER_Y]].astype(float)
+    expected = water / (9.81 * facts.properties[:, 2, None]) + [0.0, -1.0]
+    np.testing.assert_allclose(facts.body_force(nodes), expected, atol=1e-6)
+    assert np.ptp(expected[:, 1]) > 0.4
+    assert (np.ptp(expected[:, 0]) > 0.02) == (settings is FIXED), "thrust, or none"
+    np.testing.assert_allclose(facts.properties[:, 3:], facts.body_force(start), atol=1e-6)
 
 
 def test_a_dry_scene_weighs_all_it_weighs():
     facts, start = start_of(make_scene(), SETTINGS)
     assert not facts.has_water
-    np.testing.assert_array_equal(facts.body_force_factor(start), 1.0)
+    np.testing.assert_array_equal(facts.body_force(start), np.tile([0.0, -1.0], (len(start), 1)))
 
 
 def test_a_pool_without_a_line_is_level():
     facts, start = start_of(make_scene(water=7.0), SETTINGS)
     deep = start.copy()
     deep[:, 0], deep[:, 1] = 1e3, 3.0
-    np.testing.assert_allclose(facts.body_force_factor(deep), 1 - 1000 / 1800, rtol=1e-6)
+    np.testing.assert_allclose(facts.body_force(deep)[:, 1], 1000 / 1800 - 1, rtol=1e-6)
 
 
 def test_kinematic_points_are_told_apart():
@@ -105,7 +118,21 @@ def test_what_no_model_has_seen_is_refused():
     with pytest.raises(InputError, match="block_0: effects: strain_softening is on"):
         start_of(scene_of(0, effects={"strain_softening": 0.5}), SETTINGS)
     start_of(scene_of(0, effects={"strain_softening": 0.0}), SETTINGS)
-    pressure = SimulationSettings(water="pore_pressure")
-    with pytest.raises(InputError, match="pore_pressure .* allowed is buoyant"):
-        start_of(wet(), pressure)
-    start_of(make_scene(water=7.0), pressure)  # level water pushes nothing sideways
+    with pytest.raises(InputError, match="water_face: moving .* allowed is fixed"):
+        start_of(wet(), SimulationSettings())
+    start_of(make_scene(water=7.0), SimulationSettings())  # level water pushes nothing sideways
+
+
+def test_the_water_of_a_model_is_said():
+    moving = SimulationSettings()
+    for thrust, settings, water, said in (
+        (False, moving, "buoyant", "reduced weight alone"),
+        (False, FIXED, "buoyant", "reduced weight alone"),
+        (True, moving, "pore_pressure", "does not follow the soil"),
+        (True, FIXED, "pore_pressure", ""),
+        (False, SETTINGS, "buoyant", ""),
+    ):
+        known, words = with_known_water(wet(), settings, thrust=thrust)
+        assert known.water == water and said in words and bool(said) == bool(words)
+        start_of(wet(), known)
+    assert with_known_water(make_scene(water=7.0), moving, thrust=False) == (moving, "")

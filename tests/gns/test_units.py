@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from gns.data.scene_facts import first_window, start_of
 from gns.network.features import (
-    body_force_factor,
+    body_force,
     edge_features,
     fading_of,
     ground_distance,
@@ -19,7 +20,9 @@ from gns.network.features import (
 )
 from gns.network.graph import radius_graph
 from gns.network.units import scaled
-from tests.gns.scenes import start
+from pipeline.cli import InputError
+from pipeline.config import SimulationSettings
+from tests.gns.scenes import simulator, small_scene, start
 
 OPTIONS = {
     "radius": 3.0,
@@ -83,7 +86,24 @@ def test_features_are_where_they_should_be():
     assert np.allclose(friction, facts.properties[:, 0])
     weight = facts.properties[:, 2] * 9.81
     assert np.allclose(cohesion, facts.properties[:, 1] / weight)
-    assert np.allclose(body, facts.body_force_factor(positions)) and body.min() < 0.6
+    assert np.allclose(-body, facts.body_force(positions)[:, 1]) and body.min() < 0.6
+
+
+def test_the_thrust_of_water_is_a_feature_where_it_is_known():
+    settings = SimulationSettings(water="pore_pressure", water_face="fixed")
+    facts, positions = start_of(small_scene(), settings)
+    scene = scaled(facts, dtype=torch.float64)
+    window = scene.to_spacings(first_window(positions, facts))
+    found = point_features(window, scene, **OPTIONS, thrust=True)
+    assert found.shape[1] == point_feature_count(6, thrust=True)
+    push = found[:, -1].numpy()
+    assert np.allclose(push, facts.body_force(positions)[:, 0], atol=1e-6) and push.max() > 0.05
+    mirrored = point_features(window * torch.tensor([-1.0, 1.0]), scene.mirrored(), **OPTIONS,
+                              thrust=True)  # fmt: skip
+    assert np.allclose(mirrored[:, -1].numpy(), -push, atol=1e-6)
+    with pytest.raises(InputError, match="this model knows water as reduced weight"):
+        simulator().scaled(facts)
+    assert simulator(thrust=True).scaled(facts).thrust
 
 
 def test_an_open_domain_has_no_walls():
@@ -162,10 +182,10 @@ def test_changed_properties_keep_their_units():
         scene.cohesion[liquefied] * weight[liquefied],
     )
     raised = scene.with_water_raised(1.0)
-    before, after = (body_force_factor(window[-1], one) for one in (scene, raised))
-    assert torch.all(after <= before) and torch.any(after < before)
+    before, after = (body_force(window[-1], one)[:, 1] for one in (scene, raised))
+    assert torch.all(after >= before) and torch.any(after > before)
     there = facts.__class__(**{**vars(facts), "phreatic_line": facts.phreatic_line + [0, 1.0]})
-    assert np.allclose(after, there.body_force_factor(positions))
+    assert np.allclose(after, there.body_force(positions)[:, 1])
 
 
 def test_a_mirrored_scene_is_the_scene_in_the_mirror():

@@ -45,10 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.spacing is not None:
         document = {**scene.model_dump(), "spacing": arguments.spacing}
         scene = scene_from_mapping(document, f"{path} at --spacing {arguments.spacing:g}")
-    settings, left_out = with_known_water(scene, config.simulation)
-    if left_out:
-        print(f"warning: {left_out}", file=sys.stderr)
-    duration = settings.duration_s if arguments.duration is None else arguments.duration
+    duration = config.simulation.duration_s if arguments.duration is None else arguments.duration
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration {duration:g}: must be greater than 0 s, and finite")
 
@@ -60,6 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     use_threads(arguments.threads)
     simulator = Simulator.load(resolve(arguments.model, MODELS) / MODEL_FILE, arguments.device)
+    thrust = simulator.config.thrust
+    settings, left_out = with_known_water(scene, config.simulation, thrust=thrust)
+    if left_out:
+        print(f"warning: {left_out}", file=sys.stderr)
     facts, positions = start_of(scene, simulator.settings(settings))
     rest = None
     if settings.early_stop:
