@@ -182,6 +182,24 @@ class SimulationSettings(Settings):
     )
 
 
+class PosteriorSettings(Settings):
+    """How the whole posterior of a case is explored."""
+
+    coarse_factor: float = Field(
+        2.0, ge=1, le=4, description="spacing of the coarse runs over the case's own"
+    )
+    runs: int = Field(
+        192, ge=8, le=2000, description="coarse runs that the emulator is made of, half of them "
+        "spread over the prior, half where the posterior lies"
+    )  # fmt: skip
+    fine_runs: int = Field(
+        12, ge=4, le=200, description="runs at the case's own spacing that correct the emulator"
+    )
+    live_points: int = Field(400, ge=50, description="live points of the nested sampler")
+    draws: int = Field(4000, ge=100, description="equally weighted draws that are kept")
+    seed: int = Field(0, ge=0, description="of the design and of the sampler")
+
+
 class InversionSettings(Settings):
     """How strengths are found from measurements. The unknowns are in a case's inversion.yaml."""
 
