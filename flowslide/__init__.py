@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         load_case,
         load_settings,
         predict,
+        predict_from_blow_counts,
         simulate,
         write_report,
     )
@@ -40,6 +41,7 @@ __all__ = [
     "load_case",
     "load_settings",
     "predict",
+    "predict_from_blow_counts",
     "simulate",
     "write_report",
 ]

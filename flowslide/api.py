@@ -61,11 +61,13 @@ __all__ = [
     "load_case",
     "load_settings",
     "predict",
+    "predict_from_blow_counts",
     "simulate",
     "write_report",
 ]
 
 PREDICTION, PREDICTION_PICTURE = "prediction.json", "prediction.png"
+BLOW_COUNT_PREDICTION = "from_blow_counts.json"
 Files = Sequence[str | os.PathLike[str]]
 
 
@@ -374,6 +376,60 @@ def predict(
         document = document_of(section, known, found, sections)
         write_json(folder / PREDICTION, document)
         save_prediction_picture(section.scene, document, folder / PREDICTION_PICTURE)
+        return document
+
+
+def predict_from_blow_counts(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    spacing_m: float | None = None,
+    settings: Config | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> dict[str, Any]:
+    """The slides that published relations give for the blow counts of a case, without a fit.
+
+    Args:
+        case: with a section whose liquefied zones have blow counts (`blow_counts.yaml`).
+        out: see above; `from_blow_counts.json` and its page are written there.
+        spacing_m: see above.
+        settings: see above.
+        device: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: see above.
+        cancel: see above.
+
+    Returns:
+        what `from_blow_counts.json` holds (docs/method/prediction.md).
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: the simulations fail.
+        Cancelled: the caller asked for it.
+    """
+    from inversion.catalogue.correlations import RELATIONS
+    from inversion.engines.run_store import RunStore
+    from inversion.prediction import from_blow_counts
+    from inversion.prediction.prediction_case import prediction_case
+    from pipeline.files import write_json
+    from report.from_blow_counts import write_report as write_page
+
+    watch = Watch(progress, cancel)
+    with own_code(effect_files, measurement_files), _folder(out) as folder:
+        section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
+        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        watch.plan({"simulating": 1 + len(RELATIONS) * len(from_blow_counts.SCORES)})
+        with watch.stage("simulating"):
+            document = from_blow_counts.predict_from_blow_counts(section, store)
+        write_json(folder / BLOW_COUNT_PREDICTION, document)
+        write_page(document, folder)
         return document
 
 

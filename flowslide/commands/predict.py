@@ -1,4 +1,7 @@
-"""`flowslide predict CASE --residual-strength 18+-5`: how far such a slide would run."""
+"""`flowslide predict CASE --residual-strength 18+-5`: how far such a slide would run.
+
+With `--from-blow-counts` in place of strengths: what published relations say without a fit.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +11,39 @@ from pathlib import Path
 from flowslide.commands import options
 
 OPTION, KINDS = "--residual-strength", ("lognormal", "normal")
+FROM_COUNTS = "--from-blow-counts"
+OF_STRENGTHS = ("zones", "distribution", "samples", "seeds")
+"""Options that belong to strengths that are given."""
 
 
 DESCRIPTION = (
     "The distribution of the runout that follows from the distribution of the "
-    "residual strength: exceedance curve, envelope of the final sections, table."
+    "residual strength: exceedance curve, envelope of the final sections, table. Or, from the "
+    "blow counts of the layers: what published relations predict without a fit."
 )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     options.add_case(parser)
-    parser.add_argument(
-        OPTION, dest="strengths", metavar="MEAN+-STD", action="append", required=True,
+    asked = parser.add_mutually_exclusive_group(required=True)
+    asked.add_argument(
+        OPTION, dest="strengths", metavar="MEAN+-STD", action="append",
         help="kPa, such as 18+-5; of some zones: 1,6=4+-1; may be repeated",
+    )  # fmt: skip
+    asked.add_argument(
+        FROM_COUNTS, action="store_true",
+        help="strengths from CASE/blow_counts.yaml by five published relations, each with its "
+        "scatter",
     )  # fmt: skip
     parser.add_argument(
         "--zones", metavar="NAMES", help="zones of a single strength, such as 1,6; default: those "
         "whose strength inversion.yaml seeks, else the liquefied ones",
     )  # fmt: skip
-    parser.add_argument("--distribution", choices=KINDS, default=KINDS[0])
-    parser.add_argument("--samples", type=int, default=20_000, metavar="N", help="default: 20000")
+    parser.add_argument("--distribution", choices=KINDS, help=f"default: {KINDS[0]}")
+    parser.add_argument("--samples", type=int, metavar="N", help="default: 20000")
     parser.add_argument(
-        "--seeds", type=int, default=3, metavar="N",
+        "--seeds", type=int, metavar="N",
         help="jitter seeds that measure the numerical noise; 0: none. Default: 3",
     )  # fmt: skip
     options.add_spacing(parser)
@@ -41,26 +54,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Predict, write, print."""
     from flowslide import api
+    from pipeline.cli import InputError
     from pipeline.config import load_config
     from pipeline.progress import Progress
-    from report.prediction import summary
 
+    chosen = {
+        name: getattr(arguments, name)
+        for name in OF_STRENGTHS
+        if getattr(arguments, name) is not None
+    }
+    if arguments.from_blow_counts:
+        for name in chosen:
+            raise InputError(f"--{name}: belongs to {OPTION}; {FROM_COUNTS} has none")
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
     folder = Path(arguments.out or Path(settings.results_folder) / case.name / "prediction")
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
-        document = api.predict(
-            case,
-            arguments.strengths,
-            out=folder,
-            zones=[zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()],
-            distribution=arguments.distribution,
-            samples=arguments.samples,
-            seeds=arguments.seeds,
-            spacing_m=arguments.spacing,
-            device=arguments.device,
-            threads=arguments.threads,
-            progress=bar.report,
-        )
+        shared = {
+            "out": folder, "spacing_m": arguments.spacing, "device": arguments.device,
+            "threads": arguments.threads, "progress": bar.report,
+        }  # fmt: skip
+        if arguments.from_blow_counts:
+            from report.from_blow_counts import summary
+
+            document = api.predict_from_blow_counts(case, **shared)
+        else:
+            from report.prediction import summary
+
+            zones = chosen.pop("zones", "").split(",")
+            document = api.predict(
+                case,
+                arguments.strengths,
+                zones=[zone.strip() for zone in zones if zone.strip()],
+                **chosen,
+                **shared,
+            )
         bar.say(f"wrote {folder}")
     print(summary(document))
