@@ -62,7 +62,7 @@ class Water:
 
     name: str
     line: tuple[tuple[float, float], ...] = ()
-    form: WaterForm = "boundary"
+    form: WaterForm = "pore_pressure"
 
 
 def pool(depth: float) -> Water:
@@ -105,7 +105,7 @@ def compare(water: Water, spacing: float) -> Compared:
     circle = critical_circle(section, "right", form=water.form, **ends).circle
     slices = cut(section, circle, "right", form=water.form, outside_liquefied=True)
     factor = float(spencer(slices)[()])
-    lab = Lab(scene, water="pore_pressure" if water.form == "boundary" else "buoyant")
+    lab = Lab(scene, water=water.form)
     factors = (0.8 * factor, 1.25 * factor)
     ramp = lower(lab, "soil", factors, crest=crest_of(lab), height=HEIGHT, seconds=30.0)
     return Compared(water, scene, circle, factor, ramp)

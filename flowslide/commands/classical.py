@@ -26,8 +26,8 @@ CALLS: list[tuple[str, str, dict[str, Any]]] = [
         "--water",
         "water",
         {
-            "help": "buoyant weights, boundary and pore pressures, or no water; never two of them",
-            "choices": ("buoyant", "boundary", "none"),
+            "help": "weights less uplift, total weights with water pressures, or no water",
+            "choices": ("buoyant", "pore_pressure", "none"),
         },
     ),
     (

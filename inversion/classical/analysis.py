@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from inversion.classical import imm, kinetics, zif
-from inversion.classical.judgement import SEARCH, Judgement
+from inversion.classical.judgement import SEARCH, WATER_WORDS, Judgement
 from inversion.classical.kinetics import Motion
 from inversion.classical.limit_equilibrium import (
     force_balance,
@@ -168,7 +168,7 @@ class Workbench:
         self, judgement: Judgement, share: float, *, buoyant: bool = False
     ) -> tuple[Slices, float]:
         """Slices at a share, and the factor on the strength of soil that did not liquefy."""
-        form = "boundary" if judgement.water == "boundary" and not buoyant else "buoyant"
+        form = "pore_pressure" if judgement.water == "pore_pressure" and not buoyant else "buoyant"
         slide = self.slide(judgement)
         key = (id(slide), share, form, judgement.base_strength)
         if key not in self._slices:
@@ -267,16 +267,14 @@ def options_of(judgement: Judgement, *, has_water: bool) -> Iterator[Option]:
 
 def _water_options(judgement: Judgement) -> Iterator[Option]:
     static = ("zif", "imm")
-    other = "boundary" if judgement.water == "buoyant" else "buoyant"
+    other = "pore_pressure" if judgement.water == "buoyant" else "buoyant"
     line = "still water at pool level" if judgement.water_line == "level" else "phreatic line"
-    yield Option(
-        f"water: {other}", f"{other} weights or pressures, {line}", {"water": other}, static
-    )
+    yield Option(f"water: {other}", f"{WATER_WORDS[other]}, {line}", {"water": other}, static)
     if judgement.water_line == "level":
-        words = "boundary and pore pressures, water table as drawn, seepage included"
-        changes = {"water": "boundary", "water_line": "phreatic"}
-        yield Option("water: boundary, phreatic line", words, changes, static)
-        words = "weights less uplift, water table as drawn (no seepage force)"
+        words = f"{WATER_WORDS['pore_pressure']}, water table as drawn, seepage and thrust included"
+        changes = {"water": "pore_pressure", "water_line": "phreatic"}
+        yield Option("water: pore_pressure, phreatic line", words, changes, static)
+        words = f"{WATER_WORDS['buoyant']}, water table as drawn (no seepage, no thrust)"
         changes = {"water": "buoyant", "water_line": "phreatic"}
         yield Option("water: buoyant, phreatic line", words, changes, ("kinetics",))
         words += ": inconsistent where the water table falls, shown for its size"
@@ -381,7 +379,7 @@ def _circle(slide: Slide, judgement: Judgement) -> FoundCircle | None:
     lower = tuple(sorted((toe - 0.02 * (head - toe), toe + 0.45 * (head - toe))))
     left, right = slide.before.extent
     lower = (max(lower[0], left), min(lower[1], right))
-    form = "boundary" if judgement.water == "boundary" else "buoyant"
+    form = "pore_pressure" if judgement.water == "pore_pressure" else "buoyant"
     try:
         return critical_circle(slide.before, judgement.side, head=upper, toe=lower, form=form)
     except WorkFailed:

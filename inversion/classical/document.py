@@ -85,7 +85,7 @@ def _energy(analysis: Analysis) -> dict[str, float] | None:
 
     The difference is what the mass gives off by becoming flatter: no force along its base.
     """
-    if analysis.judgement.water == "boundary":
+    if analysis.judgement.water == "pore_pressure":
         return None
     stages = analysis.forces
     steps = np.diff(imm.travel_of(stages))

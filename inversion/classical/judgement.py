@@ -25,7 +25,12 @@ from pipeline.files import read_yaml
 
 FILE_NAME = "classical.yaml"
 
-Water = Literal["buoyant", "boundary", "none"]
+Water = Literal["buoyant", "pore_pressure", "none"]
+WATER_WORDS = {
+    "buoyant": "weights less uplift",
+    "pore_pressure": "total weights with water pressure in and on the soil",
+}
+"""How each form of water reads; the keys are those of `simulation.water`."""
 WaterLine = Literal["level", "phreatic"]
 
 #: A slip surface that is looked for rather than given.
@@ -70,7 +75,7 @@ class Judgement(Document):
     )
     water: Water = Field(
         "buoyant",
-        description="buoyant weights, boundary and pore pressures, or no water; never two of them",
+        description="weights less uplift, total weights with water pressures, or no water",
     )
     water_line: WaterLine = Field(
         "level",

@@ -7,11 +7,12 @@ slip surfaces, so that a search is one call.
 Water is taken into account in one of two ways, never both:
 
 - `buoyant`: weights are w = gamma h - gamma_w h_submerged, and no water pressure acts anywhere;
-- `boundary`: weights are total, pore pressure acts on the slip surface, water pressure on the
+- `pore_pressure`: weights are total, pore pressure acts on the slip surface, water pressure on the
   surface of the soil, on the outer ends of the mass and, between slices, on their sides.
 
-In still water the two are equal; where the water line falls through the soil, `boundary` has the
-seepage force that `buoyant` leaves out. SI units, per metre of width.
+In still water the two are equal; where the water line falls through the soil, `pore_pressure` has
+the seepage force and the thrust of the pool that `buoyant` leaves out. SI units, per metre of
+width.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import numpy as np
 from geometry.survey.toe import Side
 from inversion.classical.section import OUTSIDE, WATER_UNIT_WEIGHT, Section
 
-WaterForm = Literal["buoyant", "boundary"]
+WaterForm = Literal["buoyant", "pore_pressure"]
 
 #: Number of slices of a single slip surface, in addition to those that its corners ask for.
 SLICES = 200
@@ -251,7 +252,7 @@ def slice_at(
         raise ValueError(f"the slip surface leaves the soil at x = {place:.4g} m")
     cohesion, friction, liquefied = _strengths(strength_of, zone)
     submerged = _hydrostatics(section, edges, base, x, middle, downhill, form)
-    load = column.weight if form == "boundary" else column.buoyant_weight
+    load = column.weight if form == "pore_pressure" else column.buoyant_weight
     thick = np.maximum(column.thickness, 1e-12)
     return Slices(
         x=x,

@@ -50,7 +50,7 @@ def test_infinite_slope(slab, cohesion, friction):
     assert force_balance(slices) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("form", ["buoyant", "boundary"])
+@pytest.mark.parametrize("form", ["buoyant", "pore_pressure"])
 def test_infinite_slope_deep_under_still_water(slab, form):
     section, slip = slab(6.0, 20.0, water=90.0)
     slices = cut(section, slip, "left", form=form, count=40)
@@ -122,7 +122,7 @@ def test_still_water_by_weight_or_by_pressure(soil, section, water):
     right = x + np.sqrt(radius**2 - (y - 10) ** 2)
     circle = Circle(x, y, radius, left, right)
     weights = cut(made, circle, "left", form="buoyant", count=400)
-    pressures = cut(made, circle, "left", form="boundary", count=400)
+    pressures = cut(made, circle, "left", form="pore_pressure", count=400)
     assert pressures.weight.sum() > 1.2 * weights.weight.sum()
     assert bishop(pressures, circle) == pytest.approx(float(bishop(weights, circle)), rel=1e-4)
     assert ordinary(pressures) == pytest.approx(float(ordinary(weights)), rel=1e-4)
@@ -135,17 +135,17 @@ def test_both_at_once_is_not_possible(slab):
     section, slip = slab(water=90.0)
     buoyant = cut(section, slip, "left", form="buoyant")
     assert not np.any(buoyant.pore) and not np.any(buoyant.push) and not np.any(buoyant.side_water)
-    boundary = cut(section, slip, "left", form="boundary")
+    pressure = cut(section, slip, "left", form="pore_pressure")
     total = 19e3 * 4.0 * 60.0
-    pool = boundary.weight.sum() - total
-    assert pool > 0 and np.all(boundary.pore > 0)
+    pool = pressure.weight.sum() - total
+    assert pool > 0 and np.all(pressure.pore > 0)
     assert buoyant.weight.sum() == pytest.approx((19e3 - 9810.0) * 4.0 * 60.0)
 
 
 def test_a_falling_water_line_pushes_towards_its_lower_side(dam):
     falling = dam(water=[[-40.0, 7.0], [31.0, 7.0], [45.0, 0.0], [80.0, 0.0]])
     slip = Polyline(np.array([[0.0, 0.0], [28.0, 0.0], [40.0, 10.0]]))
-    seepage = cut(falling, slip, "left", form="boundary")
+    seepage = cut(falling, slip, "left", form="pore_pressure")
     none = cut(falling, slip, "left", form="buoyant")
     # Seepage runs to the right: it holds a slide to the left back.
     assert required_strength(seepage, "force") < required_strength(none, "force")
@@ -159,7 +159,7 @@ def test_factor_of_safety_goes_with_the_strength(dam, method):
     assert method(double) == pytest.approx(2 * float(method(slices)), rel=1e-6)
 
 
-@pytest.mark.parametrize("form", ["buoyant", "boundary"])
+@pytest.mark.parametrize("form", ["buoyant", "pore_pressure"])
 def test_left_is_right_in_the_mirror(dam, mirrored, form):
     slip = np.array([[0.0, 0.0], [28.0, 0.0], [40.0, 10.0]])
     water = [[-40.0, 7.0], [31.0, 7.0], [45.0, 0.0], [80.0, 0.0]]
