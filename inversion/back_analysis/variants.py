@@ -152,21 +152,25 @@ def _boundary(setup: Setup, sensitivity: ZoneBoundary, where: str) -> list[Chang
 
 
 def moved(scene: Scene, vertices: Sequence[MovedVertex], sense: float, where: str) -> Scene:
-    """The scene with vertices moved in every zone that has them, by `sense` times their move."""
+    """The scene with vertices moved in every line that has them, by `sense` times their move.
+
+    Lines are the polygons of the zones and the base.
+    """
     document = scene.model_dump()
+    lines = [(zone, "polygon") for zone in document["zones"]] + [(document["ground"], "points")]
     for vertex in vertices:
         hits = 0
-        for zone in document["zones"]:
-            for number, place in enumerate(zone["polygon"]):
+        for owner, key in lines:
+            for number, place in enumerate(owner[key]):
                 if _same(place, vertex.at):
                     hits += 1
-                    zone["polygon"][number] = (None, place, vertex.move)
+                    owner[key][number] = (None, place, vertex.move)
         if not hits:
             raise InputError(
                 f"{where}: vertices: no zone has a vertex at ({vertex.at[0]:g}, {vertex.at[1]:g})"
             )
-    for zone in document["zones"]:
-        zone["polygon"] = [_placed(place, sense) for place in zone["polygon"]]
+    for owner, key in lines:
+        owner[key] = [_placed(place, sense) for place in owner[key]]
     return _checked(document, where)
 
 

@@ -196,7 +196,7 @@ class MovedVertex(Document):
 
 
 class ZoneBoundary(Document):
-    """A boundary lies elsewhere: the vertices move in every zone that has them."""
+    """A boundary lies elsewhere: the vertices move in every zone that has them, and in the base."""
 
     name: str = Field(min_length=1, description="in words; unique among the sensitivities")
     kind: Literal["zone_boundary"]

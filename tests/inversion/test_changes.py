@@ -54,6 +54,18 @@ def test_a_boundary_moves_in_every_zone_that_has_it(case):
     assert higher.setup.foot == case.setup.foot
 
 
+def test_the_base_moves_with_the_soil_on_it(case):
+    scene = case.setup.scene
+    low = {place for zone in scene.zones for place in zone.polygon if place[1] == 2.0}
+    vertices = [{"at": at, "move": (0.0, 1.5)} for at in [*scene.ground.points, *sorted(low)]]
+    higher, lower = case.sides(ZoneBoundary(name="base", kind="zone_boundary", vertices=vertices))
+    for changed, level in ((higher, 3.5), (lower, 0.5)):
+        moved = changed.setup.scene
+        assert moved.ground.points == [(0.0, level), (390.0, level)]
+        assert moved.extent == (level, scene.extent[1])
+        assert not gaps({zone.name: zone.polygon for zone in moved.zones}, 1.0)
+
+
 def test_a_moved_foot_moves_the_zero_of_the_runout(case):
     vertices = [{"at": (76.02, 2.0), "move": (-5.0, 0.0)}]
     entry = ZoneBoundary(name="foot", kind="zone_boundary", vertices=vertices, sides="plus")
