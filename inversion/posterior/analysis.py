@@ -1,8 +1,8 @@
 """The stages of a posterior: design, coarse runs, fine runs, sampling.
 
-Half of the coarse runs are spread over the prior; the other half go where the posterior that they
-give lies, widened; fine runs repeat some of these. All runs come from the run store: what was
-simulated before costs nothing, and a killed analysis continues.
+A quarter of the coarse runs are spread over the prior; the others go, in three rounds, where the
+posterior of those before lies, widened; fine runs repeat some of the last. All runs come from the
+run store: what was simulated before costs nothing, and a killed analysis continues.
 """
 
 from __future__ import annotations
@@ -32,14 +32,24 @@ from pipeline.cli import InputError, WorkFailed
 from pipeline.config import PosteriorSettings
 from pipeline.progress import Watch
 
-WIDER = 1.5
-"""Runs of the second half are spread by this factor more than the posterior of the first."""
+ROUNDS = 4
+"""Of coarse runs, the first over the prior."""
+
+WIDER = 1.3
+"""Runs of a round are spread by this factor more than the posterior of those before."""
+
+FAR = 6.0
+"""Fitted numbers that miss by more standard deviations say no more than that they miss by so many.
+"""
+
+LEAST_NEAR = 10
+"""Fewer runs near the data do not say where the extremes begin."""
 
 MOST_FAILED = 0.25
 """Of the coarse runs no larger share may fail."""
 
-LEAST_RUNS = 6
-"""Coarse runs for each coordinate, at least: half of them fit a trend of two terms."""
+LEAST_RUNS = 16
+"""Coarse runs for each coordinate, at least: those of the first round fit a trend of 3 d + 1."""
 
 
 @dataclass(frozen=True)
@@ -114,24 +124,28 @@ class PosteriorAnalysis:
     def run(self) -> Found:
         """All stages."""
         settings = self.settings
-        half = (settings.runs + 1) // 2
+        rounds = [len(part) for part in np.array_split(np.arange(settings.runs), ROUNDS)]
         fine = settings.fine_runs if settings.coarse_factor > 1.0 else 0
-        plan = {"spread over the prior": half, "where the posterior lies": settings.runs - half,
-                "fine": fine, "other ways to simulate": len(self.space.alternatives) + 1}  # fmt: skip
-        self.watch.plan({**plan, "sampling": 1})
-        with self.watch.stage("spread over the prior"):
-            x, y = self._runs(self._spread(half))
-        with self.watch.stage("where the posterior lies"):
-            rough = self._sample(self._likelihood(x, y, None, self._none), seed=1, quick=True)
-            more_x, more_y = self._runs(self._near(rough, settings.runs - half))
-            x, y = np.concatenate([x, more_x]), np.concatenate([y, more_y])
-        with self.watch.stage("fine"):
-            correction = self._correction(more_x, more_y, fine)
+        self.watch.plan({
+            "coarse runs": settings.runs, "fine runs": fine,
+            "other ways to simulate": len(self.space.alternatives) + 1, "sampling": 1,
+        })  # fmt: skip
+        with self.watch.stage("coarse runs"):
+            x, y = self._runs(self._spread(rounds[0]))
+            for seed, number in enumerate(rounds[1:], start=1):
+                rough = self._rough(x, y, seed)
+                more_x, more_y = self._runs(self._near(rough, number, seed))
+                x, y = np.concatenate([x, more_x]), np.concatenate([y, more_y])
+        with self.watch.stage("fine runs"):
+            emulator = self._emulator(x, y)
+            correction = self._correction(emulator, more_x, fine)
         with self.watch.stage("other ways to simulate"):
             alternatives = self._alternatives(rough.x.mean(axis=0))
         with self.watch.stage("sampling"):
-            likelihood = self._likelihood(x, y, correction, alternatives)
-            samples = self._sample(likelihood, seed=2)
+            likelihood = EmulatedLikelihood(
+                self.targets, correction.applied(emulator), correction, alternatives
+            )
+            samples = self._sample(likelihood, ROUNDS)
             generator = np.random.default_rng(settings.seed)
             return Found(
                 x=x, y=y, emulator=likelihood.emulator, likelihood=likelihood, samples=samples,
@@ -149,10 +163,10 @@ class PosteriorAnalysis:
         power = int(np.ceil(np.log2(number)))
         return self.space.from_shares(sequence.random_base2(power)[:number])
 
-    def _near(self, rough: Samples, number: int) -> np.ndarray:
+    def _near(self, rough: Samples, number: int, seed: int) -> np.ndarray:
         """Points spread like a rough posterior, but wider, (number, d)."""
         drawn = rough.x[np.linspace(0, len(rough.x) - 1, number).astype(int)]
-        noise = np.random.default_rng(self.settings.seed + 7).standard_normal(drawn.shape)
+        noise = np.random.default_rng((self.settings.seed, seed)).standard_normal(drawn.shape)
         spread = np.sqrt(WIDER**2 - 1.0) * np.std(rough.x, axis=0)
         return self.space.clipped(drawn + noise * spread)
 
@@ -194,19 +208,18 @@ class PosteriorAnalysis:
         answers = iter(asked[0][0].predict_each(asked))
         return [None if one is None else next(answers) for one in requests]
 
-    def _correction(self, x: np.ndarray, y: np.ndarray, number: int) -> Correction:
-        """From coarse to fine, by fine runs at `number` of the points (n, d)."""
+    def _correction(self, emulator: Emulator, x: np.ndarray, number: int) -> Correction:
+        """From the emulator to fine runs, by fine runs at `number` of the points (n, d)."""
         m = len(self.targets.measured)
         if number == 0:
             return no_correction(m)
-        places = np.unique(np.linspace(0, len(x) - 1, number).astype(int))
-        found = self._predictions(x[places], self.space.case.scene.spacing)
+        points = x[np.unique(np.linspace(0, len(x) - 1, number).astype(int))]
+        found = self._predictions(points, self.space.case.scene.spacing)
         kept = np.array([one is not None and not one.failed for one in found], bool)
         if kept.sum() < 3:
-            raise WorkFailed(f"{np.sum(~kept)} of {len(places)} fine simulations failed")
-        fine = np.array([_numbers(one) for one, whole in zip(found, kept, strict=True) if whole])
-        difference = (fine - y[places][kept])[:, :m]
-        return correction_of(x[places][kept], difference, self.space.p)
+            raise WorkFailed(f"{np.sum(~kept)} of {len(points)} fine simulations failed")
+        fine = [one.values for one in found if one is not None and not one.failed]
+        return correction_of(emulator(points[kept])[0], np.array(fine))
 
     def _alternatives(self, centre: np.ndarray) -> np.ndarray:
         """Differences (a, m) that other ways to simulate make at the centre of the posterior."""
@@ -231,17 +244,30 @@ class PosteriorAnalysis:
 
     # --- numbers ---
 
-    @property
-    def _none(self) -> np.ndarray:
-        return np.zeros((0, len(self.targets.measured)))
-
-    def _likelihood(
-        self, x: np.ndarray, y: np.ndarray, correction: Correction | None, others: np.ndarray
-    ) -> EmulatedLikelihood:
-        m = len(self.targets.measured)
+    def _emulator(self, x: np.ndarray, y: np.ndarray) -> Emulator:
+        """An emulator of coarse runs."""
         scale = np.sqrt(np.diag(self.targets.covariance))
-        emulator = fit_emulator(x, y[:, :m], scale, self.settings.seed)
-        return EmulatedLikelihood(self.targets, emulator, correction or no_correction(m), others)
+        numbers = self._tamed(y[:, : len(scale)], scale)
+        return fit_emulator(x, numbers, scale, self.settings.seed)
+
+    def _rough(self, x: np.ndarray, y: np.ndarray, seed: int) -> Samples:
+        """The posterior as the coarse runs so far give it."""
+        m = len(self.targets.measured)
+        likelihood = EmulatedLikelihood(
+            self.targets, self._emulator(x, y), no_correction(m), np.zeros((0, m))
+        )
+        return self._sample(likelihood, seed, quick=True)
+
+    def _tamed(self, y: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Numbers (n, m) without the extremes that runs far from the data have."""
+        fitted = self.targets.fitted
+        miss = np.abs(y - self.targets.measured)[:, fitted] / scale[fitted]
+        near = y[np.all(miss < FAR, axis=1)]
+        if len(near) < LEAST_NEAR:
+            return y
+        low, high = near.min(axis=0), near.max(axis=0)
+        room = 0.5 * (high - low)
+        return np.clip(y, low - room, high + room)
 
     def _sigma_v0(self, x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Effective stress (s, p) [kPa] at the draws (s, d): smooth, so a linear fit holds it."""
@@ -250,7 +276,7 @@ class PosteriorAnalysis:
         slope = np.linalg.lstsq(basis, stress, rcond=None)[0]
         return np.column_stack([np.ones(len(at)), at]) @ slope
 
-    def _sample(self, likelihood: EmulatedLikelihood, *, seed: int, quick: bool = False) -> Samples:
+    def _sample(self, likelihood: EmulatedLikelihood, seed: int, *, quick: bool = False) -> Samples:
         settings = self.settings
         return sample(
             likelihood,

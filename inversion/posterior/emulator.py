@@ -1,10 +1,11 @@
 """An emulator of the numbers of a simulation: a quadratic trend and Gaussian processes.
 
 Simulations X (n, d), Y (n, m) are reduced to k principal components of Y in units of `scale`. Each
-has a trend [1, x, x^2] by least squares and, on what that leaves, a Gaussian process with a Matern
-5/2 kernel of its own: one length for every coordinate, and white noise, which is what jittering
-the points does to a simulation. Lengths and noise maximise the marginal likelihood (Rasmussen and
-Williams 2006, chapter 5; fitted by scikit-learn).
+has a trend by least squares: quadratic, cubic in the first coordinate, which matters most, and with
+its products with the others. What that leaves is a Gaussian process with a Matern 5/2 kernel of its
+own: one length for every coordinate, and white noise, which is what jittering the points does to a
+simulation. Lengths and noise maximise the marginal likelihood (Rasmussen and Williams 2006,
+chapter 5; fitted by scikit-learn).
 
 Errors are those of leave-one-out prediction (the same, eqs 5.10-5.12): where these are larger than
 a process claims, its standard deviation grows by their ratio.
@@ -22,6 +23,9 @@ LEFT_OUT = 1e-3
 
 MOST_COMPONENTS = 8
 
+SHORTEST = 1.0
+"""Least length of a kernel: what changes within a standard deviation is noise of the points."""
+
 
 @dataclass(frozen=True)
 class Emulator:
@@ -31,7 +35,7 @@ class Emulator:
         centre: (m,) and scale (m,): y = centre + scale * (z @ components) of components z (k,).
         scale: unit of each number.
         components: (k, m).
-        trend: (2 d + 1, k) of [1, x, x^2].
+        trend: (3 d + 1, k) of the trend's terms.
         points: (k, n, d) where it was fitted, in lengths of each component.
         lengths: (k, d) of the kernels.
         weights: (k, n) of the kernels' values.
@@ -83,7 +87,7 @@ def fit_emulator(x: np.ndarray, y: np.ndarray, scale: np.ndarray, seed: int = 0)
     """Fit an emulator to simulations.
 
     Args:
-        x: (n, d), n > 2 d + 1.
+        x: (n, d), n > 3 d + 1; the first coordinate is the one that matters most.
         y: (n, m), finite.
         scale: (m,) by which numbers are made comparable, such as their standard errors.
         seed: of the optimiser.
@@ -128,7 +132,7 @@ def _kernel(x: np.ndarray, rest: np.ndarray, seed: int) -> tuple[np.ndarray, flo
     from sklearn.gaussian_process.kernels import Matern, WhiteKernel
 
     d = x.shape[1]
-    kernel = Matern(np.full(d, 4.0), (0.5, 100.0), nu=2.5) + WhiteKernel(0.05, (1e-5, 10.0))
+    kernel = Matern(np.full(d, 4.0), (SHORTEST, 100.0), nu=2.5) + WhiteKernel(0.05, (1e-5, 10.0))
     process = GaussianProcessRegressor(kernel, random_state=seed)
     with warnings.catch_warnings():  # a length at its bound: the coordinate does not matter
         warnings.simplefilter("ignore", ConvergenceWarning)
@@ -146,8 +150,9 @@ def _components(standard: np.ndarray) -> np.ndarray:
 
 
 def _basis(x: np.ndarray) -> np.ndarray:
-    """[1, x, x^2] (n, 2 d + 1) of points (n, d)."""
-    return np.concatenate([np.ones((len(x), 1)), x, x**2], axis=1)
+    """[1, x, x^2, x_0^3, x_0 x_j] (n, 3 d + 1) of points (n, d)."""
+    first = x[:, :1]
+    return np.concatenate([np.ones((len(x), 1)), x, x**2, first**3, first * x[:, 1:]], axis=1)
 
 
 def _matern(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ exceeded) are taken as independent of the others: Phi((limit - f) / s).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,43 +22,53 @@ from inversion.posterior.emulator import Emulator
 
 @dataclass(frozen=True)
 class Correction:
-    """What fine runs give more than coarse ones: c(x) = [1, parameters] @ slope, with its error.
+    """From the emulator of coarse runs to fine runs: fine = offset + gain x emulated, by number.
 
     Attributes:
-        slope: (q, m) of 1 and the first q - 1 coordinates.
+        offset: (m,) and gain (m,).
+        gain: the same.
         covariance: of single fine runs about it, (m, m).
         runs: fine runs it comes from.
     """
 
-    slope: np.ndarray
+    offset: np.ndarray
+    gain: np.ndarray
     covariance: np.ndarray
     runs: int = 0
 
-    def terms(self, x: np.ndarray) -> np.ndarray:
-        """[1, parameters] (n, q) of points (n, d)."""
-        return np.column_stack([np.ones(len(x)), x[:, : len(self.slope) - 1]])
+    def applied(self, emulator: Emulator) -> Emulator:
+        """An emulator of fine runs from one of coarse runs.
 
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        """Correction (n, m) at points (n, d)."""
-        return self.terms(x) @ self.slope
+        Fine runs scatter about it by `covariance`, which takes the place of the coarse runs' noise.
+        """
+        return replace(
+            emulator,
+            noise=emulator.noise * (self.runs == 0),
+            centre=self.offset + self.gain * emulator.centre,
+            scale=self.gain * emulator.scale,
+            discarded=np.abs(self.gain) * emulator.discarded,
+        )
 
 
 def no_correction(numbers: int) -> Correction:
     """Where the simulations are as fine as they are to be."""
-    return Correction(np.zeros((1, numbers)), np.zeros((numbers, numbers)))
+    return Correction(np.zeros(numbers), np.ones(numbers), np.zeros((numbers, numbers)))
 
 
-def correction_of(x: np.ndarray, difference: np.ndarray, p: int) -> Correction:
-    """Fit a correction to differences fine - coarse (n, m) at points x (n, d).
+def correction_of(emulated: np.ndarray, fine: np.ndarray) -> Correction:
+    """Fit a correction to numbers (n, m) at the same points, n >= 3.
 
-    Linear in the p parameters where there are enough runs, else constant.
+    A number that differs from point to point by less than it scatters has an offset alone.
     """
-    n = len(x)
-    terms = p + 1 if n >= 3 * (p + 1) else 1
-    basis = np.column_stack([np.ones(n), x[:, : terms - 1]])
-    slope = np.linalg.lstsq(basis, difference, rcond=None)[0]
-    rest = difference - basis @ slope
-    return Correction(slope, rest.T @ rest / (n - terms), n)
+    n = len(fine)
+    middle, change = emulated.mean(axis=0), fine.mean(axis=0) - emulated.mean(axis=0)
+    around, there = emulated - middle, fine - fine.mean(axis=0)
+    size = np.sum(around**2, axis=0)
+    scatter = np.sum((there - around) ** 2, axis=0)
+    clear = size > scatter
+    gain = np.where(clear, np.sum(around * there, axis=0) / np.where(clear, size, 1.0), 1.0)
+    rest = there - gain * around
+    return Correction(middle * (1.0 - gain) + change, gain, rest.T @ rest / (n - 2), n)
 
 
 @dataclass(frozen=True)
@@ -67,8 +77,8 @@ class EmulatedLikelihood:
 
     Attributes:
         targets: m measured numbers.
-        emulator: of the same numbers.
-        correction: from coarse to fine runs.
+        emulator: of the same numbers, as fine runs give them.
+        correction: from coarse to fine runs, whose error counts.
         alternatives: (a, m) differences that other ways to simulate make.
     """
 
@@ -111,33 +121,29 @@ class EmulatedLikelihood:
             return None
         whitener = symmetric_whitener(covariance)
         loading = whitener @ self._loading[places]
-        shift = whitener @ self.correction.slope[:, places].T
         residual = whitener @ (self.targets.measured - self.emulator.centre)[places]
-        base, _ = np.linalg.qr(np.column_stack([loading, shift]))
+        base, _ = np.linalg.qr(loading)
         across = residual - base @ (base.T @ residual)
         constant = -0.5 * (
             across @ across + len(places) * np.log(2.0 * np.pi) + np.linalg.slogdet(covariance)[1]
         )
-        return base.T @ loading, base.T @ shift, base.T @ residual, constant
+        return base.T @ loading, base.T @ residual, constant
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """(n,) at points (n, d)."""
         mean, std = self.emulator.components_at(x)
         found = np.zeros(len(x))
         if self._fixed is not None:
-            loading, shift, residual, constant = self._fixed
-            error = residual - mean @ loading.T - self.correction.terms(x) @ shift.T
+            loading, residual, constant = self._fixed
+            error = residual - mean @ loading.T
             spread = loading * std[:, None, :]
             total = np.eye(len(residual)) + spread @ spread.transpose(0, 2, 1)
             factor = np.linalg.cholesky(total)
             white = np.linalg.solve(factor, error[..., None])[..., 0]
             ln_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
             found += constant - ln_det - 0.5 * np.sum(white**2, axis=1)
-        correction = self.correction(x) if len(self.limits) else None
         for place in self.limits:
-            predicted = (
-                self.emulator.centre[place] + mean @ self._loading[place] + correction[:, place]
-            )
+            predicted = self.emulator.centre[place] + mean @ self._loading[place]
             variance = (std**2) @ self._loading[place] ** 2
             variance += self.targets.covariance[place, place] + self.model_covariance[place, place]
             found += log_ndtr((self.targets.measured[place] - predicted) / np.sqrt(variance))
@@ -145,11 +151,10 @@ class EmulatedLikelihood:
 
     def predictive(self, x: np.ndarray, generator: np.random.Generator) -> np.ndarray:
         """Draws (n, m) of what a survey would have measured at points (n, d)."""
-        m = len(self.targets.measured)
         mean, std = self.emulator.components_at(x)
         z = mean + std * generator.standard_normal(std.shape)
-        numbers = self.emulator.centre + z @ self._loading.T + self.correction(x)
+        numbers = self.emulator.mean(z)
         error = self.targets.covariance + self.model_covariance
         return numbers + generator.multivariate_normal(
-            np.zeros(m), error, len(x), method="eigh", check_valid="ignore"
+            np.zeros(len(error)), error, len(x), method="eigh", check_valid="ignore"
         )

@@ -91,7 +91,7 @@ class _Answer:
         misfit = np.empty((n, GRID))
         for column, value in enumerate(self.grid):
             x[:, 0] = value
-            predicted = self.likelihood.emulator(x)[0] + self.likelihood.correction(x)
+            predicted = self.likelihood.emulator(x)[0]
             white = (measured - predicted[:, self.places]) @ self.whitener.T
             misfit[:, column] = np.sum(white**2, axis=1)
         return _lowest(self.grid, misfit)
