@@ -299,6 +299,11 @@ class Scene(Document):
         """True where there is a pool or groundwater."""
         return self.water_level is not None
 
+    @property
+    def head_falls(self) -> bool:
+        """True where the water level differs from place to place, so that water pushes sideways."""
+        return self.has_water and len({y for _, y in self.phreatic_line or []}) > 1
+
     def phreatic_level(self, x: np.ndarray | float) -> np.ndarray:
         """Elevation [m] below which pores are full of water, at `x` [m]; -inf without water."""
         x = np.asarray(x, dtype=float)

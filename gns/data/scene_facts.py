@@ -250,9 +250,7 @@ def with_known_water(
 
 def _thrusts(scene: Scene, settings: SimulationSettings) -> bool:
     """Whether the water pushes sideways."""
-    line = scene.phreatic_line
-    slopes = scene.has_water and line is not None and len({y for _, y in line}) > 1
-    return slopes and settings.water == "pore_pressure"
+    return scene.head_falls and settings.water == "pore_pressure"
 
 
 def _check_known(scene: Scene, settings: SimulationSettings) -> None:

@@ -17,6 +17,7 @@ from geometry.scenes.scene import Point, Scene, document_error, scene_from_mappi
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
 from inversion.problem.question import (
+    WATER_WORDS,
     CellSize,
     FixedProperty,
     MovedVertex,
@@ -62,7 +63,7 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
         if not scene.has_water:
             raise InputError(f"{where}: water: {variant.water}: the scene has no water_level")
         settings = settings.model_copy(update={"water": variant.water})
-        words.append(f"water as {_WATER_WORDS[variant.water]}")
+        words.append(f"water as {WATER_WORDS[variant.water]}")
     if variant.contact is not None:
         ground = {**scene.ground.model_dump(), "contact": variant.contact}
         ground["friction_coefficient"] = None
@@ -107,9 +108,6 @@ def _check_fitted(names: Iterable[str], targets: Targets, where: str) -> None:
         if name in targets.names and not targets.fitted[targets.names.index(name)]:
             fitted = ", ".join(targets.named(targets.measured, targets.fitted))
             raise InputError(f"{where}: targets: {name!r} is not fitted; fitted are {fitted}")
-
-
-_WATER_WORDS = {"buoyant": "buoyancy", "pore_pressure": "pressure in and on the soil"}
 
 
 def sides(setup: Setup, sensitivity: Sensitivity, source: str) -> list[Changed]:

@@ -257,13 +257,12 @@ def _std_comment(runout: Runout) -> dict[str, str]:
 def _variants(scene: Scene) -> str:
     if not scene.has_water:
         return ""
-    return _comment(
+    text = _comment(
         "Other readings of the question, each solved and reported in addition to the answer."
-    ) + (
-        "variants:\n"
-        "  - {name: without water, water: none}\n"
-        "  - {name: water as pressure in and on the soil, water: pore_pressure}\n"
-    )
+    ) + ("variants:\n  - {name: without water, water: none}\n")
+    if scene.head_falls:
+        text += "  - {name: without the thrust of the water, water: buoyant}\n"
+    return text
 
 
 def _sensitivities(scene: Scene) -> str:
@@ -280,6 +279,11 @@ def _sensitivities(scene: Scene) -> str:
     )
     if scene.has_water:
         text += "  - {name: water level, kind: water_level, std_m: 0.5}   # assumed\n"
+    if scene.head_falls:
+        text += (
+            "  - {name: water that stays where it was, kind: simulation, "
+            "simulation: {water_face: fixed}}\n"
+        )
     if _bears(scene, 2.0):
         text += "  - {name: cell size, kind: cell_size, factor: 2.0}\n"
     else:

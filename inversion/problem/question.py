@@ -28,6 +28,11 @@ RESIDUAL_STRENGTH: Literal["residual_strength_kpa"] = "residual_strength_kpa"
 MaterialProperty = Literal["residual_strength_kpa", "cohesion_kpa", "friction_deg", "density"]
 Property = MaterialProperty | Literal["water_level"]
 Water = Literal["none", "buoyant", "pore_pressure"]
+WATER_WORDS = {
+    "buoyant": "reduced weight alone",
+    "pore_pressure": "pressure in and on the soil",
+}
+"""How each `simulation.water` reads after "water as"."""
 Contact = Literal["rough", "no_slip"]
 
 UNITS: dict[str, str] = {

@@ -12,6 +12,7 @@ import numpy as np
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engine_registry import engine_named
+from inversion.problem.question import WATER_WORDS
 from report.data.back_analysis import BackAnalysisData
 from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit
 
@@ -78,7 +79,7 @@ def _water(data: BackAnalysisData) -> str:
         return ""
     if not data.with_water:
         return ", without water"
-    return f", with the reservoir ({data.run.settings.water.replace('_', ' ')})"
+    return f", with the reservoir as {WATER_WORDS[data.run.settings.water]}"
 
 
 def surrogate_sentences(data: BackAnalysisData) -> list[str]:

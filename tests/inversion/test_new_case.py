@@ -107,9 +107,17 @@ def test_water_may_come_from_the_command_line(dry, tmp_path):
     folder = new(tmp_path / "wet", "--liquefied", "base", "--runout", "left=3", *water, section=dry)
     assert load_scene(folder / "scene.yaml").water_level == 2.5
     assert load_measurements(folder).initial.pool_y_m == 2.5
-    assert [v.water for v in inversion_case(load_case(folder)).question.variants] == [
-        "none", "pore_pressure",
-    ]  # fmt: skip
+    assert [v.water for v in inversion_case(load_case(folder)).question.variants] == ["none"]
+
+
+def test_a_head_that_falls_is_asked_about(dry, tmp_path):
+    dry.write_text(DRY + "water,0,3,,\nwater,20,1,,\n")
+    folder = new(tmp_path / "dam", "--liquefied", "base", "--runout", "left=3", section=dry)
+    question = inversion_case(load_case(folder)).question
+    assert [v.water for v in question.variants] == ["none", "buoyant"]
+    assert {"water_face": "fixed"} in [
+        entry.simulation for entry in question.sensitivities if entry.kind == "simulation"
+    ]
 
 
 def test_every_format_makes_the_same_scene(made, tmp_path):

@@ -277,7 +277,8 @@ def test_a_real_case(lsfd, tmp_path):
     quiet = ["--quick", "--quiet", "--set", "inversion.step_seeds=2", "--report", "page"]
     assert main(["invert", str(lsfd), "--out", str(out), *quiet]) == 0
     text = (out / PAGE).read_text("utf-8")
-    assert "with the reservoir (buoyant)" in text and "Not reproduced: freeboard" in text
+    assert "with the reservoir as pressure in and on the soil" in text
+    assert "Not reproduced: crest" in text
     assert "Constructed, not surveyed: profile" in text
     for name in ("section.png", "iterations.png"):
         assert (out / name).stat().st_size > 20_000
