@@ -17,11 +17,11 @@ from diagnosis.hypotheses.hypothesis_file import Hypothesis
 from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
 from geometry.case import SCENE_FILE, Case, load_case
+from geometry.survey.blow_counts import FILE_NAME as BLOW_COUNTS_FILE
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
 from inversion.engine_registry import Engine
-from inversion.engines.relation_priors import with_relation_priors
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
@@ -29,6 +29,7 @@ from inversion.estimation.hold_out import split
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME as INVERSION_FILE
 from inversion.problem.question import Question, ZoneBoundary, check_zones, load_question
+from inversion.problem.relation_priors import with_relation_priors
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
 
@@ -61,20 +62,6 @@ class DiagnosisCase(Case):
     def priors(self) -> dict[str, tuple[float, float]]:
         """Effect -> mean and standard deviation of its amplitude."""
         return {name: (prior.mean, prior.std) for name, prior in self.question.priors.items()}
-
-    def with_relation_priors(self, store: RunStore) -> DiagnosisCase:
-        """The case with priors that come from a relation as means and standard deviations.
-
-        Raises:
-            InputError: no blow count, or a prior outside the bounds; one line.
-        """
-        source = str(self.folder / INVERSION_FILE)
-        setup = with_relation_priors(self.setup, self.blow_counts, store, source)
-        inversion = self.inversion.model_copy(update={"parameters": setup.parameters.specs})
-        other = self.validation_case
-        if other is not None:
-            other = other.with_relation_priors(store)
-        return replace(self, setup=setup, inversion=inversion, validation_case=other)
 
     def model(self, store: RunStore, engine: Engine | None = None) -> EngineModel:
         """A forward engine as the model of this case; None: the material point method.
@@ -145,7 +132,7 @@ class DiagnosisCase(Case):
     @cached_property
     def files(self) -> list[Path]:
         """Files the diagnosis was made from."""
-        names = (SCENE_FILE, MEASUREMENTS_FILE, INVERSION_FILE, FILE_NAME)
+        names = (SCENE_FILE, MEASUREMENTS_FILE, BLOW_COUNTS_FILE, INVERSION_FILE, FILE_NAME)
         found = [self.folder / name for name in names]
         found += [self.folder / file for e in self.setup.targets.entries for file in e.files]
         return [path for path in dict.fromkeys(found) if path.is_file()]
@@ -186,6 +173,7 @@ def diagnosis_case(
         at_least = scene.model_copy(update={"spacing": max(case.drawn.spacing, scene.spacing)})
         check_places(measurements, at_least, f"{source}: {folder / MEASUREMENTS_FILE}")
         check_zones(inversion, scene, f"{source}: {folder / INVERSION_FILE}")
+    inversion = with_relation_priors(inversion, case, str(folder / INVERSION_FILE))
     effects_on(case.scene, source)
     targets = _targets(measurements, question, folder)
     parameters = Parameters(inversion.parameters)

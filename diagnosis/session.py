@@ -96,7 +96,6 @@ class Session:
         if self.is_base:
             return self
         case = diagnosis_case(self.case, spacing_m=self.spacing_m)
-        case = case.with_relation_priors(self.store)
         return replace(self, case=case, hypothesis_name=BASE, hypothesis=None)
 
     @property
@@ -155,7 +154,6 @@ class Session:
         kept = {n: e for n, e in self.hypothesis.effects.items() if n not in effects}
         model = self.hypothesis.model_copy(update={"effects": kept})
         case = diagnosis_case(self.case, spacing_m=self.spacing_m, hypothesis=model)
-        case = case.with_relation_priors(self.store)
         return replace(self, case=case, hypothesis=model)
 
     def timeless(self, document: Document) -> Document:
@@ -266,5 +264,4 @@ def open_session(
         check_parent(model, path, folder)
     asked = diagnosis_case(case, spacing_m=spacing_m, hypothesis=model, hypothesis_source=origin)
     store = RunStore(folder / "runs", threads=threads, on_run=on_run)
-    asked = asked.with_relation_priors(store)
     return Session(asked, case.config, folder, store, name, model, say, spacing_m)

@@ -382,6 +382,7 @@ def predict(
 def predict_from_blow_counts(
     case: str | os.PathLike[str] | Case,
     *,
+    zones: Sequence[str] = (),
     out: str | os.PathLike[str] | None = None,
     spacing_m: float | None = None,
     settings: Config | None = None,
@@ -396,6 +397,7 @@ def predict_from_blow_counts(
 
     Args:
         case: with a section whose liquefied zones have blow counts (`blow_counts.yaml`).
+        zones: that liquefy, those of the section among them; empty: these alone.
         out: see above; `from_blow_counts.json` and its page are written there.
         spacing_m: see above.
         settings: see above.
@@ -425,9 +427,9 @@ def predict_from_blow_counts(
     with own_code(effect_files, measurement_files), _folder(out) as folder:
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        watch.plan({"simulating": 1 + len(RELATIONS) * len(from_blow_counts.SCORES)})
+        watch.plan({"simulating": len(RELATIONS) * len(from_blow_counts.SCORES)})
         with watch.stage("simulating"):
-            document = from_blow_counts.predict_from_blow_counts(section, store)
+            document = from_blow_counts.predict_from_blow_counts(section, store, zones=zones)
         write_json(folder / BLOW_COUNT_PREDICTION, document)
         write_page(document, folder)
         return document

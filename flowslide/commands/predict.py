@@ -12,7 +12,7 @@ from flowslide.commands import options
 
 OPTION, KINDS = "--residual-strength", ("lognormal", "normal")
 FROM_COUNTS = "--from-blow-counts"
-OF_STRENGTHS = ("zones", "distribution", "samples", "seeds")
+OF_STRENGTHS = ("distribution", "samples", "seeds")
 """Options that belong to strengths that are given."""
 
 
@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--zones", metavar="NAMES", help="zones of a single strength, such as 1,6; default: those "
-        "whose strength inversion.yaml seeks, else the liquefied ones",
+        "whose strength inversion.yaml seeks, else the liquefied ones. From blow counts: zones "
+        "that liquefy, those of the scene among them",
     )  # fmt: skip
     parser.add_argument("--distribution", choices=KINDS, help=f"default: {KINDS[0]}")
     parser.add_argument("--samples", type=int, metavar="N", help="default: 20000")
@@ -66,13 +67,14 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.from_blow_counts:
         for name in chosen:
             raise InputError(f"--{name}: belongs to {OPTION}; {FROM_COUNTS} has none")
+    zones = [zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()]
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
     folder = Path(arguments.out or Path(settings.results_folder) / case.name / "prediction")
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         shared = {
-            "out": folder, "spacing_m": arguments.spacing, "device": arguments.device,
-            "threads": arguments.threads, "progress": bar.report,
+            "out": folder, "zones": zones, "spacing_m": arguments.spacing,
+            "device": arguments.device, "threads": arguments.threads, "progress": bar.report,
         }  # fmt: skip
         if arguments.from_blow_counts:
             from report.from_blow_counts import summary
@@ -81,13 +83,6 @@ def run(arguments: argparse.Namespace) -> None:
         else:
             from report.prediction import summary
 
-            zones = chosen.pop("zones", "").split(",")
-            document = api.predict(
-                case,
-                arguments.strengths,
-                zones=[zone.strip() for zone in zones if zone.strip()],
-                **chosen,
-                **shared,
-            )
+            document = api.predict(case, arguments.strengths, **chosen, **shared)
         bar.say(f"wrote {folder}")
     print(summary(document))

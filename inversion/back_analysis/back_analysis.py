@@ -91,7 +91,6 @@ class BackAnalysis:
     engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
-        self.case = self.case.with_relation_priors(self.store)
         self.engine = self.engine_of(self.case.setup)
         self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
@@ -405,7 +404,7 @@ class BackAnalysis:
             measurements=result_builder.measurements(self.objective, found.best.prediction),
             noise=self.noise,
             classical=[],
-            relations=compared_relations(case, found.best.prediction),
+            relations=compared_relations(case),
             remarks=self.remarks,
             published=case.measurements.strength_published_kpa,
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},

@@ -17,13 +17,12 @@ from geometry.scenes.fill import fill
 from geometry.scenes.scene import scene_from_mapping
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
-from inversion.engines.relation_priors import with_relation_priors
-from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.misfit import Objective
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
+from inversion.problem.relation_priors import with_relation_priors
 from pipeline.cli import InputError
 
 
@@ -50,16 +49,6 @@ class InversionCase(Case):
     def parameters(self) -> Parameters:
         """The unknown parameters."""
         return self.setup.parameters
-
-    def with_relation_priors(self, store: RunStore) -> InversionCase:
-        """The case with priors that come from a relation as means and standard deviations.
-
-        Raises:
-            InputError: no blow count, or a prior outside the bounds; one line.
-        """
-        setup = with_relation_priors(self.setup, self.blow_counts, store, self.source)
-        question = self.question.model_copy(update={"parameters": setup.parameters.specs})
-        return replace(self, setup=setup, question=question)
 
     def objective(self, setup: Setup | None = None) -> Objective:
         """The objective to minimise, for the question or another reading of it."""
@@ -174,6 +163,7 @@ def inversion_case(
     factor = case.config.inversion.spacing_factor
     case = case.resolved(question, spacing_factor=factor, spacing_m=spacing_m)
     case = case.with_set(measurement_set)
+    question = with_relation_priors(question, case, str(case.folder / FILE_NAME))
     targets = make_targets(
         case.measured,
         fit=_fit_of(question, measurements, case.measurement_set),

@@ -7,23 +7,17 @@ import numpy as np
 from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.result import RelationAnswer
 from inversion.catalogue.correlations import RELATIONS
-from inversion.problem.forward import Prediction
 from inversion.problem.layers import estimate, layers_of
 from inversion.problem.question import RESIDUAL_STRENGTH
 
 
-def compared_relations(case: InversionCase, prediction: Prediction) -> list[RelationAnswer]:
-    """Every relation for each residual strength whose zones have a blow count; else empty.
-
-    Args:
-        case: with its blow counts.
-        prediction: with the stress of the zones before failure.
-    """
-    found = []
+def compared_relations(case: InversionCase) -> list[RelationAnswer]:
+    """Every relation for each residual strength whose zones have a blow count; else empty."""
+    found, gravity = [], case.simulation.gravity_m_per_s2
     for spec in case.parameters.specs:
         if spec.property != RESIDUAL_STRENGTH:
             continue
-        layers = layers_of(case.scene, case.blow_counts, prediction.zone_sigma_v0_kpa, spec.zones)
+        layers = layers_of(case.scene, case.blow_counts, spec.zones, gravity)
         for relation in RELATIONS.values() if layers else ():
             one = estimate(relation, layers)
             low, high = one.strength_kpa * np.exp([-one.log_std, one.log_std])

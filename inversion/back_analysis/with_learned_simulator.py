@@ -238,7 +238,6 @@ class SurrogateAnalysis(BackAnalysis):
             self.found.best.prediction,
             sigma_v0_kpa=self.judged.sigma_v0_kpa,
             sigma_v0_std_kpa=self.judged.sigma_v0_std_kpa,
-            zone_sigma_v0_kpa=self.judged.zone_sigma_v0_kpa,
         )
         self.found = replace(self.found, best=replace(self.found.best, prediction=prediction))
         targets = self.objective.targets

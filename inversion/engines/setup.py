@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from geometry.scenes.overburden import stress_by_zone
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Deposit, Measured
 from inversion.engines.run_store import HistoryReader, KeptRun
@@ -74,7 +75,6 @@ def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None
         reason=run.reason or trouble,
         sigma_v0_kpa=mean,
         sigma_v0_std_kpa=spread,
-        zone_sigma_v0_kpa=_zone_sigma_v0(setup.scene, run),
         run_time_s=run.wall_time_s,
         at_rest=run.at_rest or failed,
         spacing_m=setup.scene.spacing,
@@ -93,25 +93,14 @@ def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
     )
 
 
-def _zone_sigma_v0(scene: Scene, run: KeptRun) -> dict[str, float]:
-    """Mean vertical effective stress of each zone that has points, by name [kPa]."""
-    count = np.bincount(run.zone, minlength=len(scene.zones))
-    total = np.bincount(run.zone, 1e-3 * run.vertical_stress, minlength=len(scene.zones))
-    return {
-        zone.name: float(total[place] / count[place])
-        for place, zone in enumerate(scene.zones)
-        if count[place]
-    }
-
-
 def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
     """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
-    place = {zone.name: number for number, zone in enumerate(setup.scene.zones)}
+    gravity = setup.settings.gravity_m_per_s2
+    stress = stress_by_zone(setup.scene, run.initial.astype(float), run.zone, gravity)
     mean, spread = [], []
     for spec in setup.parameters.specs:
-        member = np.isin(run.zone, [place[name] for name in spec.zones])
-        known = spec.property == RESIDUAL_STRENGTH and member.any()
-        stress = 1e-3 * run.vertical_stress[member].astype(float)
-        mean.append(float(stress.mean()) if known else np.nan)
-        spread.append(float(stress.std()) if known else np.nan)
+        own = [stress[name] for name in spec.zones if name in stress]
+        known = spec.property == RESIDUAL_STRENGTH and own
+        mean.append(float(np.concatenate(own).mean()) if known else np.nan)
+        spread.append(float(np.concatenate(own).std()) if known else np.nan)
     return np.array(mean), np.array(spread)

@@ -14,6 +14,7 @@ what was measured, or that a slope flows which did not.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from inversion.prediction.prediction_case import PredictionCase
 from inversion.prediction.response import Monotone
 from inversion.problem.forward import Forward, Prediction
 from inversion.problem.layers import Layer, layers_of
+from inversion.problem.scene_changes import with_properties
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 from pipeline.cli import InputError, WorkFailed
 
@@ -39,32 +41,63 @@ EVEN = ndtri((np.arange(2000) + 0.5) / 2000)
 #: Quantiles of every number, %.
 QUANTILES = (5, 50, 95)
 DIGITS = 4
-#: Strength of the run that gives the stress before failure, which does not depend on it [kPa].
+#: Strength of a layer before a relation has given it one [kPa].
 ANY_KPA = 20.0
 
 
 def predict_from_blow_counts(
-    case: PredictionCase, store: RunStore, relations: Sequence[Relation] = tuple(RELATIONS.values())
+    case: PredictionCase,
+    store: RunStore,
+    *,
+    zones: Sequence[str] = (),
+    relations: Sequence[Relation] = tuple(RELATIONS.values()),
 ) -> dict[str, Any]:
     """The document (keys: docs/method/prediction.md); lengths in m, strengths in kPa.
 
     Args:
         case: with blow counts.
         store: of the runs.
+        zones: that liquefy, in place of those of the section; empty: these.
         relations: to predict with.
 
     Raises:
         InputError: a liquefied zone has no blow count, or none is liquefied.
-        WorkFailed: the run that gives the stress before failure failed, or all of a relation.
+        WorkFailed: fewer than two runs of a relation finished.
     """
+    case = with_liquefied(case, zones)
     zones = liquefied_with_counts(case)
     layered = [KnownStrength((zone,), ANY_KPA, ANY_KPA, "lognormal") for zone in zones]
     engine = MPMEngine(case.setup(layered), store)
-    (first,) = engine.predict([np.full(len(zones), ANY_KPA)])
-    layers = layers_of(case.scene, case.blow_counts, first.zone_sigma_v0_kpa, zones)
-    if len(layers) < len(zones):
-        raise WorkFailed(f"the stress before failure could not be read: {first.reason}")
+    gravity = case.simulation.gravity_m_per_s2
+    layers = layers_of(case.scene, case.blow_counts, zones, gravity)
     return document_of(case, layers, engine, relations)
+
+
+def with_liquefied(case: PredictionCase, zones: Sequence[str]) -> PredictionCase:
+    """The case in which these zones have liquefied and no others; empty: as it is.
+
+    Raises:
+        InputError: a zone that the scene does not have, or a section that does not hold together.
+    """
+    if not zones:
+        return case
+    scene = case.scene
+    known = [zone.name for zone in scene.zones]
+    for name in zones:
+        if name not in known:
+            raise InputError(f"--zones: no zone {name!r}; known are {', '.join(known)}")
+    for zone in scene.zones:
+        if scene.materials[zone.material].liquefied and zone.name not in zones:
+            raise InputError(
+                f"--zones: zone {zone.name!r} is liquefied in the section and has no other "
+                "strength; name it too"
+            )
+    changes = [
+        (name, key, value)
+        for name in zones
+        for key, value in (("liquefied", True), ("friction_deg", 0.0), ("cohesion_kpa", ANY_KPA))
+    ]
+    return replace(case, scene=with_properties(scene, changes))
 
 
 def liquefied_with_counts(case: PredictionCase) -> list[str]:

@@ -62,8 +62,6 @@ class Prediction:
         sigma_v0_kpa: mean vertical effective stress before failure of each parameter's zones (p,)
             [kPa]; NaN where the engine does not know it.
         sigma_v0_std_kpa: its spread within the zones, (p,) [kPa].
-        zone_sigma_v0_kpa: the mean of each zone of the scene, by name [kPa]; empty where the engine
-            does not know it.
         run_time_s: time the run took, whenever it was [s].
         at_rest: the slide came to rest; False: it was cut off in motion.
         spacing_m: between the material points of its run [m]; 0: it has none.
@@ -77,7 +75,6 @@ class Prediction:
     reason: str = ""
     sigma_v0_kpa: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sigma_v0_std_kpa: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    zone_sigma_v0_kpa: dict[str, float] = field(default_factory=dict)
     run_time_s: float = 0.0
     at_rest: bool = True
     spacing_m: float = 0.0

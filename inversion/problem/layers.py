@@ -1,7 +1,8 @@
 """Strengths that published relations give the layers of a section, from their blow counts.
 
-In: blow counts by zone, the vertical effective stress of each zone before failure, areas. Out: one
-`Estimate` for a relation and some zones; several layers that share a strength count by their area.
+In: a section and blow counts by zone. Out: one `Estimate` for a relation and some zones, at the
+vertical effective stress of each (`geometry.scenes.overburden`); several layers that share a
+strength count by their area.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geometry.scenes.fill import fill
+from geometry.scenes.overburden import stress_by_zone
 from geometry.scenes.polygon_checks import area
 from geometry.scenes.scene import Scene
 from geometry.survey.blow_counts import BlowCount
@@ -56,17 +59,18 @@ class Estimate:
 
 
 def layers_of(
-    scene: Scene,
-    counts: Mapping[str, BlowCount],
-    sigma_v0_kpa: Mapping[str, float],
-    zones: Sequence[str],
+    scene: Scene, counts: Mapping[str, BlowCount], zones: Sequence[str], gravity: float
 ) -> list[Layer]:
-    """The zones among `zones` of which blow count and stress [kPa] are known, in their order."""
+    """The zones among `zones` that have a blow count, in their order; gravity [m/s2]."""
+    if not any(zone in counts for zone in zones):
+        return []
+    points = fill(scene)
+    stress = stress_by_zone(scene, points.position, points.zone, gravity)
     areas = {zone.name: area(zone.polygon) for zone in scene.zones}
     return [
-        Layer(zone, areas[zone], sigma_v0_kpa[zone], counts[zone])
+        Layer(zone, areas[zone], float(stress[zone].mean()), counts[zone])
         for zone in zones
-        if zone in counts and sigma_v0_kpa.get(zone, 0.0) > 0.0
+        if zone in counts
     ]
 
 

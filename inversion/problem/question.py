@@ -71,7 +71,7 @@ class Prior(Document):
 
     Either mean and standard deviation, or a published relation of residual strength with blow
     count, from which they follow once the stress before failure is known
-    (`inversion.engines.relation_priors`).
+    (`inversion.problem.relation_priors`).
     """
 
     mean: float | None = Field(None, description="most likely value, in the parameter's unit")

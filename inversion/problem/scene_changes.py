@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from geometry.scenes.scene import Scene
 
 
-def with_properties(base: Scene, changes: Sequence[tuple[str, str, float]]) -> Scene:
+def with_properties(base: Scene, changes: Sequence[tuple[str, str, float | bool]]) -> Scene:
     """A scene in which some zones have other properties.
 
     Where zones that share a material come to differ, each changed group gets a material of its own,
@@ -19,7 +19,7 @@ def with_properties(base: Scene, changes: Sequence[tuple[str, str, float]]) -> S
         changes: (zone, property, value), the property a key of a scene's material.
     """
     document = base.model_dump()
-    wanted: dict[str, dict[str, float]] = {zone.name: {} for zone in base.zones}
+    wanted: dict[str, dict[str, float | bool]] = {zone.name: {} for zone in base.zones}
     for zone, name, value in changes:
         wanted[zone][name] = value
     materials: dict[str, dict] = {}

@@ -16,6 +16,7 @@ from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
 from geometry.scenes.fill import MaterialPoints, fill
+from geometry.scenes.overburden import vertical_effective_stress
 from mpm_taichi.effects import Active, acting_scene, effects_on
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.law import CONSTANTS, MaterialLaw
@@ -29,7 +30,6 @@ from mpm_taichi.solver.boundary import (
 )
 from mpm_taichi.solver.splines import EDGES
 from mpm_taichi.solver.water import (
-    WATER_DENSITY,
     MovingFace,
     head_places,
     level_and_fall,
@@ -220,18 +220,7 @@ def k0_stress(
     scene: Scene, points: MaterialPoints, mass: np.ndarray, lateral: np.ndarray, gravity: float
 ) -> np.ndarray:
     """K0 stress (N, 4) [Pa] from the weight, less buoyancy, of the points above in the column."""
-    spacing = scene.spacing
-    wet = points.position[:, 1] < scene.phreatic_level(points.position[:, 0])
-    weight = gravity * (mass - WATER_DENSITY * points.volume * wet) / spacing
-    column = np.floor((points.position[:, 0] - scene.domain.x_min) / spacing).astype(int)
-    order = np.lexsort((-points.position[:, 1], column))
-    running = np.cumsum(weight[order])
-    start = np.flatnonzero(np.diff(column[order], prepend=column[order][0] - 1))
-    before = np.repeat(
-        np.concatenate([[0.0], running])[start], np.diff(np.append(start, len(order)))
-    )
-    vertical = np.empty(len(points))
-    vertical[order] = -(running - before - 0.5 * weight[order])
+    vertical = -vertical_effective_stress(scene, points.position, mass, gravity)
     side = lateral * vertical
     return np.stack([side, vertical, side, np.zeros_like(side)], axis=1)
 

@@ -18,6 +18,7 @@ from inversion.prediction.from_blow_counts import (
     document_of,
     layer_strengths,
     liquefied_with_counts,
+    with_liquefied,
 )
 from inversion.prediction.prediction_case import prediction_case
 from inversion.problem.layers import Layer
@@ -147,7 +148,8 @@ def test_a_liquefied_zone_without_a_count_is_refused(block, change, complaint):
     ("more", "complaint"),
     [
         (["--seeds", "2"], "--seeds: belongs to --residual-strength"),
-        (["--zones", "deep"], "--zones: belongs to"),
+        (["--zones", "deep"], "--zones: zone 'high' is liquefied in the section"),
+        (["--zones", "wide"], "--zones: no zone 'wide'; known are deep, high"),
         (["--samples", "500"], "--samples: belongs to"),
     ],
 )
@@ -160,6 +162,21 @@ def test_strengths_are_given_or_predicted(block, capsys):
     with pytest.raises(SystemExit):
         main(["predict", str(block), "--from-blow-counts", "--residual-strength", "9+-1"])
     assert "not allowed with argument" in capsys.readouterr().err
+
+
+def test_another_zone_may_liquefy(block):
+    text = yaml.safe_load((block / "scene.yaml").read_text())
+    text["materials"]["clay"] = {"friction_deg": 30.0, "cohesion_kpa": 5.0}
+    text["zones"][1]["material"] = "clay"
+    (block / "scene.yaml").write_text(yaml.safe_dump(text))
+    (block / "inversion.yaml").unlink()
+    case = prediction_case(load_case(block))
+    assert liquefied_with_counts(case) == ["deep"]
+    both = with_liquefied(case, ["deep", "high"])
+    assert liquefied_with_counts(both) == ["deep", "high"]
+    soil = {zone.name: both.scene.materials[zone.material] for zone in both.scene.zones}["high"]
+    assert soil.liquefied and soil.friction_deg == 0.0
+    assert with_liquefied(case, []) is case
 
 
 @pytest.mark.slow

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import yaml
 
+from diagnosis.case import diagnosis_case
 from flowslide import api
 from geometry.case import load_case
 from geometry.scenes.scene import scene_from_mapping
 from geometry.survey.blow_counts import BlowCount
 from inversion.back_analysis.case import inversion_case
 from inversion.catalogue.correlations import RELATIONS
-from inversion.engines.run_store import RunStore
 from inversion.problem.layers import estimate, layers_of
 from inversion.problem.question import Prior
 from pipeline.cli import InputError
@@ -76,17 +76,21 @@ def write_case(folder, prior: dict | None = None, layers: list[dict] | None = No
 def test_layers_count_by_their_area_at_their_own_stress():
     scene, deep, high = scene_from_mapping(SCENE, "test"), "deep", "high"
     counts = {deep: count([deep], n1_60=8.0), high: count([high], n1_60=4.0, n1_60cs=5.0)}
-    layers = layers_of(scene, counts, {deep: 60.0, high: 20.0}, [deep, high, "unknown"])
+    layers = layers_of(scene, counts, [deep, high, "unknown"], 9.81)
     assert [(layer.zone, layer.area_m2) for layer in layers] == [(deep, 160.0), (high, 80.0)]
+    stress = [4.0 * DRY, 1.0 * DRY]
+    assert [layer.sigma_v0_kpa for layer in layers] == pytest.approx(stress)
     found = estimate(RELATIONS["olson_stark_2002"], layers)
-    # 60 (0.03 + 0.06) = 5.4 twice, 20 (0.03 + 0.03) = 1.2 once; +- 0.03 of the stress
-    assert found.strength_kpa == pytest.approx((2 * 5.4 + 1.2) / 3)
-    assert found.log_std == pytest.approx(0.03 * (2 * 60 + 20) / 3 / found.strength_kpa)
+    # sigma' (0.03 + 0.06) on two thirds of the area, sigma' (0.03 + 0.03) on one; +- 0.03 sigma'
+    strength = (2 * 0.09 * stress[0] + 0.06 * stress[1]) / 3
+    assert found.strength_kpa == pytest.approx(strength)
+    mean = (2 * stress[0] + stress[1]) / 3
+    assert found.log_std == pytest.approx(0.03 * mean / strength)
     assert found.n1_60 == pytest.approx(20.0 / 3.0)
-    assert found.sigma_v0_kpa == pytest.approx(140.0 / 3.0)
+    assert found.sigma_v0_kpa == pytest.approx(mean)
     assert not found.other_kind and not found.beyond
     assert estimate(RELATIONS["weber_2015"], layers).other_kind
-    assert layers_of(scene, counts, {}, [deep]) == []
+    assert layers_of(scene, {}, [deep], 9.81) == []
 
 
 # --- priors ---
@@ -117,32 +121,32 @@ def test_a_relation_is_of_a_residual_strength(tmp_path):
         inversion_case(load_case(folder))
 
 
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return RunStore(tmp_path_factory.mktemp("runs"))
-
-
 @pytest.mark.parametrize("own", [True, False], ids=["stated", "of the borings"])
-def test_the_prior_is_the_relation_at_the_stress_of_the_run(tmp_path, store, own):
+def test_the_prior_is_the_relation_at_the_stress_of_its_zones(tmp_path, own):
     prior = {"relation": "olson_stark_2002", **({"n1_60": 8.0} if own else {})}
     layers = None if own else [{"zones": ["deep", "high"], "n1_60": 8.0}]
     case = inversion_case(load_case(write_case(tmp_path / "block", prior, layers)))
-    assert not case.parameters.specs[0].prior.known
-    known = case.with_relation_priors(store).parameters
-    (spec,) = known.specs
-    # Far from its ends a block 6 m high rests on 4 m at 4 m below its top, and on 2 m at 1 m.
-    stress = DRY * (2 * 4.0 + 1 * 1.0) / 3.0
-    assert spec.prior.sigma_v0_kpa == pytest.approx(stress, rel=0.06)
-    assert spec.prior.mean == pytest.approx(0.09 * spec.prior.sigma_v0_kpa, rel=1e-6)
-    assert spec.prior.std == pytest.approx(0.03 * spec.prior.sigma_v0_kpa, rel=1e-6)
+    (spec,) = case.parameters.specs
+    assert case.question.parameters == case.parameters.specs
+    # A block 6 m high: 4 m of soil at 4 m below its top on average, and 2 m at 1 m.
+    assert spec.prior.sigma_v0_kpa == pytest.approx(DRY * (2 * 4.0 + 1 * 1.0) / 3.0)
+    assert spec.prior.mean == pytest.approx(0.09 * spec.prior.sigma_v0_kpa)
+    assert spec.prior.std == pytest.approx(0.03 * spec.prior.sigma_v0_kpa)
     # As the fit sees it: the logarithm, with the relation's scatter.
-    assert known.prior_mean == pytest.approx([spec.prior.mean])
-    assert known.prior_std == pytest.approx([1.0 / 3.0])
-    rows, constants = known.prior
+    assert case.parameters.prior_mean == pytest.approx([spec.prior.mean])
+    assert case.parameters.prior_std == pytest.approx([1.0 / 3.0])
+    rows, constants = case.parameters.prior
     assert constants == pytest.approx([np.log(spec.prior.mean) * 3.0]) and rows == [[1.0]]
     # As a result has it, it is known and stays what it is.
     again = Prior.model_validate(json.loads(spec.prior.model_dump_json()))
     assert again.known and again == spec.prior
+
+
+def test_a_diagnosis_has_the_same_prior(tmp_path):
+    prior = {"relation": "olson_stark_2002", "n1_60": 8.0}
+    folder = write_case(tmp_path / "block", prior)
+    asked = diagnosis_case(load_case(folder)).setup.parameters.specs
+    assert asked == inversion_case(load_case(folder)).parameters.specs
 
 
 @pytest.mark.parametrize(
@@ -155,10 +159,9 @@ def test_the_prior_is_the_relation_at_the_stress_of_the_run(tmp_path, store, own
          r"Olson and Stark \(2002\) gives .* outside low 9 to high 60"),
     ],
 )  # fmt: skip
-def test_a_prior_that_cannot_be_is_one_line(tmp_path, store, prior, layers, more, complaint):
-    case = inversion_case(load_case(write_case(tmp_path / "block", prior, layers, **more)))
+def test_a_prior_that_cannot_be_is_one_line(tmp_path, prior, layers, more, complaint):
     with pytest.raises(InputError, match=complaint) as caught:
-        case.with_relation_priors(store)
+        inversion_case(load_case(write_case(tmp_path / "block", prior, layers, **more)))
     assert "\n" not in str(caught.value) and "parameters: S_r: prior" in str(caught.value)
 
 

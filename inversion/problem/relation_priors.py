@@ -1,59 +1,48 @@
 """Priors that a question takes from a published relation, as means and standard deviations.
 
 `prior: {relation: weber_2015, n1_60: 12.9}` of a residual strength is the relation's lognormal at
-the vertical effective stress of the zones before failure. That stress is read from the run at the
-first guess, which every search begins with; it does not depend on the strengths.
+the vertical effective stress of the zones before failure.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
+from geometry.case import Case
 from geometry.scenes.scene import Scene
 from geometry.survey.blow_counts import FILE_NAME, BlowCount
 from inversion.catalogue.correlations import RELATIONS
-from inversion.engines.mpm_engine import MPMEngine
-from inversion.engines.run_store import RunStore
-from inversion.engines.setup import Setup
-from inversion.estimation.unknowns import Parameters
 from inversion.problem.layers import estimate, layers_of
-from inversion.problem.question import ParameterSpec
+from inversion.problem.question import ParameterSpec, Question
 from pipeline.cli import InputError
 
 
-def with_relation_priors(
-    setup: Setup, counts: Mapping[str, BlowCount], store: RunStore, source: str
-) -> Setup:
-    """The setup with every prior known; itself where all are.
+def with_relation_priors(question: Question, case: Case, source: str) -> Question:
+    """The question with every prior known.
 
     Args:
-        setup: of the question.
-        counts: blow counts by zone, for priors that state none of their own.
-        store: of the runs.
+        question: of the case.
+        case: at the spacing in force, with its blow counts.
         source: file of the question, for messages.
 
     Raises:
         InputError: no blow count for a zone, or a prior outside the bounds; one line.
     """
-    specs = setup.parameters.specs
-    if all(spec.prior is None or spec.prior.known for spec in specs):
-        return setup
-    (start,) = MPMEngine(setup, store).predict([setup.parameters.start])
+    gravity = case.simulation.gravity_m_per_s2
     known = [
         spec
         if spec.prior is None or spec.prior.known
-        else _known(spec, setup.scene, counts, start.zone_sigma_v0_kpa, source)
-        for spec in specs
+        else _known(spec, case.scene, case.blow_counts, gravity, source)
+        for spec in question.parameters
     ]
-    return replace(setup, parameters=Parameters(known))
+    return question.model_copy(update={"parameters": known})
 
 
 def _known(
     spec: ParameterSpec,
     scene: Scene,
     counts: Mapping[str, BlowCount],
-    stresses: Mapping[str, float],
+    gravity: float,
     source: str,
 ) -> ParameterSpec:
     where = f"{source}: parameters: {spec.name}: prior"
@@ -64,7 +53,7 @@ def _known(
             source=source,
         )  # fmt: skip
         counts = dict.fromkeys(spec.zones, stated)
-    layers = layers_of(scene, counts, stresses, spec.zones)
+    layers = layers_of(scene, counts, spec.zones, gravity)
     missing = [zone for zone in spec.zones if zone not in [layer.zone for layer in layers]]
     if missing:
         raise InputError(

@@ -1,0 +1,64 @@
+"""Vertical effective stress of a section by the weight above it: sigma'_v0 of the field.
+
+In: a section and points in it. Out: the weight above each point less the pressure of the pore
+water, which is hydrostatic below the phreatic line; a pool rests on what it covers. No shear
+between columns, so no arching: what practice divides strengths by, and reads relations with blow
+count at. It depends on the section alone, hardly on the spacing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geometry.scenes.scene import Scene
+
+#: Of fresh water [kg/m3].
+WATER_DENSITY = 1000.0
+
+
+def vertical_effective_stress(
+    scene: Scene, position: np.ndarray, mass: np.ndarray, gravity: float
+) -> np.ndarray:
+    """Vertical effective stress at points that fill a section, (N,) [Pa], compression positive.
+
+    Args:
+        scene: with its spacing and water.
+        position: of the points, (N, 2) [m].
+        mass: of the points, (N,) [kg/m].
+        gravity: [m/s2].
+    """
+    spacing = scene.spacing
+    wet = position[:, 1] < scene.phreatic_level(position[:, 0])
+    weight = gravity * (mass - WATER_DENSITY * spacing**2 * wet) / spacing
+    column = np.floor((position[:, 0] - scene.domain.x_min) / spacing).astype(int)
+    order = np.lexsort((-position[:, 1], column))
+    running = np.cumsum(weight[order])
+    start = np.flatnonzero(np.diff(column[order], prepend=column[order][0] - 1))
+    before = np.repeat(
+        np.concatenate([[0.0], running])[start], np.diff(np.append(start, len(order)))
+    )
+    stress = np.empty(len(position))
+    stress[order] = running - before - 0.5 * weight[order]
+    return stress
+
+
+def stress_by_zone(
+    scene: Scene, position: np.ndarray, zone: np.ndarray, gravity: float
+) -> dict[str, np.ndarray]:
+    """Vertical effective stress of the points of each zone that has some, by name [kPa].
+
+    Args:
+        scene: the section.
+        position: of the points that fill it, (N, 2) [m].
+        zone: of the points, (N,) place in the scene's zones.
+        gravity: [m/s2].
+    """
+    wet = position[:, 1] < scene.phreatic_level(position[:, 0])
+    soils = [scene.materials[one.material] for one in scene.zones]
+    dry = np.array([soil.density for soil in soils])
+    soaked = [soil.saturated_density for soil in soils]
+    soaked = np.array([d if s is None else s for s, d in zip(soaked, dry, strict=True)])
+    mass = np.where(wet, soaked[zone], dry[zone]) * scene.spacing**2
+    stress = 1e-3 * vertical_effective_stress(scene, position, mass, gravity)
+    parts = {one.name: stress[zone == number] for number, one in enumerate(scene.zones)}
+    return {name: own for name, own in parts.items() if len(own)}
