@@ -55,10 +55,16 @@ class Reading:
 
     @property
     def difference(self) -> float | None:
-        """Simulated minus measured, in `unit`."""
+        """Simulated minus measured, in `unit`; 0 while a limit is kept (`no_flow`)."""
         if self.measured is None or self.trouble:
             return None
-        return self.simulated - self.measured
+        off = self.simulated - self.measured
+        return max(off, 0.0) if self.measurement.censored else off
+
+    @property
+    def below(self) -> str:
+        """What stands before the measured value: < where it is a limit."""
+        return "< " if self.measurement is not None and self.measurement.censored else ""
 
     @property
     def difference_in_std(self) -> float | None:
@@ -205,7 +211,9 @@ def table(case: Case, readings: list[Reading]) -> str:
         known = ["", "", ""]
         trust = "not what a survey reads: the outermost connected point"
         if m is not None:
-            measured = "" if reading.measured is None else f"{reading.measured:.1f}"
+            measured = ""
+            if reading.measured is not None:
+                measured = f"{reading.below}{reading.measured:.1f}"
             span = f"{reading.span[0]:g}-{reading.span[1]:g}" if reading.span else ""
             known = [measured, f"{m.std:g}", span]
             trust = f"value {m.confidence}, std {m.std_is}" + (", held out" if m.held_out else "")

@@ -154,7 +154,9 @@ def _methods(data: BackAnalysisData) -> Section:
         "The diamond is this analysis with one standard deviation (bar) and its 95 % interval "
         "(line); hollow circles below it are variants of the question. Bars of the other methods "
         "are the ranges over their judgement calls, or as published; hollow: quoted from memory. "
-        "Relations with blow count have a bar of one standard deviation.",
+        "A triangle is a lower bound (95 %), its bar the limit of flow. "
+        "Relations with blow count have a bar of one standard deviation, and a line from the "
+        "weakest to the strongest layer.",
     )
     return Section(
         title,

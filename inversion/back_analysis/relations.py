@@ -37,6 +37,8 @@ def compared_relations(case: InversionCase) -> list[RelationAnswer]:
                     confidence=sorted({layer.count.confidence for layer in layers}),
                     sigma_v0_kpa=one.sigma_v0_kpa,
                     value_kpa=one.strength_kpa,
+                    weakest_kpa=one.weakest_kpa,
+                    strongest_kpa=one.strongest_kpa,
                     low_kpa=float(low),
                     high_kpa=float(high),
                     scatter=relation.scatter_words,

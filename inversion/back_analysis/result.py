@@ -328,6 +328,10 @@ class RelationAnswer(StrictDocument):
     confidence: list[str] = Field(description="of the blow counts")
     sigma_v0_kpa: float = Field(description="mean over the zones before failure, by area")
     value_kpa: float = Field(description="median S_r; of several zones the mean by area")
+    weakest_kpa: float = Field(
+        description="median S_r of the weakest zone, along which soil slides"
+    )
+    strongest_kpa: float = Field(description="median S_r of the strongest zone")
     low_kpa: float = Field(description="one standard deviation of its logarithm below")
     high_kpa: float = Field(description="one standard deviation of its logarithm above")
     scatter: str = Field(description="where that comes from")

@@ -127,6 +127,11 @@ def document_of(
     asked = [values for rows in strengths for values in rows]
     found = engine.predict(asked)
     parts = [found[first : first + len(SCORES)] for first in range(0, len(found), len(SCORES))]
+    told = [
+        number
+        for number, entry in enumerate(case.entries)
+        if entry.name in case.known or _runs(found, number, 2.0 * case.scene.spacing)
+    ]
     return {
         "case": case.name,
         "title": case.title,
@@ -139,7 +144,7 @@ def document_of(
             for layer in layers
         ],
         "relations": [
-            _relation(case, relation, layers, rows, predictions)
+            _relation(case, relation, layers, rows, predictions, told)
             for relation, rows, predictions in zip(relations, strengths, parts, strict=True)
         ],
     }  # fmt: skip
@@ -153,12 +158,21 @@ def layer_strengths(relation: Relation, layers: Sequence[Layer]) -> np.ndarray:
     return median * np.exp(SCORES[:, None] * log_std)
 
 
+def _runs(predictions: Sequence[Prediction], number: int, least: float) -> bool:
+    """Some simulation moves a number that nobody measured outward by more than `least` [m]."""
+    return any(
+        not prediction.failed and prediction.values[number] > prediction.at_start[number] + least
+        for prediction in predictions
+    )
+
+
 def _relation(
     case: PredictionCase,
     relation: Relation,
     layers: Sequence[Layer],
     strengths: np.ndarray,
     predictions: Sequence[Prediction],
+    told: Sequence[int],
 ) -> dict[str, Any]:
     kept = np.array([not prediction.failed for prediction in predictions])
     if kept.sum() < 2:
@@ -212,6 +226,7 @@ def _relation(
                 ),
             }
             for number, entry in enumerate(case.entries)
+            if number in told
         ],
     }  # fmt: skip
 

@@ -43,6 +43,8 @@ class Estimate:
 
     Attributes:
         strength_kpa: median S_r; the mean over the layers, by area.
+        weakest_kpa: of the layers.
+        strongest_kpa: of the layers.
         log_std: standard deviation of its logarithm; the layers' scatter is one and the same.
         n1_60: mean blow count of the layers, by area, of the kind used.
         sigma_v0_kpa: mean stress of the layers, by area.
@@ -51,6 +53,8 @@ class Estimate:
     """
 
     strength_kpa: float
+    weakest_kpa: float
+    strongest_kpa: float
     log_std: float
     n1_60: float
     sigma_v0_kpa: float
@@ -85,6 +89,8 @@ def estimate(relation: Relation, layers: Sequence[Layer]) -> Estimate:
     strength = float(np.average(strengths, weights=weights))
     return Estimate(
         strength_kpa=strength,
+        weakest_kpa=float(strengths.min()),
+        strongest_kpa=float(strengths.max()),
         log_std=float(np.average(spread, weights=weights)) / strength,
         n1_60=float(np.average(counts, weights=weights)),
         sigma_v0_kpa=float(np.average([stress for _, stress in pairs], weights=weights)),

@@ -31,7 +31,7 @@ def draw_quantities(document: dict[str, Any], path: Path) -> Path:
 
 def _draw(ax: Axes, labels: list[str], entries: list[dict[str, Any]]) -> None:
     style.quiet(ax, grid="x", left=False)
-    style.rows(ax, labels, width=31)
+    style.rows(ax, labels, width=28)
     first = entries[0]
     for number, entry in enumerate(entries):
         low, high = entry["quantiles"]["5"], entry["quantiles"]["95"]

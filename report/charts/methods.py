@@ -38,7 +38,7 @@ def _largest(panel: Slide) -> float:
 
 def _draw(ax: Axes, panel: Slide, end: float) -> None:
     style.quiet(ax, grid="x", left=False)
-    style.rows(ax, [row.label for row in panel.rows], width=31)
+    style.rows(ax, [row.label for row in panel.rows], width=28)
     ax.set_xlim(0.0, end)
     ours = next(row for row in panel.rows if row.kind == "ours")
     ax.axvspan(ours.low, ours.high, color=style.OURS, alpha=0.08, linewidth=0, zorder=0)

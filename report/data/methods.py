@@ -24,7 +24,7 @@ class Strength:
         low: lower end of its range; None: no range.
         high: upper end.
         kind: ours, engine, variant, classical, relation or others.
-        wide: a second, wider range (95 %).
+        wide: a second range: 95 %; of a relation from the weakest to the strongest layer.
         hollow: the value is quoted from memory.
         bound: the value is a lower bound (95 %); `low` to `high` is the limit of flow.
     """
@@ -127,8 +127,9 @@ def _relations(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
             zones = f", zone {', '.join(row.zones)}" if several else ""
             label = f"{row.label}, N {row.n1_60:.3g}{zones}"
             hollow = "recalled" in row.confidence
+            layers = (row.weakest_kpa, row.strongest_kpa) if len(row.zones) > 1 else None
             yield Strength(
-                label, row.value_kpa, row.low_kpa, row.high_kpa, "relation", hollow=hollow
+                label, row.value_kpa, row.low_kpa, row.high_kpa, "relation", layers, hollow
             )
 
 

@@ -230,7 +230,7 @@ def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> N
         rows.append(
             (
                 label(reading),
-                f"{reading.measured:g} ± {m.std:g} {m.unit}",
+                f"{reading.below}{reading.measured:g} ± {m.std:g} {m.unit}",
                 "not read" if off is None else f"{reading.simulated:.1f} {m.unit}",
                 "" if off is None else f"{off:+.1f}",
             )

@@ -265,8 +265,9 @@ def toe_words(data: BackAnalysisData) -> list[str]:
         rows = [row for row in data.result.engines if row.engine == "mpm"]
         known = next(row.predicted for row in rows if row.values == answer)
     return [
-        f"the {toe.name} moves {fixed(known[toe.name])} m; "
-        f"{'less than ' * toe.censored}{toe.values[0]:g} m was measured"
+        f"{toe.name}: {fixed(known[toe.name])} m, less than {toe.values[0]:g} m measured"
+        if toe.censored
+        else f"the {toe.name} moves {fixed(known[toe.name])} m; {toe.values[0]:g} m was measured"
         for toe in data.toes
         if toe.name in known
     ]

@@ -78,14 +78,16 @@ def method_tables(data: BackAnalysisData) -> list[Table]:
 
 def relation_tables(data: BackAnalysisData) -> list[Table]:
     """Each strength next to what published relations give for its blow counts; by parameter."""
-    header = ["relation", "blow count", "σ'_v0 (kPa)", "S_r (kPa)", "± one std", "found / relation",
-              "scatter", ""]  # fmt: skip
+    header = ["relation", "blow count", "σ'_v0 (kPa)", "S_r (kPa)", "± one std", "weakest layer",
+              "found / relation", "scatter", ""]  # fmt: skip
     found = []
     for p in data.strengths:
         ours, at_least = (p.value, "") if p.lower_bound_95 is None else (p.lower_bound_95, "≥ ")
         rows = [
             [row.label, _count(row), f"{row.sigma_v0_kpa:.0f}", fixed(row.value_kpa),
-             span(row.low_kpa, row.high_kpa), f"{at_least}{ours / row.value_kpa:.2f}", row.scatter,
+             span(row.low_kpa, row.high_kpa),
+             fixed(row.weakest_kpa) if len(row.zones) > 1 else None,
+             f"{at_least}{ours / row.value_kpa:.2f}", row.scatter,
              _doubts(row)]
             for row in data.result.relations
             if row.parameter == p.name
@@ -97,12 +99,12 @@ def relation_tables(data: BackAnalysisData) -> list[Table]:
 def _count(row: RelationAnswer) -> str:
     kind = "N1,60cs" if row.clean_sand != row.other_kind else "N1,60"
     counts = sorted(set(row.n1_60_of_zones.values()))
-    layers = f" (layers {counts[0]:g} to {counts[-1]:g})" if len(counts) > 1 else ""
+    layers = f" ({counts[0]:g} to {counts[-1]:g})" if len(counts) > 1 else ""
     return f"{kind} {row.n1_60:.3g}{layers}"
 
 
 def _doubts(row: RelationAnswer) -> str:
-    doubts = ["beyond its data: taken at their largest blow count"] if row.beyond else []
+    doubts = ["beyond its data, taken at their end"] if row.beyond else []
     if row.other_kind:
         doubts.append(f"asks for {'N1,60cs' if row.clean_sand else 'N1,60'}")
     if row.confidence != ["published"]:

@@ -122,6 +122,7 @@ def full(name: str = "the fill") -> Result:
             "label": f"Weber of {name}", "zones": ["1"], "n1_60": 12.9,
             "n1_60_of_zones": {"1": 12.9}, "clean_sand": True, "other_kind": True, "beyond": True,
             "confidence": ["recalled"], "sigma_v0_kpa": 145.0, "value_kpa": 22.8, "low_kpa": 15.3,
+            "weakest_kpa": 22.8, "strongest_kpa": 22.8,
             "high_kpa": 34.0, "scatter": "assumed"}],
         published={"olson_stark_2002": {"value": 18.7, "low": 15.8, "high": 21.8,
                                         "confidence": "published"},

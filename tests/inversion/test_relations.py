@@ -84,6 +84,9 @@ def test_layers_count_by_their_area_at_their_own_stress():
     # sigma' (0.03 + 0.06) on two thirds of the area, sigma' (0.03 + 0.03) on one; +- 0.03 sigma'
     strength = (2 * 0.09 * stress[0] + 0.06 * stress[1]) / 3
     assert found.strength_kpa == pytest.approx(strength)
+    assert (found.weakest_kpa, found.strongest_kpa) == pytest.approx(
+        (0.06 * stress[1], 0.09 * stress[0])
+    )
     mean = (2 * stress[0] + stress[1]) / 3
     assert found.log_std == pytest.approx(0.03 * mean / strength)
     assert found.n1_60 == pytest.approx(20.0 / 3.0)
@@ -196,10 +199,9 @@ def test_tables_show_what_was_found_over_what_a_relation_says():
     (table,) = relation_tables(data)
     assert "S_r of the fill, found 27.5 kPa" in table.text()
     (row,) = table.rows
-    assert row[:6] == ["Weber of the fill", "N1,60 12.9", "145", "22.8", "15.3 to 34.0", "1.21"]
-    assert row[7] == (
-        "beyond its data: taken at their largest blow count; asks for N1,60cs; blow count recalled"
-    )
+    assert row[:5] == ["Weber of the fill", "N1,60 12.9", "145", "22.8", "15.3 to 34.0"]
+    assert row[5] is None and row[6] == "1.21", "one layer"
+    assert row[8] == ("beyond its data, taken at their end; asks for N1,60cs; blow count recalled")
     assert any("Weber of the fill, N 12.9" in one.text() for one in method_tables(data))
     # A lower bound is compared as what it is.
     result = full()
@@ -207,4 +209,4 @@ def test_tables_show_what_was_found_over_what_a_relation_says():
     answer = result.answer.model_copy(update={"parameters": [own, *result.answer.parameters[1:]]})
     stood = BackAnalysisData(folder=None, result=result.model_copy(update={"answer": answer}))
     (table,) = relation_tables(stood)
-    assert table.rows[0][5] == "≥ 1.00" and "found ≥ 22.8 kPa" in table.text()
+    assert table.rows[0][6] == "≥ 1.00" and "found ≥ 22.8 kPa" in table.text()
