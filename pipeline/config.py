@@ -238,7 +238,7 @@ class InversionSettings(Settings):
         400, ge=50, description="a section with fewer points at that spacing has no coarse runs"
     )
     check_share: float = Field(
-        0.8,
+        0.75,
         ge=0,
         le=1,
         description="the largest sensitivities, with this share of the variance, are run again at "
