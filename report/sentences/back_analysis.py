@@ -310,27 +310,28 @@ def spacing_sentences(data: BackAnalysisData) -> list[str]:
 
 def _checked(data: BackAnalysisData) -> str:
     """What the runs at the spacing of the answer gave where coarse ones had been taken."""
-    off = [
-        (abs(side.change[p.name] - side.coarse_change[p.name]) / p.std_total, entry.name)
-        for entry in data.result.sensitivities
-        for side in entry.sides
-        if side.coarse_change is not None
-        for p in data.strengths
-    ]
-    off += [
-        (abs(one.values[p.name] - one.coarse_values[p.name]) / p.std_total, one.name)
-        for one in data.result.variants
-        if one.coarse_values is not None
-        for p in data.strengths
-    ]
-    if not off:
+    asked = [
+        (p.name, p.std_total) for p in data.strengths or data.result.answer.parameters
+    ]  # fmt: skip
+    found = []
+    for what, both in (
+        ("sensitivities", [(entry.name, side.change, side.coarse_change)
+                           for entry in data.result.sensitivities for side in entry.sides]),
+        ("variants", [(one.name, one.values, one.coarse_values) for one in data.result.variants]),
+    ):  # fmt: skip
+        off = [
+            (abs(fine[name] - coarse[name]) / std, entry)
+            for entry, fine, coarse in both
+            if coarse is not None
+            for name, std in asked
+        ]
+        if off:
+            count = len({entry for _, entry in off})
+            most, where = max(off)
+            found.append(f"{count} {what} (at most {most:.2f} standard deviations apart: {where})")
+    if not found:
         return "Nothing was run at both."
-    checked = list(dict.fromkeys(name for _, name in off))
-    worst, name = max(off)
-    return (
-        f"Run at both, and given as at the smaller one: {', '.join(checked)}. They differ by at "
-        f"most {worst:.2f} standard deviations of the strength ({name})."
-    )
+    return f"Run at both, and given as at the smaller one: {' and '.join(found)}."
 
 
 def undetermined_sentences(data: BackAnalysisData) -> list[str]:
