@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -22,7 +21,9 @@ from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import CellSize
 from pipeline.config import load_config
+from tests.dams import dam_with_pool
 from tests.inversion.analytic import Formula, angle, problem, strength, targets
+from tests.inversion.conftest import QUESTION
 
 PARAMETERS = Parameters([strength("a"), angle("b", start=31.0)])
 
@@ -139,12 +140,9 @@ def test_where_there_is_no_coarse_spacing_everything_is_at_one(lsfd):
 
 
 @pytest.fixture(scope="module")
-def both(root, tmp_path_factory):
+def both(tmp_path_factory):
     """One question with and without coarse runs, and once more from the kept runs."""
-    from tests.inversion.conftest import QUESTION
-
-    folder = tmp_path_factory.mktemp("two") / "small_dam"
-    shutil.copytree(root / "case_histories" / "lower_san_fernando", folder)
+    folder = dam_with_pool(tmp_path_factory.mktemp("two") / "small_dam")
     (folder / "inversion.yaml").write_text(
         QUESTION.replace("spacing_m: 4", "spacing_m: 2.5")
         + "  - {name: cells, kind: cell_size, factor: 1.6}\n"
