@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import trapezoid
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import norm
 
 from geometry.survey.no_flow import NoFlow
 from inversion.back_analysis.perturbed_answers import Problem, resolve
 from inversion.estimation.calibrate import calibrate
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.derivatives import FiniteSteps
-from inversion.estimation.likelihood import log_likelihood
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import lower_bound, posterior
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
+from inversion.posterior.likelihood import EmulatedLikelihood, no_correction
 from inversion.problem.forward import Prediction
 from pipeline.cli import WorkFailed
 from tests.budget import examples
@@ -93,47 +92,58 @@ def test_the_derivative_of_the_loss_is_that_of_finite_differences(value):
 # --- the likelihood ---
 
 
+class Exact:
+    """An emulator of the numbers themselves: one component for each, known up to `std`."""
+
+    def __init__(self, numbers: int, std: float = 0.0) -> None:
+        self.centre, self.discarded = np.zeros(numbers), np.zeros(numbers)
+        self.scale, self.components, self.std = np.ones(numbers), np.eye(numbers), std
+
+    def components_at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return x, np.full(x.shape, self.std)
+
+
+def log_likelihood(goal: Targets, x: np.ndarray, *, emulated: float = 0.0, other=()) -> np.ndarray:
+    """Of predictions (n, m); `emulated` their own error, `other` what another method predicts."""
+    m = len(goal.names)
+    alternatives = np.reshape(other, (-1, m))
+    return EmulatedLikelihood(goal, Exact(m, emulated), no_correction(m), alternatives)(x)
+
+
 @settings(max_examples=examples(60), deadline=None)
-@given(moved=st.floats(-50.0, 60.0), more=st.floats(0.01, 20.0), model=st.floats(0.0, 3.0))
-def test_the_likelihood_is_that_of_a_censored_number(moved, more, model):
+@given(
+    moved=st.floats(-50.0, 60.0),
+    more=st.floats(0.01, 20.0),
+    model=st.floats(0.0, 3.0),
+    emulated=st.floats(0.0, 2.0),
+    other=st.floats(-2.0, 2.0),
+)
+def test_the_likelihood_is_that_of_a_censored_number(moved, more, model, emulated, other):
     goal = targets_of(stood(model_std_m=model))
-    total = np.hypot(STD, model)
-    here, farther = log_likelihood(goal, np.array([[moved], [moved + more]]))
+    total = np.sqrt(STD**2 + model**2 + emulated**2 + other**2)
+    x = np.array([[moved], [moved + more]])
+    here, farther = log_likelihood(goal, x, emulated=emulated, other=[other])
     assert here == pytest.approx(norm.logcdf((LIMIT - moved) / total), rel=1e-9, abs=1e-12)
     assert farther <= here <= 0.0
 
 
 def test_limits_of_the_likelihood():
     goal = targets_of(stood())
-    far_below, at_limit, failed = log_likelihood(goal, np.array([[-100.0], [LIMIT], [np.nan]]))
-    assert far_below == 0.0 and at_limit == pytest.approx(np.log(0.5)) and failed == -np.inf
+    far_below, at_limit = log_likelihood(goal, np.array([[-100.0], [LIMIT]]))
+    assert far_below == 0.0 and at_limit == pytest.approx(np.log(0.5))
     # Far beyond the limit it falls as a Gaussian does, without underflow.
     beyond = log_likelihood(goal, np.array([[LIMIT + 40.0 * STD]]))[0]
     assert -0.5 * 40.0**2 - 6.0 < beyond < -0.5 * 40.0**2
 
 
-def test_with_toes_and_correlated_errors_it_is_the_joint_probability():
+def test_with_toes_it_is_the_product_of_their_densities_and_its_probability():
     goal = targets_of(*toes(10.0, std=2.0), stood(), stood("other side"))
-    covariance = np.array([[4.0, 0.9, 0.4], [0.9, 1.2, 0.3], [0.4, 0.3, 0.8]])
-    prediction = np.array([11.0, 1.0, 0.2])
-    found = log_likelihood(goal, prediction, covariance)
-    # The density of the first, times the share of the others below their limits.
-    joint = multivariate_normal(prediction, covariance)
-    below = np.linspace(LIMIT - 12.0, LIMIT, 801)
-    grid = np.stack(np.meshgrid([10.0], below, below, indexing="ij"), axis=-1)[0]
-    expected = np.log(trapezoid(trapezoid(joint.pdf(grid), below), below))
-    assert found == pytest.approx(expected, abs=1e-3)
-    assert log_likelihood(goal, prediction, covariance) == found, "the same again"
-    apart = log_likelihood(goal, prediction)
-    expected = norm.logpdf(10.0, 11.0, 2.0) + sum(norm.logcdf((LIMIT - prediction[1:]) / STD))
-    assert apart == pytest.approx(expected)
-
-
-def test_without_a_censored_number_it_is_gaussian():
-    goal = targets_of(*toes(10.0, 4.0, std=2.0))
-    predictions = np.array([[9.0, 5.0], [12.0, 1.0]])
-    expected = multivariate_normal([10.0, 4.0], np.eye(2) * 4.0).logpdf(predictions)
-    np.testing.assert_allclose(log_likelihood(goal, predictions), expected)
+    x = np.array([[11.0, 1.0, 0.2], [8.0, 3.0, 0.0]])
+    expected = norm.logpdf(10.0, x[:, 0], 2.0) + norm.logcdf((LIMIT - x[:, 1:]) / STD).sum(axis=1)
+    np.testing.assert_allclose(log_likelihood(goal, x), expected)
+    assert log_likelihood(targets_of(*toes(10.0, std=2.0)), x[:, :1]) == pytest.approx(
+        norm.logpdf(10.0, x[:, 0], 2.0)
+    )
 
 
 # --- the limit of flow ---

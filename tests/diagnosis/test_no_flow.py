@@ -1,0 +1,72 @@
+"""A diagnosis next to a side that did not flow: the limit costs nothing while it is kept."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+import yaml
+
+from benchmarks.hidden_effects.example import write_survey
+from benchmarks.hidden_effects.making.sections import load_section
+from diagnosis.__main__ import main
+from diagnosis.case import diagnosis_case
+from diagnosis.verdict.verdict import load_verdict
+from geometry.case import load_case
+from inversion.problem.forward import state
+from tests.diagnosis.test_commands import ASKED, HIDDEN, QUICK
+
+LIMIT = 1.0
+TRUTH = (9.2, 33.0)
+
+
+@pytest.fixture(scope="module")
+def folder(root, tmp_path_factory, kept_runs):
+    """The example, surveyed after a slide over a weak base; its other side stood."""
+    folder = tmp_path_factory.mktemp("case") / "embankment"
+    shutil.copytree(root / "docs" / "examples" / "hidden_effect", folder)
+    (folder / "diagnosis.yaml").write_text(ASKED)
+    model = diagnosis_case(load_case(folder)).model(kept_runs)
+    (measured,) = model.predict([state(TRUTH, HIDDEN, seed=11)])
+    places = np.loadtxt(folder / "profile.csv", delimiter=",", skiprows=1)[:, 0]
+    write_survey(load_section(folder), folder, np.round(measured, 3), places)
+    path = folder / "measurements.yaml"
+    survey = yaml.safe_load(path.read_text())
+    (entries,) = survey["sets"].values()
+    (ran,) = {entry["side"] for entry in entries if "side" in entry}
+    entries.append(
+        {"name": "other side", "type": "no_flow", "side": "left" if ran == "right" else "right",
+         "limit_m": LIMIT, "std_m": 0.5, "confidence": "published", "source": "a test"}
+    )  # fmt: skip
+    path.write_text(yaml.safe_dump(survey))
+    return folder
+
+
+def test_a_kept_limit_is_predicted_as_the_limit_and_a_broken_one_as_it_is(
+    folder, kept_runs, tmp_path
+):
+    wrong = tmp_path / "embankment"
+    shutil.copytree(folder, wrong)
+    survey = yaml.safe_load((wrong / "measurements.yaml").read_text())
+    (entries,) = survey["sets"].values()
+    entries[-1]["side"] = next(entry["side"] for entry in entries if "side" in entry)
+    (wrong / "measurements.yaml").write_text(yaml.safe_dump(survey))
+    for place, broken in ((folder, False), (wrong, True)):
+        model = diagnosis_case(load_case(place)).model(kept_runs)
+        number, toe = (model.targets.names.index(name) for name in ("other side", "toe"))
+        assert model.targets.censored[number] and model.targets.fitted[number]
+        (found,) = model.predict([state(TRUTH)])
+        assert found[number] == (found[toe] if broken else LIMIT)
+        assert found[toe] > LIMIT + 5.0
+
+
+@pytest.mark.slow
+def test_a_hidden_effect_is_found_with_a_limit_among_the_data(folder, tmp_path, capsys):
+    assert not main(["run", str(folder), "--out", str(tmp_path), *QUICK])
+    verdict = load_verdict(tmp_path)
+    (line,) = [one for one in verdict.measurements if one.name == "other side"]
+    assert line.residual_base == 0.0 and line.measured == LIMIT
+    assert list(verdict.final.effects) == ["weak_base"]
+    assert not main(["suggest", str(folder), "--out", str(tmp_path), *QUICK])
+    assert "no_flow" not in capsys.readouterr().out, "a toe_runout says more"
