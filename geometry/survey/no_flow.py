@@ -18,7 +18,7 @@ from geometry.survey.checks import check_in_domain
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, Length
 from geometry.survey.site import Site
-from geometry.survey.toe import Side, naked_eye_toe, outward_of
+from geometry.survey.toe import Side, naked_eye_toe, outward_of, toe
 from geometry.survey.toe_runout import toe_runout
 
 
@@ -51,22 +51,32 @@ class NoFlow(Length):
         return self.side
 
     def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
-        """Runout [m], as of a `toe_runout`; also below the limit."""
+        """Movement of the toe outward [m], also below the limit.
+
+        From the toe of the same points before the slide, not from the foot of the section: a gentle
+        foot reads short by metres before anything moves, and nothing that stood may count as moved.
+        """
         return toe_runout(
             deposit.position,
             deposit.volume,
             spacing=deposit.spacing,
             side=self.side,
-            initial_toe=deposit.foot[self.side],
+            initial_toe=toe(*self._before(deposit), spacing=deposit.spacing, side=self.side),
             derivative=derivative,
         )
 
     def by_eye(self, deposit: Deposit) -> float:
-        """Runout of the outermost connected point [m]."""
-        seen = naked_eye_toe(
-            deposit.position, deposit.volume, spacing=deposit.spacing, side=self.side
+        """Movement of the outermost connected point [m]."""
+        seen, before = (
+            naked_eye_toe(*points, spacing=deposit.spacing, side=self.side)
+            for points in ((deposit.position, deposit.volume), self._before(deposit))
         )
-        return outward_of(self.side) * (seen - deposit.foot[self.side])
+        return outward_of(self.side) * (seen - before)
+
+    def _before(self, deposit: Deposit) -> tuple[np.ndarray, np.ndarray | float]:
+        """Points and their volume before the slide."""
+        volume = deposit.initial_volume
+        return deposit.initial_position, deposit.volume if volume is None else volume
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A limit within closed walls; open ones give way."""

@@ -57,8 +57,9 @@ def test_a_kept_limit_is_predicted_as_the_limit_and_a_broken_one_as_it_is(
         number, toe = (model.targets.names.index(name) for name in ("other side", "toe"))
         assert model.targets.censored[number] and model.targets.fitted[number]
         (found,) = model.predict([state(TRUTH)])
-        assert found[number] == (found[toe] if broken else LIMIT)
         assert found[toe] > LIMIT + 5.0
+        # From the toe of the points before the slide, which the foot of a gentle slope is short of.
+        assert found[number] >= found[toe] if broken else found[number] == LIMIT
 
 
 @pytest.mark.slow

@@ -183,9 +183,12 @@ def test_a_profile_reads_the_surface_over_its_ground(section, slid):
         entry.observe(Deposit(before, before, 0.25, 0.5, slid.foot))
 
 
-def test_what_did_not_flow_is_read_as_a_toe_and_is_a_limit(slid):
+def test_what_did_not_flow_is_read_from_its_own_toe_and_is_a_limit(slid):
     stood, toe = entry_of(STOOD), entry_of(TOE)
-    assert stood.observe(slid) == pytest.approx(toe.observe(slid))
+    before = Deposit(**{**slid.__dict__, "position": slid.initial_position})
+    assert stood.observe(before) == pytest.approx([0.0])
+    assert stood.observe(slid) == pytest.approx(toe.observe(slid) - toe.observe(before))
+    assert stood.by_eye(before) == 0.0 and stood.by_eye(slid) > 1.0
     assert stood.censored and not toe.censored
     assert stood.with_values(np.array([3.0])).values == pytest.approx([3.0])
     (mark,) = stood.marks({"left": 0.0, "right": 30.0})
