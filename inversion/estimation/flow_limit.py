@@ -101,14 +101,12 @@ def _beyond(search: Search, last: Trial) -> str:
 
 
 def _closed_in(search: Search, start: np.ndarray, flows: Trial, stands: Trial) -> Trial:
-    """The trial at the limit: within the tolerance of it, or the weakest at which nothing runs."""
+    """The weakest trial at which nothing runs, once it is within the tolerance of the limit."""
     low, high = flows.excess, stands.excess
     for _ in range(MOST):
-        for trial in (stands, flows):
-            if trial.evaluation.loss < search.objective.tolerance:
-                return trial
         width = stands.place - flows.place
-        if width < NARROW or search.exhausted:
+        at_limit = stands.evaluation.loss < search.objective.tolerance
+        if at_limit or width < NARROW or search.exhausted:
             break
         share = float(np.clip(low / (low - high), 0.1, 0.9)) if np.isfinite(low) else 0.5
         (trial,) = _run(search, start, [flows.place + share * width], "limit")

@@ -176,6 +176,7 @@ def test_the_limit_is_found_from_either_side(start):
     exact = 30.0 - np.sqrt(LIMIT / 0.05)
     assert found.reached and found.words == "the limit of flow"
     assert found.best.loss < 0.1 and found.values[0] == pytest.approx(exact, rel=0.02)
+    assert search.objective.excess(found.best.prediction) <= 0.0, "nothing runs at the answer"
     # With one step along the slope it is the limit itself.
     slope = search.objective.fitted_derivative(found.best.derivative, found.values)
     own = Problem(search.engine, search.objective, found.values, slope, found.best.prediction)
