@@ -55,7 +55,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     case = inversion_case(load_case(options.case, config))
     scenes = write_variants(case, out / "scenes", options.runs)
     duration = f"simulation.duration_s={case.setup.settings.duration_s}"
-    call("mpm_taichi", "run", *scenes, "--out", out / "runs", "--set", duration)
+    water = "simulation.water=buoyant"  # all that a model without thrust knows
+    call("mpm_taichi", "run", *scenes, "--out", out / "runs", *settings([duration, water]))
     shares = ["gns.pack.valid_share=0.2", "gns.pack.test_share=0.2"]
     runs = sorted((out / "runs").glob("*.h5"))
     call("gns", "pack", *runs, "--out", out / "dataset", *settings(shares))
