@@ -16,11 +16,13 @@ from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result, load_result, schema_text
 from inversion.back_analysis.result_files import save_all
 from inversion.back_analysis.with_learned_simulator import SOURCE, SurrogateAnalysis
+from inversion.engine_registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
 from inversion.engines.trained_model import load_model
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from pipeline.progress import Watch
 from report.back_analysis import summary
 from report.data.back_analysis import BackAnalysisData
 from tests.inversion.small_slide import taught, write_case
@@ -266,3 +268,16 @@ def test_a_wrong_file_is_a_line_and_exit_2(tmp_path, run_module):
     assert done.returncode == 2
     assert "is damaged or not a model" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_model_and_judge_have_the_water_that_the_model_knows(root, tmp_path):
+    """The shipped model knows no thrust: its answer says so, and its pairs have none either."""
+    settings = load_config(None, [*QUICK, "inversion.spacing_factor=3"])
+    case = inversion_case(load_case(root / "case_histories" / "lower_san_fernando", settings))
+    assert case.setup.settings.water == "pore_pressure" and case.scene.head_falls
+    store = RunStore(tmp_path / "runs", threads=1)
+    gns = engine_named("gns").back_analysis(
+        case, store, Watch(), root / "models" / "coarse", tmp_path
+    )
+    assert gns.truth.setup.settings.water == gns.engine.setup.settings.water == "buoyant"
+    assert "leave out the thrust of the pool" in gns.left_out
