@@ -7,6 +7,7 @@
 #   snakemake train_coarse           a simulator that has learned from them, and what it is worth: hours
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
 #   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
+#   snakemake posterior_lsfd         everything unknown of it, before and after the measurements; any such folder
 #   snakemake diagnose_lsfd          which physical effect its model lacks; any folder with a question
 #   snakemake hidden_effects         the blind benchmark of the diagnosis: hours, or a cluster
 #   snakemake verify                 the verification suite, with its pictures

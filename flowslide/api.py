@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from inversion.back_analysis.case import InversionCase
     from inversion.back_analysis.engine_choice import Choice
     from inversion.back_analysis.result import Result
+    from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
     from mpm_taichi.trajectory import Run
@@ -60,6 +61,7 @@ __all__ = [
     "diagnose",
     "load_case",
     "load_settings",
+    "posterior",
     "predict",
     "predict_from_blow_counts",
     "simulate",
@@ -293,6 +295,72 @@ def with_choices(case: Case, method: str | None, quick: bool) -> Case:
     return replace(case, config=case.config.model_copy(update={"inversion": chosen}))
 
 
+def posterior(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    spacing_m: float | None = None,
+    measurement_set: str | None = None,
+    use_constructed: bool = False,
+    settings: Config | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> PosteriorDocument:
+    """Everything unknown of a case, before and after its measurements.
+
+    Args:
+        case: with a section, measurements and a question (`inversion.yaml`).
+        out: see above; `posterior.json`, the draws `posterior.nc` (ArviZ) and `report.html` are
+            written there.
+        spacing_m: see above.
+        measurement_set: name of a set; None: the default one.
+        use_constructed: let constructed data enter the fit.
+        settings: see above; the group `posterior` says how many runs and draws.
+        device: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: see above.
+        cancel: see above.
+
+    Returns:
+        what `posterior.json` holds; strengths in kPa, lengths in m.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: most of the simulations fail.
+        Cancelled: the caller asked for it.
+    """
+    from inversion.back_analysis.case import inversion_case
+    from inversion.engines.run_store import RunStore
+    from inversion.posterior.infer import Inference
+    from inversion.posterior.runs import SectionModel
+    from inversion.posterior.summary import save_all
+    from inversion.posterior.unknown import section_of
+    from report.posterior import write_report as write_posterior
+
+    watch = Watch(progress, cancel)
+    with own_code(effect_files, measurement_files), _folder(out) as folder:
+        asked = inversion_case(
+            load_case(case, settings=settings),
+            measurement_set=measurement_set,
+            spacing_m=spacing_m,
+            use_constructed=use_constructed,
+        )
+        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        section = section_of(asked)
+        inference = Inference(
+            SectionModel(section, store), asked.setup.targets, asked.config.posterior, watch
+        )
+        document = save_all(inference.run(), folder)
+        write_posterior(folder)
+        return document
+
+
 def predict(
     case: str | os.PathLike[str] | Case,
     strengths: Sequence[str | KnownStrength],
@@ -501,7 +569,7 @@ def write_report(
     """Write the page of a back-analysis or of a diagnosis, with its pictures next to it.
 
     Args:
-        folder: `out` of `back_analyse` or `diagnose`.
+        folder: `out` of `back_analyse`, `posterior` or `diagnose`.
         case: folder of the case, of a back-analysis; None: the one of that name that ships.
         film: of a back-analysis: make a new film; False: show the one that is there, if any.
 
@@ -509,9 +577,13 @@ def write_report(
         The page, `report.html`: one file that needs nothing else.
 
     Raises:
-        InputError: the folder holds neither a result nor a verdict.
+        InputError: the folder holds no result, posterior or verdict.
     """
     folder = Path(folder)
+    if (folder / "posterior.json").is_file():
+        from report.posterior import write_report as write_posterior
+
+        return write_posterior(folder)
     if (folder / "verdict.json").is_file():
         from report.diagnosis import write_report as write_diagnosis
 

@@ -54,6 +54,7 @@ IMPORT = Command("import_section", "make a scene of a drawn section (CSV, GeoJSO
 SIMULATE = Command("simulate", "simulate a case history and compare it with what was measured")
 INVERT = Command("invert", "find the residual strengths of a case history")
 REPORT = Command("report", "print a back-analysis again and rewrite its page")
+POSTERIOR = Command("posterior", "all that is unknown of a case, before and after its data")
 PREDICT = Command("predict", "how far a slide with a given strength would run")
 CLASSICAL = Command("classical", "residual strength by Kinetics, ZIF and IMM")
 CATALOGUE = Command("catalogue", "published strengths of 16 flow slides, and our answers")
@@ -124,6 +125,7 @@ COMMANDS: dict[str, dict[str, Command | Group]] = {
         "report": REPORT,
         "classical": CLASSICAL,
         "diagnose": DIAGNOSE,
+        "posterior": POSTERIOR,
         "predict": PREDICT,
     },
     "look up": {
@@ -166,6 +168,7 @@ DOORS: dict[str, tuple[str, dict[str, Command]]] = {
         "Find the residual strength of liquefied soil from how far it ran.",
         {
             "invert": INVERT,
+            "posterior": POSTERIOR,
             "predict": PREDICT,
             "show": REPORT,
             "classical": CLASSICAL,

@@ -182,24 +182,6 @@ class SimulationSettings(Settings):
     )
 
 
-class PosteriorSettings(Settings):
-    """How the whole posterior of a case is explored."""
-
-    coarse_factor: float = Field(
-        2.0, ge=1, le=4, description="spacing of the coarse runs over the case's own"
-    )
-    runs: int = Field(
-        192, ge=8, le=2000, description="coarse runs that the emulator is made of, half of them "
-        "spread over the prior, half where the posterior lies"
-    )  # fmt: skip
-    fine_runs: int = Field(
-        12, ge=4, le=200, description="runs at the case's own spacing that correct the emulator"
-    )
-    live_points: int = Field(400, ge=50, description="live points of the nested sampler")
-    draws: int = Field(4000, ge=100, description="equally weighted draws that are kept")
-    seed: int = Field(0, ge=0, description="of the design and of the sampler")
-
-
 class InversionSettings(Settings):
     """How strengths are found from measurements. The unknowns are in a case's inversion.yaml."""
 
@@ -272,6 +254,23 @@ class InversionSettings(Settings):
     )
     variants: bool = Field(True, description="solve the variants of the question")
     sensitivities: bool = Field(True, description="solve its sensitivities")
+
+
+class PosteriorSettings(Settings):
+    """How the whole posterior of a case is found."""
+
+    coarse_runs: int = Field(
+        128, ge=32, le=2048, description="runs spread over the whole prior, at the coarse spacing"
+    )
+    refined_runs: int = Field(
+        48, ge=0, le=2048, description="further coarse runs where the posterior is"
+    )
+    fine_runs: int = Field(
+        12, ge=4, le=512, description="pairs of coarse and fine runs there, for the correction"
+    )
+    live_points: int = Field(500, ge=50, description="of the nested sampler")
+    draws: int = Field(4000, ge=200, le=100_000, description="from the posterior that are kept")
+    seed: int = Field(0, ge=0, description="of designs, sampler and draws")
 
 
 class DiagnosisSettings(Settings):
@@ -576,6 +575,9 @@ class Config(Settings):
     )
     inversion: InversionSettings = Field(
         default_factory=InversionSettings, description="how strengths are found from measurements"
+    )
+    posterior: PosteriorSettings = Field(
+        default_factory=PosteriorSettings, description="how the whole posterior is found"
     )
     gns: GnsSettings = Field(default_factory=GnsSettings, description="the learned simulator")
     diagnosis: DiagnosisSettings = Field(

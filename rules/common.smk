@@ -148,5 +148,9 @@ def inverted_case(case):
     return f"{RESULTS}/{case}/inversion/result.json"
 
 
+def posterior_of_case(case):
+    return f"{RESULTS}/{case}/posterior/posterior.json"
+
+
 def diagnosed_case(case):
     return f"{RESULTS}/{case}/diagnosis/verdict.json"

@@ -151,6 +151,46 @@ rule invert_case_gns:
         " > {output.summary} 2> {log}"
 
 
+# Everything that the question leaves unknown, before and after the measurements. A job that is killed leaves its
+# simulations in posterior/runs.
+rule posterior_case:
+    input:
+        case_files,
+    output:
+        result=f"{RESULTS}/{{case}}/posterior/posterior.json",
+        draws=f"{RESULTS}/{{case}}/posterior/posterior.nc",
+        summary=f"{RESULTS}/{{case}}/posterior/summary.txt",
+        page=report(
+            f"{RESULTS}/{{case}}/posterior/report.html",
+            caption="captions/posterior.rst",
+            category="Case histories",
+            labels={"case": "{case}", "what": "posterior"},
+        ),
+    log:
+        f"{RESULTS}/logs/posterior_{{case}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/posterior_{{case}}.tsv"
+    threads: 2
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+        runtime=lambda wildcards, attempt: 120 * attempt,
+    params:
+        config=CONFIG_FILE,
+        folder=lambda wildcards, output: os.path.dirname(output.result),
+        case=case_folder,
+        physics=content_hash(
+            {
+                "physics": INVERSION_PHYSICS,
+                "settings": [SETTINGS.simulation, SETTINGS.inversion, SETTINGS.posterior],
+            }
+        ),
+    message:
+        "Posterior of the case history {wildcards.case}"
+    shell:
+        "python -m inversion posterior {params.case} --out {params.folder}"
+        " --config {params.config} --threads {threads} > {output.summary} 2> {log}"
+
+
 def answered_case(case):
     """Results of every engine available."""
     found = [inverted_case(case)]
@@ -179,3 +219,11 @@ for target, case in [*CASE_ALIASES.items(), *((case, case) for case in QUESTIONS
                 answered_case(case),
             message:
                 f"The case history {case} is back-analysed: {inverted_case(case)}"
+
+        rule:
+            name:
+                f"posterior_{target}"
+            input:
+                posterior_of_case(case),
+            message:
+                f"The posterior of the case history {case}: {posterior_of_case(case)}"

@@ -28,7 +28,7 @@ ROOMS = {
     "gns": ["data", "network", "rollout", "evaluation", "training"],
     "inversion": [
         "catalogue", "problem", "estimation", "engines", "classical", "back_analysis",
-        "prediction", "new_case",
+        "posterior", "prediction", "new_case",
     ],
     "diagnosis": ["hypotheses", "adequacy", "signatures", "selection", "verdict"],
     "report": ["data", "sentences", "tables", "pictures", "charts"],

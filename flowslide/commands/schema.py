@@ -8,13 +8,15 @@ from importlib import import_module
 DOCUMENTS = {
     "settings": ("config/config.schema.json", "pipeline.config"),
     "result": ("config/result.schema.json", "inversion.back_analysis.result"),
+    "posterior": ("config/posterior.schema.json", "inversion.posterior.document"),
     "verdict": ("config/verdict.schema.json", "diagnosis.verdict.verdict"),
     "card": ("config/card.schema.json", "gns.evaluation.card"),
 }
 """Document -> file of its schema, and the module that has `schema_text()`."""
 
 DESCRIPTION = (
-    "Print the JSON schema of the settings, of result.json (back-analysis), of verdict.json "
+    "Print the JSON schema of the settings, of result.json (back-analysis), of posterior.json, "
+    "of verdict.json "
     "(diagnosis) or of card.yaml (learned simulator)."
 )
 

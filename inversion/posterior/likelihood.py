@@ -1,160 +1,107 @@
-"""The likelihood of what was measured, with the emulator's own error in it.
+"""The likelihood of what was measured, ordinary and censored numbers together.
 
-The fitted numbers are y = f(x) + e. Of e are known: the survey's covariance; the error of the
-correction from coarse to fine runs; differences d of other ways to simulate, as d d'; what the
-components of the emulator leave out; and, different at every point, the standard deviations of the
-components. Only the last changes with x and it has few dimensions, so all else is whitened once and
-each evaluation works in the span of the components. Censored numbers (a limit that was not
-exceeded) are taken as independent of the others: Phi((limit - f) / s).
+With errors e ~ N(0, C) of measured minus predicted numbers, those that were measured have a
+Gaussian density. Of a censored number only an upper limit is known: given the others its error is
+N(g, s^2), and the probability that it stayed below is
+
+    Phi((limit - predicted - g) / s),
+
+g = 0 and s its own standard deviation where errors do not correlate. Unlike the sum of squares of a
+fit (`Targets.counted`), this also counts how far below the limit a prediction lies.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import log_ndtr
+from scipy.stats import multivariate_normal
 
-from inversion.estimation.data import Targets, symmetric_whitener
+from inversion.estimation.data import Targets
 from inversion.posterior.emulator import Emulator
 
 
 @dataclass(frozen=True)
-class Correction:
-    """From the emulator of coarse runs to fine runs: fine = offset + gain x emulated, by number.
+class Likelihood:
+    """The likelihood of the measurements by an emulator.
 
     Attributes:
-        offset: (m,) and gain (m,).
-        gain: the same.
-        covariance: of single fine runs about it, (m, m).
-        runs: fine runs it comes from.
+        emulator: of numbers that include the fitted ones.
+        targets: the measurements, (m,).
+        errors: covariance of all errors but the emulator's, (m, m).
     """
 
-    offset: np.ndarray
-    gain: np.ndarray
-    covariance: np.ndarray
-    runs: int = 0
-
-    def applied(self, emulator: Emulator) -> Emulator:
-        """An emulator of fine runs from one of coarse runs.
-
-        Fine runs scatter about it by `covariance`, which takes the place of the coarse runs' noise.
-        """
-        return replace(
-            emulator,
-            noise=emulator.noise * (self.runs == 0),
-            centre=self.offset + self.gain * emulator.centre,
-            scale=self.gain * emulator.scale,
-            discarded=np.abs(self.gain) * emulator.discarded,
-        )
-
-
-def no_correction(numbers: int) -> Correction:
-    """Where the simulations are as fine as they are to be."""
-    return Correction(np.zeros(numbers), np.ones(numbers), np.zeros((numbers, numbers)))
-
-
-def correction_of(emulated: np.ndarray, fine: np.ndarray) -> Correction:
-    """Fit a correction to numbers (n, m) at the same points, n >= 3.
-
-    A number that differs from point to point by less than it scatters has an offset alone.
-    """
-    n = len(fine)
-    middle, change = emulated.mean(axis=0), fine.mean(axis=0) - emulated.mean(axis=0)
-    around, there = emulated - middle, fine - fine.mean(axis=0)
-    size = np.sum(around**2, axis=0)
-    scatter = np.sum((there - around) ** 2, axis=0)
-    clear = size > scatter
-    gain = np.where(clear, np.sum(around * there, axis=0) / np.where(clear, size, 1.0), 1.0)
-    rest = there - gain * around
-    return Correction(middle * (1.0 - gain) + change, gain, rest.T @ rest / (n - 2), n)
-
-
-@dataclass(frozen=True)
-class EmulatedLikelihood:
-    """ln p(measured | x) of the fitted numbers.
-
-    Attributes:
-        targets: m measured numbers.
-        emulator: of the same numbers, as fine runs give them.
-        correction: from coarse to fine runs, whose error counts.
-        alternatives: (a, m) differences that other ways to simulate make.
-    """
-
-    targets: Targets
     emulator: Emulator
-    correction: Correction
-    alternatives: np.ndarray
+    targets: Targets
+    errors: np.ndarray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_fixed", self._prepare())
+        fitted = np.flatnonzero(self.targets.fitted)
+        names = self.emulator.names
+        object.__setattr__(self, "_fitted", fitted)
+        object.__setattr__(self, "_places", [names.index(self.targets.names[k]) for k in fitted])
 
-    @property
-    def fitted(self) -> np.ndarray:
-        """Places of the fitted numbers that were measured, (k,)."""
-        return np.flatnonzero(self.targets.fitted & ~self.targets.censored)
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Its logarithm (s,) at values of the unknowns (s, q)."""
+        mean, std = self.emulator.predict(values, self._places)
+        predicted = np.full((len(values), len(self.targets.names)), np.nan)
+        predicted[:, self._fitted] = mean
+        total = np.repeat(self.errors[None], len(values), axis=0)
+        total[:, self._fitted, self._fitted] += std**2
+        return log_likelihood(self.targets, predicted, total)
 
-    @property
-    def limits(self) -> np.ndarray:
-        """Places of the fitted numbers of which a limit is known."""
-        return np.flatnonzero(self.targets.fitted & self.targets.censored)
 
-    @cached_property
-    def model_covariance(self) -> np.ndarray:
-        """Covariance (m, m) of the model's errors that are the same at every point."""
-        return (
-            self.correction.covariance
-            + self.alternatives.T @ self.alternatives
-            + np.diag(self.emulator.discarded**2)
-        )
+def log_likelihood(
+    targets: Targets, predictions: np.ndarray, covariance: np.ndarray | None = None
+) -> np.ndarray:
+    """Logarithm of the likelihood of the fitted numbers.
 
-    @cached_property
-    def _loading(self) -> np.ndarray:
-        """Numbers per component, (m, k)."""
-        return (self.emulator.components * self.emulator.scale).T
+    Args:
+        targets: m measured numbers.
+        predictions: of all of them, (..., m).
+        covariance: C of all errors, those of the model included, (m, m), or one for each
+            prediction (..., m, m); None: the targets' own.
 
-    def _prepare(self) -> tuple:
-        places = self.fitted
-        covariance = (self.targets.covariance + self.model_covariance)[np.ix_(places, places)]
-        if not len(places):
-            return None
-        whitener = symmetric_whitener(covariance)
-        loading = whitener @ self._loading[places]
-        residual = whitener @ (self.targets.measured - self.emulator.centre)[places]
-        base, _ = np.linalg.qr(loading)
-        across = residual - base @ (base.T @ residual)
-        constant = -0.5 * (
-            across @ across + len(places) * np.log(2.0 * np.pi) + np.linalg.slogdet(covariance)[1]
-        )
-        return base.T @ loading, base.T @ residual, constant
+    Returns:
+        (...,); minus infinity where a fitted number could not be predicted.
+    """
+    total = targets.covariance if covariance is None else covariance
+    known = np.flatnonzero(targets.fitted & ~targets.censored)
+    limits = np.flatnonzero(targets.fitted & targets.censored)
+    error = targets.measured - np.asarray(predictions, dtype=float)
+    failed = ~np.all(np.isfinite(error[..., targets.fitted]), axis=-1)
+    error = np.where(failed[..., None], 0.0, error)
 
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        """(n,) at points (n, d)."""
-        mean, std = self.emulator.components_at(x)
-        found = np.zeros(len(x))
-        if self._fixed is not None:
-            loading, residual, constant = self._fixed
-            error = residual - mean @ loading.T
-            spread = loading * std[:, None, :]
-            total = np.eye(len(residual)) + spread @ spread.transpose(0, 2, 1)
-            factor = np.linalg.cholesky(total)
-            white = np.linalg.solve(factor, error[..., None])[..., 0]
-            ln_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-            found += constant - ln_det - 0.5 * np.sum(white**2, axis=1)
-        for place in self.limits:
-            predicted = self.emulator.centre[place] + mean @ self._loading[place]
-            variance = (std**2) @ self._loading[place] ** 2
-            variance += self.targets.covariance[place, place] + self.model_covariance[place, place]
-            found += log_ndtr((self.targets.measured[place] - predicted) / np.sqrt(variance))
-        return found
+    whitener = np.linalg.inv(np.linalg.cholesky(_part(total, known, known)))
+    white = np.einsum("...ij,...j->...i", whitener, error[..., known])
+    found = -0.5 * np.sum(white**2 + np.log(2.0 * np.pi), axis=-1)
+    found = found + np.log(np.diagonal(whitener, axis1=-2, axis2=-1)).sum(axis=-1)
 
-    def predictive(self, x: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-        """Draws (n, m) of what a survey would have measured at points (n, d)."""
-        mean, std = self.emulator.components_at(x)
-        z = mean + std * generator.standard_normal(std.shape)
-        numbers = self.emulator.mean(z)
-        error = self.targets.covariance + self.model_covariance
-        return numbers + generator.multivariate_normal(
-            np.zeros(len(error)), error, len(x), method="eigh", check_valid="ignore"
-        )
+    if len(limits):
+        cross = whitener @ _part(total, known, limits)
+        spread = _part(total, limits, limits) - np.swapaxes(cross, -1, -2) @ cross
+        room = error[..., limits] - np.einsum("...ij,...i->...j", cross, white)
+        found = found + _log_below(room, spread)
+    return np.where(failed, -np.inf, found)
+
+
+def _part(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Rows and columns of matrices (..., m, m)."""
+    return matrix[..., rows[:, None], columns[None, :]]
+
+
+def _log_below(room: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Logarithm of the probability that N(0, C (..., l, l)) stays below `room` (..., l)."""
+    std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    across = covariance * (1.0 - np.eye(covariance.shape[-1]))
+    if np.all(np.abs(across) <= 1e-12 * float(std.max()) ** 2):
+        return log_ndtr(room / std).sum(axis=-1)
+    if covariance.ndim > 2:
+        covariance = np.broadcast_to(covariance, (*room.shape, room.shape[-1]))
+        return np.array(
+            [_log_below(room[place], covariance[place]) for place in np.ndindex(room.shape[:-1])]
+        ).reshape(room.shape[:-1])
+    normal = multivariate_normal(np.zeros(len(std)), covariance, seed=0)  # integrates by sampling
+    probability = normal.cdf(room)
+    return np.log(np.maximum(probability, np.finfo(float).tiny))

@@ -1,6 +1,9 @@
-"""Nested sampling of a posterior (dynesty), so that several valleys and hard bounds are right.
+"""Draws from a posterior: a nested sampler for the answer, weighted prior draws on the way to it.
 
-Skilling (2006); dynamic ellipsoids and random walks as in Speagle (2020), MNRAS 493(3).
+The nested sampler (Skilling 2006; dynesty, Speagle 2020) holds a set of live points within
+ellipsoids, several of them where the posterior has several valleys, and raises the likelihood that
+they must exceed. It needs the prior as a map of the unit cube alone, so bounds and priors that are
+no Gaussians are exact, and it gives the evidence.
 """
 
 from __future__ import annotations
@@ -9,117 +12,93 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks
-from scipy.stats import gaussian_kde
 
-LEFT_EVIDENCE = 0.05
-"""The sampler ends when less than this is left in the logarithm of the evidence."""
-
-DEPTH = 0.2
-"""A valley of its own is separated by a dip of at least this share of the lower of two peaks."""
+#: The sampler stops when what is left could add so much to ln Z.
+EVIDENCE_LEFT = 0.05
+#: Effective number of prior draws that a tempered posterior keeps.
+LEAST_EFFECTIVE = 300
 
 
 @dataclass(frozen=True)
-class Samples:
+class Sampled:
     """A sampled posterior.
 
     Attributes:
-        x: (s, d) equally weighted draws.
-        ln_likelihood: (s,).
-        ln_evidence: of the data, with its standard error.
-        ln_evidence_std: the same.
-        evaluations: of the likelihood.
-        effective: effective number of draws before they were weighted equally.
+        shares: draws of equal weight in the unit cube of the prior, (s, q).
+        log_evidence: ln Z.
+        log_evidence_std: its standard deviation.
+        information: of the data, from prior to posterior [nats].
+        calls: of the likelihood.
     """
 
-    x: np.ndarray
-    ln_likelihood: np.ndarray
-    ln_evidence: float
-    ln_evidence_std: float
-    evaluations: int
-    effective: float
+    shares: np.ndarray
+    log_evidence: float
+    log_evidence_std: float
+    information: float
+    calls: int
 
 
-def sample(
-    ln_likelihood: Callable[[np.ndarray], np.ndarray],
-    from_shares: Callable[[np.ndarray], np.ndarray],
-    dimensions: int,
+def nested(
+    log_likelihood: Callable[[np.ndarray], float],
+    unknowns: int,
     *,
-    live: int,
     draws: int,
+    live_points: int,
     seed: int,
-    on_iteration: Callable[[int], None] | None = None,
-) -> Samples:
-    """Sample a posterior.
+) -> Sampled:
+    """Draws by nested sampling.
 
     Args:
-        ln_likelihood: of points (1, d).
-        from_shares: the prior: points of shares (d,) of its probability.
-        dimensions: d.
-        live: live points.
-        draws: equally weighted draws that are returned.
-        seed: the draws depend on nothing else.
-        on_iteration: called now and then with the iterations so far.
+        log_likelihood: of a point of the unit cube (q,).
+        unknowns: q.
+        draws: s.
+        live_points: more are slower and more accurate.
+        seed: of everything random.
     """
-    from dynesty import NestedSampler
+    import dynesty
 
-    sampler = NestedSampler(
-        lambda x: float(ln_likelihood(x[None])[0]),
-        from_shares,
-        dimensions,
-        nlive=live,
-        bound="multi",
-        sample="rwalk" if dimensions > 3 else "unif",
-        rstate=np.random.default_rng(seed),
-    )
-    for number, _ in enumerate(sampler.sample(dlogz=LEFT_EVIDENCE)):
-        if on_iteration is not None and number % 200 == 0:
-            on_iteration(number)
-    for _ in sampler.add_live_points():
-        pass
-    result = sampler.results
-    weights = np.exp(result.logwt - result.logz[-1])
-    weights /= weights.sum()
-    places = _resampled(weights, draws, np.random.default_rng(seed + 1))
-    return Samples(
-        x=result.samples[places],
-        ln_likelihood=result.logl[places],
-        ln_evidence=float(result.logz[-1]),
-        ln_evidence_std=float(result.logzerr[-1]),
-        evaluations=int(np.sum(result.ncall)),
-        effective=float(1.0 / np.sum(weights**2)),
+    sampler = dynesty.NestedSampler(
+        log_likelihood, lambda share: share, unknowns, nlive=live_points, bound="multi",
+        sample="rwalk", rstate=np.random.default_rng(seed),
+    )  # fmt: skip
+    sampler.run_nested(dlogz=EVIDENCE_LEFT, print_progress=False)
+    found = sampler.results
+    weights = found.importance_weights()
+    chosen = resampled(weights, draws, np.random.default_rng(seed + 1))
+    return Sampled(
+        shares=np.asarray(found.samples)[chosen],
+        log_evidence=float(found.logz[-1]),
+        log_evidence_std=float(found.logzerr[-1]),
+        information=float(found.information[-1]),
+        calls=int(np.sum(found.ncall)),
     )
 
 
-def _resampled(weights: np.ndarray, draws: int, generator: np.random.Generator) -> np.ndarray:
-    """Places of equally weighted draws: systematic resampling, in random order."""
-    edges = (np.arange(draws) + generator.uniform()) / draws
-    places = np.searchsorted(np.cumsum(weights), edges).clip(0, len(weights) - 1)
-    return generator.permutation(places)
+def resampled(weights: np.ndarray, draws: int, random: np.random.Generator) -> np.ndarray:
+    """Places (s,) of equally weighted draws, systematic, in random order."""
+    steps = (np.arange(draws) + random.random()) / draws
+    ends = np.cumsum(weights / weights.sum())
+    chosen = np.minimum(np.searchsorted(ends, steps), len(weights) - 1)
+    return random.permutation(chosen)
 
 
-def valleys(values: np.ndarray, places: int = 400) -> list[tuple[float, float]]:
-    """Separate peaks of a density, as (value, share of the draws), most likely first.
+def tempered(log_likelihoods: np.ndarray, draws: int, random: np.random.Generator) -> np.ndarray:
+    """Places (s,) of prior draws (n,) by their likelihood, flattened until enough of them count."""
+    finite = np.where(np.isfinite(log_likelihoods), log_likelihoods, -np.inf)
+    above = finite - finite.max()
+    power = 1.0
+    while True:
+        weights = np.exp(power * above)
+        if weights.sum() ** 2 / np.sum(weights**2) >= LEAST_EFFECTIVE or power < 1e-3:
+            return resampled(weights, draws, random)
+        power *= 0.8
 
-    Args:
-        values: (s,) draws.
-        places: where the smoothed density is looked at.
-    """
-    if np.ptp(values) < 1e-12 * max(abs(values).max(), 1.0):
-        return [(float(values[0]), 1.0)]
-    at = np.linspace(values.min(), values.max(), places)
-    density = np.concatenate([[0.0], gaussian_kde(values)(at), [0.0]])
-    peaks, _ = find_peaks(density)
-    kept = [peaks[0]]
-    for peak in peaks[1:]:
-        dip = density[kept[-1] : peak + 1].min()
-        if dip < (1.0 - DEPTH) * min(density[kept[-1]], density[peak]):
-            kept.append(peak)
-        elif density[peak] > density[kept[-1]]:
-            kept[-1] = peak
-    dips = [at[a + int(np.argmin(density[a : b + 1])) - 1]
-            for a, b in zip(kept[:-1], kept[1:], strict=True)]  # fmt: skip
-    edges = np.array([-np.inf, *dips, np.inf])
-    shares = np.histogram(values, edges)[0] / len(values)
-    found = [(float(at[peak - 1]), float(s)) for peak, s in zip(kept, shares, strict=True)]
-    return sorted(found, key=lambda pair: -pair[1])
+
+def spread_out(points: np.ndarray, number: int) -> np.ndarray:
+    """Places of points (s, q) that lie far from each other, the first nearest to their mean."""
+    chosen = [int(np.argmin(np.sum((points - points.mean(axis=0)) ** 2, axis=1)))]
+    distance = np.sum((points - points[chosen[0]]) ** 2, axis=1)
+    while len(chosen) < min(number, len(points)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.sum((points - points[chosen[-1]]) ** 2, axis=1))
+    return np.array(chosen)

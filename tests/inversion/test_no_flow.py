@@ -17,7 +17,7 @@ from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import lower_bound, posterior
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
-from inversion.posterior.likelihood import EmulatedLikelihood, no_correction
+from inversion.posterior import likelihood
 from inversion.problem.forward import Prediction
 from pipeline.cli import WorkFailed
 from tests.budget import examples
@@ -92,22 +92,12 @@ def test_the_derivative_of_the_loss_is_that_of_finite_differences(value):
 # --- the likelihood ---
 
 
-class Exact:
-    """An emulator of the numbers themselves: one component for each, known up to `std`."""
-
-    def __init__(self, numbers: int, std: float = 0.0) -> None:
-        self.centre, self.discarded = np.zeros(numbers), np.zeros(numbers)
-        self.scale, self.components, self.std = np.ones(numbers), np.eye(numbers), std
-
-    def components_at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return x, np.full(x.shape, self.std)
-
-
 def log_likelihood(goal: Targets, x: np.ndarray, *, emulated: float = 0.0, other=()) -> np.ndarray:
     """Of predictions (n, m); `emulated` their own error, `other` what another method predicts."""
     m = len(goal.names)
     alternatives = np.reshape(other, (-1, m))
-    return EmulatedLikelihood(goal, Exact(m, emulated), no_correction(m), alternatives)(x)
+    errors = goal.covariance + emulated**2 * np.eye(m) + alternatives.T @ alternatives
+    return likelihood.log_likelihood(goal, x, errors)
 
 
 @settings(max_examples=examples(60), deadline=None)

@@ -1,0 +1,51 @@
+"""`flowslide posterior CASE`: the whole posterior of a case folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from flowslide.commands import options
+
+DESCRIPTION = (
+    "Everything that CASE/inversion.yaml leaves unknown, before and after the measurements: the "
+    "strengths with all sensitivities as nuisances, by an emulator of many coarse and a few fine "
+    "simulations and a nested sampler. Started again after a kill, it goes on where it stopped."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    options.add_case(parser)
+    options.add_out(parser, "default: results/<case>/posterior")
+    options.add_set_of_measurements(parser)
+    options.add_spacing(parser)
+    parser.add_argument(
+        "--use-constructed", action="store_true", help="let constructed data enter the fit"
+    )
+    options.add_simulating(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Find the posterior, write it, print it."""
+    from flowslide import api
+    from pipeline.config import load_config
+    from pipeline.progress import Progress
+    from report.posterior import summary
+
+    settings = load_config(arguments.config, arguments.overrides)
+    case = api.load_case(arguments.case, settings=settings)
+    folder = Path(arguments.out or Path(settings.results_folder) / case.name / "posterior")
+    with Progress(0, case.title, quiet=arguments.quiet) as bar:
+        document = api.posterior(
+            case,
+            out=folder,
+            spacing_m=arguments.spacing,
+            measurement_set=arguments.set_of_measurements,
+            use_constructed=arguments.use_constructed,
+            device=arguments.device,
+            threads=arguments.threads,
+            progress=bar.report,
+        )
+        bar.say(f"wrote {folder}")
+    print(summary(document))

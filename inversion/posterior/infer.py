@@ -1,0 +1,285 @@
+"""The whole posterior, stage by stage: coarse runs, refined where it matters, corrected, sampled.
+
+    coarse runs over the whole prior -> emulator
+    -> coarse runs where the posterior is -> emulator
+    -> pairs of coarse and fine runs there -> corrected emulator
+    -> other ways to simulate, as errors
+    -> nested sampling
+
+Runs come from a store that keeps them by content and every draw has its seed, so a stage that was
+finished costs nothing when it is started again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from inversion.estimation.data import Targets
+from inversion.posterior.emulator import LINEAR_STD, Emulator, Warp, make_emulator
+from inversion.posterior.likelihood import Likelihood
+from inversion.posterior.runs import Model
+from inversion.posterior.sampling import Sampled, nested, spread_out, tempered
+from inversion.posterior.unknown import Unknown
+from pipeline.cli import WorkFailed
+from pipeline.config import PosteriorSettings
+from pipeline.progress import Watch
+
+#: Prior draws that look for the posterior between the stages: a power of 2.
+SCOUTS = 2**14
+#: Rounds of refined and of fine runs; each is placed by what the rounds before have found.
+ROUNDS = 2
+#: More coarse runs than this share may not fail.
+MOST_FAILED = 0.5
+
+
+@dataclass
+class Inference:
+    """A posterior in the making; what it has found so far.
+
+    Attributes:
+        model: what is emulated.
+        targets: what was measured, (m,).
+        settings: numbers of runs and draws.
+        watch: called for each stage.
+        values: of the unknowns of all runs, (n, q).
+        coarse: their numbers, (n, k); those of the answer's spacing where there is one spacing.
+        fine: the same at the spacing of the answer, (n, k), NaN: not run.
+        otherwise: change of the numbers with each other way to simulate, (k,) by name.
+        timings: of the stages [s].
+    """
+
+    model: Model
+    targets: Targets
+    settings: PosteriorSettings
+    watch: Watch = field(default_factory=Watch)
+    values: np.ndarray = field(init=False)
+    coarse: np.ndarray = field(init=False)
+    fine: np.ndarray = field(init=False)
+    otherwise: dict[str, np.ndarray] = field(default_factory=dict)
+    timings: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.values = np.zeros((0, len(self.unknowns)))
+        self.coarse = np.zeros((0, len(self.model.names)))
+        self.fine = np.zeros((0, len(self.model.names)))
+
+    @property
+    def unknowns(self) -> list[Unknown]:
+        """(q,)."""
+        return list(self.model.unknowns)
+
+    def run(self) -> Inferred:
+        """All stages.
+
+        Raises:
+            WorkFailed: more than half of the coarse runs failed.
+        """
+        settings = self.settings
+        runs = {"coarse runs": settings.coarse_runs, "refined runs": settings.refined_runs}
+        if self.model.two_fidelities:
+            runs["fine runs"] = 2 * settings.fine_runs
+        self.watch.plan(runs)
+        with self._stage("coarse runs"):
+            self._add(design(self.unknowns, settings.coarse_runs, settings.seed))
+            self._check()
+        with self._stage("refined runs"):
+            for number, part in enumerate(_parts(settings.refined_runs), start=1):
+                self._add(self._where_it_matters(part, number))
+        if self.model.two_fidelities:
+            with self._stage("fine runs"):
+                for number, part in enumerate(_parts(settings.fine_runs), start=ROUNDS + 1):
+                    self._add(self._where_it_matters(part, number), paired=True)
+        with self._stage("other ways to simulate"):
+            self._simulate_otherwise()
+        with self._stage("sampling"):
+            return self._sampled()
+
+    # --- runs ---
+
+    def _add(self, values: np.ndarray, *, paired: bool = False) -> None:
+        """Run values (n, q), with `paired` at both spacings."""
+        if not len(values):
+            return
+        values = self.model.drawable(values)
+        coarse = self.model.run(values, coarse=self.model.two_fidelities)
+        fine = self.model.run(values, coarse=False) if paired else np.full_like(coarse, np.nan)
+        self.values = np.concatenate([self.values, values])
+        self.coarse = np.concatenate([self.coarse, coarse])
+        self.fine = np.concatenate([self.fine, fine])
+
+    def _check(self) -> None:
+        fitted = [self.model.names.index(self.targets.names[k])
+                  for k in np.flatnonzero(self.targets.fitted)]  # fmt: skip
+        failed = float(np.isnan(self.coarse[:, fitted]).any(axis=1).mean())
+        if failed > MOST_FAILED:
+            raise WorkFailed(
+                f"posterior: {100 * failed:.0f} % of the runs over the whole prior failed; "
+                "narrow the bounds of the parameters, or see `flowslide invert` for the reason"
+            )
+
+    def _where_it_matters(self, number: int, seed: int) -> np.ndarray:
+        """Values (number, q) spread out over the posterior as it is known so far."""
+        if number == 0:
+            return np.zeros((0, len(self.unknowns)))
+        random = np.random.default_rng([self.settings.seed, seed])
+        scouts = design(self.unknowns, SCOUTS, self.settings.seed + seed)
+        likelihood = self.likelihood()
+        chosen = np.unique(tempered(likelihood(scouts), SCOUTS // 8, random))
+        found = scouts[chosen]
+        return found[spread_out(likelihood.emulator.scaled(found), number)]
+
+    def _simulate_otherwise(self) -> None:
+        if len(self.values) == 0:
+            return
+        paired = np.isfinite(self.fine).any(axis=1)
+        # The first of the pairs, or of the refined runs, lies in the middle of the posterior.
+        first = int(np.argmax(paired)) if paired.any() else self.settings.coarse_runs
+        centre = self.values[min(first, len(self.values) - 1)]
+        self.otherwise = {
+            name: np.nan_to_num(change)
+            for name, change in self.model.simulated_otherwise(centre).items()
+        }
+
+    # --- the posterior ---
+
+    def likelihood(self) -> Likelihood:
+        """By all runs so far."""
+        return Likelihood(self.emulator(), self.targets, self.errors())
+
+    def emulator(self) -> Emulator:
+        """Of all runs so far.
+
+        Raises:
+            WorkFailed: too few runs could be read.
+        """
+        fine = self.fine if self.model.two_fidelities else None
+        try:
+            return make_emulator(
+                self.unknowns, self.model.names, warps(self.model.names, self.targets),
+                self.values, self.coarse, fine,
+            )  # fmt: skip
+        except ValueError as error:
+            raise WorkFailed(f"posterior: {error}") from None
+
+    def errors(self) -> np.ndarray:
+        """Covariance of survey, what the model is granted, and other ways to simulate, (m, m)."""
+        names = self.model.names
+        total = self.targets.covariance.copy()
+        for change in self.otherwise.values():
+            by_name = dict(zip(names, change, strict=True))
+            error = np.array([by_name.get(name, 0.0) for name in self.targets.names])
+            total += np.outer(error, error)
+        return total
+
+    def _sampled(self) -> Inferred:
+        likelihood, settings = self.likelihood(), self.settings
+        sampled = sample(
+            likelihood, draws=settings.draws, live_points=settings.live_points, seed=settings.seed
+        )
+        return Inferred(self, likelihood, sampled)
+
+    @contextmanager
+    def _stage(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        with self.watch.stage(name):
+            yield
+        self.timings[name] = time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class Inferred:
+    """A posterior that was found.
+
+    Attributes:
+        inference: what it was made of.
+        likelihood: by the final emulator.
+        sampled: draws in the unit cube, and the evidence.
+    """
+
+    inference: Inference
+    likelihood: Likelihood
+    sampled: Sampled
+
+    def __post_init__(self) -> None:
+        emulator = self.likelihood.emulator
+        draws = self.values
+        mean, std = emulator.predict(draws)
+        prior = design(emulator.unknowns, len(draws), self.inference.settings.seed + 7)
+        before, before_std = emulator.predict(prior)
+        for name, found in (
+            ("predicted", mean), ("predicted_std", std), ("prior", prior),
+            ("prior_predicted", before), ("prior_predicted_std", before_std),
+        ):  # fmt: skip
+            object.__setattr__(self, f"_{name}", found)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Posterior draws of the unknowns, (s, q)."""
+        return at_shares(self.likelihood.emulator.unknowns, self.sampled.shares)
+
+    @property
+    def prior(self) -> np.ndarray:
+        """Prior draws of the unknowns, (s, q)."""
+        return self._prior
+
+    @property
+    def predicted(self) -> np.ndarray:
+        """Numbers of a run at the posterior draws, without the emulator's own error, (s, k)."""
+        return self._predicted
+
+    def replicated(self, *, prior: bool = False) -> np.ndarray:
+        """Numbers of a run with all errors of the model, but none of the survey, (s, k)."""
+        mean, std = (
+            (self._prior_predicted, self._prior_predicted_std)
+            if prior
+            else (self._predicted, self._predicted_std)
+        )
+        random = np.random.default_rng([self.inference.settings.seed, 3 + prior])
+        found = mean + std * random.standard_normal(mean.shape)
+        for change in self.inference.otherwise.values():
+            found = found + random.standard_normal((len(found), 1)) * change
+        return found
+
+
+def _parts(number: int) -> list[int]:
+    """The runs of each round."""
+    return [number // ROUNDS + (place < number % ROUNDS) for place in range(ROUNDS)]
+
+
+def sample(likelihood: Likelihood, *, draws: int, live_points: int, seed: int) -> Sampled:
+    """Draws of a posterior by nested sampling."""
+    unknowns = likelihood.emulator.unknowns
+
+    def at(share: np.ndarray) -> float:
+        return float(likelihood(at_shares(unknowns, share[None]))[0])
+
+    return nested(at, len(unknowns), draws=draws, live_points=live_points, seed=seed)
+
+
+def warps(names: list[str], targets: Targets) -> list[Warp]:
+    """The scale of each number: about what was measured, or as it is."""
+    std = np.sqrt(np.diag(targets.covariance))
+    measured = {
+        name: Warp(float(value), LINEAR_STD * float(one))
+        for name, value, one in zip(targets.names, targets.measured, std, strict=True)
+    }
+    return [measured.get(name, Warp()) for name in names]
+
+
+def design(unknowns: list[Unknown], number: int, seed: int) -> np.ndarray:
+    """Values (number, q) that fill the prior evenly: a scrambled Sobol sequence."""
+    from scipy.stats import qmc  # takes half a second to import
+
+    power = int(np.ceil(np.log2(max(number, 1))))
+    shares = qmc.Sobol(len(unknowns), seed=seed).random_base2(power)[:number]
+    return at_shares(unknowns, shares)
+
+
+def at_shares(unknowns: list[Unknown], shares: np.ndarray) -> np.ndarray:
+    """Values (s, q) at shares of the prior probability (s, q)."""
+    return np.stack([one.at(shares[:, k]) for k, one in enumerate(unknowns)], axis=1)

@@ -1,0 +1,174 @@
+"""Simulations of a section at values of its unknowns, coarse or at the spacing of the answer.
+
+The numbers of a run are the measurements of the set that are shown, then the vertical effective
+stress before failure of each residual strength's zones, which turns a strength into a ratio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.run_store import RunStore
+from inversion.engines.setup import Setup
+from inversion.posterior.unknown import Section, Unknown
+from inversion.problem.forward import Prediction
+from inversion.problem.question import (
+    RESIDUAL_STRENGTH,
+    CellSize,
+    OtherSetting,
+    TimeStep,
+)
+
+#: Share of its moves that a section keeps that cannot be drawn, and how often it is tried.
+BACK, MOST_BACK = 0.85, 15
+
+
+class Model(Protocol):
+    """What is emulated: numbers of runs at values of unknowns."""
+
+    unknowns: Sequence[Unknown]
+    """(q,)."""
+    names: list[str]
+    """Of the numbers, (k,)."""
+    two_fidelities: bool
+    """There are coarse runs in addition to those at the spacing of the answer."""
+
+    def drawable(self, values: np.ndarray) -> np.ndarray:
+        """Values (n, q) moved to where the model can be run; itself where it can."""
+        ...
+
+    def run(self, values: np.ndarray, *, coarse: bool) -> np.ndarray:
+        """Numbers (n, k) at values (n, q); NaN where a run failed or could not be read."""
+        ...
+
+    def simulated_otherwise(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Change of the numbers (k,) at values (q,) with each other way to simulate, by name."""
+        ...
+
+
+@dataclass
+class SectionModel:
+    """`Model` by the material point method.
+
+    Attributes:
+        section: and its unknowns.
+        store: of the runs.
+        unread: runs that failed, or whose section does not hold together.
+    """
+
+    section: Section
+    store: RunStore
+    unread: int = 0
+
+    @property
+    def unknowns(self) -> Sequence[Unknown]:
+        """(q,)."""
+        return self.section.unknowns
+
+    @property
+    def shown(self) -> np.ndarray:
+        """Places of the measured numbers that are read, in the targets."""
+        return np.flatnonzero(self.section.case.setup.targets.shown)
+
+    @property
+    def strengths(self) -> list[int]:
+        """Places of the residual strengths among the parameters."""
+        specs = self.section.case.parameters.specs
+        return [place for place, spec in enumerate(specs) if spec.property == RESIDUAL_STRENGTH]
+
+    @property
+    def names(self) -> list[str]:
+        """See `Model`."""
+        targets, specs = self.section.case.setup.targets, self.section.case.parameters.specs
+        return [targets.names[place] for place in self.shown] + [
+            stress_name(specs[place].name) for place in self.strengths
+        ]
+
+    @property
+    def two_fidelities(self) -> bool:
+        """See `Model`."""
+        return self.section.case.coarse_spacing_m is not None
+
+    def drawable(self, values: np.ndarray) -> np.ndarray:
+        """See `Model`: several boundaries moved at once may leave a layer too thin.
+
+        All boundaries of such a section are moved back towards the drawn one, together.
+        """
+        found = np.array(values, dtype=float)
+        for row in found:
+            back = np.where(self.section.boundaries, BACK, 1.0)
+            for _ in range(MOST_BACK):
+                if self._setup(row, self.two_fidelities) is not None:
+                    break
+                row *= back
+        return found
+
+    def run(self, values: np.ndarray, *, coarse: bool) -> np.ndarray:
+        """See `Model`."""
+        setups = [self._setup(row, coarse) for row in values]
+        return self._numbers(setups, values)
+
+    @property
+    def other_ways(self) -> list[tuple[str, Setup]]:
+        """Other ways to simulate among the sensitivities: name and setup."""
+        available, _ = self.section.case.sensitivities
+        return [
+            (sensitivity.name, side.setup)
+            for sensitivity, sides in available
+            if isinstance(sensitivity, CellSize | TimeStep | OtherSetting)
+            for side in sides
+        ]
+
+    def simulated_otherwise(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Change of the numbers (k,) at values (q,) with each other way to simulate, by its name.
+
+        Another cell size is compared at the spacing of the answer, all else by coarse runs.
+        """
+        setups: list[Setup | None] = []
+        for _, change in self.other_ways:
+            spacing = change.scene.spacing
+            other_cells = spacing != self.section.case.scene.spacing
+            here = self._setup(values, self.two_fidelities and not other_cells)
+            there = None
+            if here is not None:
+                there = replace(here, settings=change.settings)
+                if other_cells:
+                    there = replace(there, scene=here.scene.changed(spacing=spacing))
+            setups += [here, there]
+        rows = self._numbers(setups, np.tile(values, (len(setups), 1)))
+        names = [name for name, _ in self.other_ways]
+        return dict(zip(names, rows[1::2] - rows[0::2], strict=True))
+
+    def _setup(self, values: np.ndarray, coarse: bool) -> Setup | None:
+        try:
+            setup = self.section.setup(values)
+        except ValueError:
+            return None
+        return self.section.case.coarsened(setup) if coarse else setup
+
+    def _numbers(self, setups: Sequence[Setup | None], values: np.ndarray) -> np.ndarray:
+        parameters = self.section.parameters
+        there = [place for place, setup in enumerate(setups) if setup is not None]
+        requests = [
+            (MPMEngine(setups[place], self.store), values[place, :parameters]) for place in there
+        ]
+        found = np.full((len(values), len(self.names)), np.nan)
+        predictions = requests[0][0].predict_each(requests) if requests else []
+        for place, prediction in zip(there, predictions, strict=True):
+            found[place] = self._read(prediction)
+        self.unread += int(np.isnan(found).any(axis=1).sum())
+        return found
+
+    def _read(self, prediction: Prediction) -> np.ndarray:
+        stress = prediction.sigma_v0_kpa[self.strengths]
+        return np.concatenate([prediction.values[self.shown], stress])
+
+
+def stress_name(parameter: str) -> str:
+    """Name of the stress before failure in the zones of a residual strength."""
+    return f"sigma_v0 of {parameter}"

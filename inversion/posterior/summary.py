@@ -1,0 +1,225 @@
+"""A posterior that was found, as a document and as draws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from inversion import PHYSICS_VERSION
+from inversion.posterior.document import (
+    FILE_NAME,
+    Evidence,
+    PosteriorDocument,
+    PredictedNumber,
+    RunCounts,
+    SobolShare,
+    Spread,
+    UnknownAnswer,
+)
+from inversion.posterior.draws import FILE_NAME as DRAWS
+from inversion.posterior.draws import Draws, save_draws
+from inversion.posterior.emulator import Emulated
+from inversion.posterior.infer import Inferred
+from inversion.posterior.runs import SectionModel, stress_name
+from inversion.posterior.shares import shares
+from inversion.posterior.unknown import Unknown
+from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
+from pipeline.files import write_json
+from pipeline.manifest import manifest
+
+DIGITS = 5
+
+
+def save_all(found: Inferred, folder: Path) -> PosteriorDocument:
+    """Write `posterior.json` and `posterior.nc`."""
+    document = document_of(found)
+    write_json(folder / FILE_NAME, document.model_dump(mode="json"))
+    save_draws(draws_of(found), folder / DRAWS)
+    return document
+
+
+def draws_of(found: Inferred) -> Draws:
+    """The draws of a posterior."""
+    inference, targets = found.inference, found.inference.targets
+    case = inference.model.section.case
+    return Draws(
+        unknowns=[one.name for one in inference.unknowns],
+        posterior=found.values,
+        prior=found.prior,
+        numbers=inference.model.names,
+        posterior_predictive=found.replicated(),
+        prior_predictive=found.replicated(prior=True),
+        log_likelihood=found.likelihood(found.values),
+        observed=targets.named(targets.measured),
+        facts={
+            "case": case.name,
+            "log_evidence": found.sampled.log_evidence,
+            "log_evidence_std": found.sampled.log_evidence_std,
+            "seed": inference.settings.seed,
+        },
+    )
+
+
+def document_of(found: Inferred) -> PosteriorDocument:
+    """The summary of a posterior."""
+    inference, sampled = found.inference, found.sampled
+    model: SectionModel = inference.model
+    case = model.section.case
+    return PosteriorDocument(
+        case=case.name,
+        title=case.title,
+        measurement_set=case.measurement_set,
+        spacing_m=case.scene.spacing,
+        coarse_spacing_m=case.coarse_spacing_m,
+        physics={"mpm": SOLVER_VERSION, "inversion": PHYSICS_VERSION},
+        settings=inference.settings.model_dump(),
+        unknowns=[_unknown(found, place) for place in range(len(inference.unknowns))],
+        numbers=_numbers(found),
+        other_ways={
+            name: {number: _round(value) for number, value in
+                   zip(model.names, change, strict=True)}
+            for name, change in inference.otherwise.items()
+        },
+        correlation=[[_round(r) for r in row] for row in _correlation(found.values)],
+        evidence=Evidence(
+            log_evidence=_round(sampled.log_evidence),
+            log_evidence_std=_round(sampled.log_evidence_std),
+            information_nats=_round(sampled.information),
+        ),
+        runs=RunCounts(
+            coarse=inference.settings.coarse_runs,
+            refined=inference.settings.refined_runs,
+            fine=int(np.isfinite(inference.fine).any(axis=1).sum()),
+            other_ways=len(inference.otherwise),
+            failed=model.unread,
+            simulated_now=model.store.computed,
+        ),
+        remarks=list(model.section.remarks),
+        timings={name: round(time, 2) for name, time in inference.timings.items()},
+        manifest=manifest(case.config, seeds={"posterior": inference.settings.seed}),
+    )  # fmt: skip
+
+
+def spread(draws: np.ndarray) -> Spread:
+    """Of draws (s,)."""
+    low, lower, median, upper, high = np.percentile(draws, (2.5, 25, 50, 75, 97.5))
+    return Spread(
+        mean=_round(draws.mean()),
+        std=_round(draws.std()),
+        median=_round(median),
+        interval_50=(_round(lower), _round(upper)),
+        interval_95=(_round(low), _round(high)),
+    )
+
+
+def _unknown(found: Inferred, place: int) -> UnknownAnswer:
+    inference = found.inference
+    unknown, model = inference.unknowns[place], inference.model
+    before, after = found.prior[:, place], found.values[:, place]
+    is_parameter = place < model.section.parameters
+    ratio = None
+    if (stress := stress_name(unknown.name)) in model.names:
+        ratio = spread(after / found.replicated()[:, model.names.index(stress)])
+    left = float(np.var(_t(unknown, after)) / max(np.var(_t(unknown, before)), 1e-300))
+    return UnknownAnswer(
+        name=unknown.name,
+        label=unknown.label,
+        kind="parameter" if is_parameter else "nuisance",
+        unit=unknown.unit,
+        prior=_prior_words(unknown),
+        before=spread(before),
+        after=spread(after),
+        ratio=ratio,
+        narrowed=_round(max(1.0 - left, 0.0)),
+        sobol=_sobol(found, place) if is_parameter else [],
+    )
+
+
+def _sobol(found: Inferred, place: int) -> list[SobolShare]:
+    """Shares of a parameter's variance, by the other unknowns and the errors of what was fitted."""
+    inference, targets = found.inference, found.inference.targets
+    unknowns, names = inference.unknowns, inference.model.names
+    values = np.stack([_t(one, found.values[:, k]) for k, one in enumerate(unknowns)], axis=1)
+    inputs = [np.delete(values, place, axis=1)]
+    labels = [one.name for k, one in enumerate(unknowns) if k != place]
+    for number in np.flatnonzero(targets.fitted & ~targets.censored):
+        column = names.index(targets.names[number])
+        inputs.append((targets.measured[number] - found.predicted[:, column])[:, None])
+        labels.append(f"errors of {targets.names[number]}")
+    return [
+        SobolShare(name=one.name, first=_round(one.first), total=_round(one.total))
+        for one in shares(values[:, place], np.hstack(inputs), labels)
+    ]
+
+
+def _numbers(found: Inferred) -> list[PredictedNumber]:
+    inference, targets = found.inference, found.inference.targets
+    names, emulator = inference.model.names, found.likelihood.emulator
+    before, after = found.replicated(prior=True), found.replicated()
+    random = np.random.default_rng([inference.settings.seed, 9])
+    made = []
+    for place, name in enumerate(targets.names):
+        if name not in names:
+            continue
+        column = names.index(name)
+        std = float(np.sqrt(targets.covariance[place, place]))
+        measured, number = float(targets.measured[place]), emulator.numbers[column]
+        surveyed = after[:, column] + std * random.standard_normal(len(after))
+        correction = _correction(inference.coarse[:, column], inference.fine[:, column])
+        made.append(
+            PredictedNumber(
+                name=name,
+                unit=targets.entries[targets.groups[place]].unit,
+                role=targets.roles[place],
+                measured=measured,
+                censored=bool(targets.censored[place]),
+                std=_round(std),
+                before=spread(before[:, column]),
+                after=spread(after[:, column]),
+                difference_in_std=_round(
+                    (measured - after[:, column].mean()) / np.hypot(after[:, column].std(), std)
+                ),
+                share_below=_round(np.mean(surveyed < measured)),
+                left_out_std=_round(_left_out(number, inference.settings.coarse_runs)),
+                correction=None if correction is None else _round(correction[0]),
+                correction_std=None if correction is None else _round(correction[1]),
+            )
+        )
+    return made
+
+
+def _left_out(number: Emulated, first: int) -> float:
+    """Root mean square of left-out errors, of the refined runs where there are any."""
+    errors, late = number.left_out(), number.runs >= first
+    return float(np.sqrt(np.mean(errors[late if late.any() else slice(None)] ** 2)))
+
+
+def _correction(coarse: np.ndarray, fine: np.ndarray) -> tuple[float, float] | None:
+    """Mean and standard deviation of fine less coarse numbers; None: no pairs."""
+    difference = (fine - coarse)[np.isfinite(fine - coarse)]
+    return (float(difference.mean()), float(difference.std())) if len(difference) else None
+
+
+def _prior_words(unknown: Unknown) -> str:
+    low, high = (np.exp(t) if unknown.logarithmic else t for t in (unknown.low, unknown.high))
+    cut = f"{low:.3g} to {high:.3g}"
+    if unknown.std is None:
+        return f"{'ln ' * unknown.logarithmic}uniform, {cut}"
+    if unknown.logarithmic:
+        return f"lognormal, median {np.exp(unknown.mean):.3g}, ln std {unknown.std:.2g}, {cut}"
+    return f"normal, {unknown.mean:.3g} ± {unknown.std:.3g}, {cut}"
+
+
+def _t(unknown: Unknown, values: np.ndarray) -> np.ndarray:
+    return np.log(values) if unknown.logarithmic else values
+
+
+def _correlation(values: np.ndarray) -> np.ndarray:
+    deviation = values - values.mean(axis=0)
+    scale = np.maximum(deviation.std(axis=0), 1e-12)
+    return (deviation / scale).T @ (deviation / scale) / len(values)
+
+
+def _round(value: float) -> float:
+    return round(float(value), DIGITS)

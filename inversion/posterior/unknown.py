@@ -1,0 +1,276 @@
+"""Everything that is unknown of a case, each with its prior.
+
+Parameters of the question: equally likely between their bounds in the scale in which a
+back-analysis fits them (strengths and densities as logarithms), or with their prior, which is cut
+at the bounds. Nuisances: every sensitivity of the question that has a standard deviation, as a
+standard score z ~ N(0, 1), cut at `FARTHEST`. Sensitivities that are other ways to simulate have no
+distribution; they enter as errors (`inversion.posterior.settings_error`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from geometry.scenes.scene import Scene, scene_from_mapping
+from inversion.back_analysis.case import InversionCase
+from inversion.back_analysis.variants import moved
+from inversion.engines.setup import Setup
+from inversion.problem.question import (
+    LOGARITHMIC,
+    UNITS,
+    FixedProperty,
+    MovedVertex,
+    ParameterSpec,
+    Sensitivity,
+    WaterLevel,
+    ZoneBoundary,
+    material_key,
+)
+from inversion.problem.scene_changes import with_properties
+from inversion.problem.water_level import SAME_PLACE_M, pool_at
+
+#: Scores of nuisances beyond this are not considered: one in 370.
+FARTHEST = 3.0
+#: To which the score is found beyond which a section does not hold together.
+RESOLUTION = 0.02
+
+Nuisance = ZoneBoundary | WaterLevel | FixedProperty
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One unknown and its prior.
+
+    The prior is uniform or normal in t, which is the value or its logarithm, between two bounds.
+
+    Attributes:
+        name: as in the question.
+        label: in words.
+        unit: of the value; "std" where it is a standard score.
+        logarithmic: t = ln(value).
+        low: of t.
+        high: of t.
+        mean: of t; None: uniform.
+        std: of t; None: uniform.
+    """
+
+    name: str
+    label: str
+    unit: str
+    logarithmic: bool
+    low: float
+    high: float
+    mean: float | None = None
+    std: float | None = None
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        """Values at shares of the prior probability, any shape: the inverse of `share_below`."""
+        share = np.asarray(share, dtype=float)
+        if self.std is None:
+            t = self.low + share * (self.high - self.low)
+        else:
+            below, above = self._cut
+            t = self.mean + self.std * ndtri(below + share * (above - below))
+        return self._value(np.clip(t, self.low, self.high))
+
+    def share_below(self, values: np.ndarray) -> np.ndarray:
+        """Prior probability below values, any shape."""
+        t = self._t(values)
+        if self.std is None:
+            return np.clip((t - self.low) / (self.high - self.low), 0.0, 1.0)
+        below, above = self._cut
+        return np.clip((ndtr((t - self.mean) / self.std) - below) / (above - below), 0.0, 1.0)
+
+    def density(self, values: np.ndarray) -> np.ndarray:
+        """Prior density per unit of the value, any shape."""
+        t = self._t(values)
+        if self.std is None:
+            found = np.full(np.shape(t), 1.0 / (self.high - self.low))
+        else:
+            below, above = self._cut
+            score = (t - self.mean) / self.std
+            found = np.exp(-0.5 * score**2) / (np.sqrt(2 * np.pi) * self.std * (above - below))
+        found = np.where((t >= self.low) & (t <= self.high), found, 0.0)
+        return found / values if self.logarithmic else found
+
+    def scaled(self, values: np.ndarray) -> np.ndarray:
+        """Values as an emulator takes them: about -1 to 1 over the likely range, any shape."""
+        middle = 0.5 * (self.low + self.high) if self.mean is None else self.mean
+        half = 0.5 * (self.high - self.low)
+        half = half if self.std is None else min(2.0 * self.std, half)
+        return (self._t(values) - middle) / half
+
+    @property
+    def _cut(self) -> tuple[float, float]:
+        low, high = ((bound - self.mean) / self.std for bound in (self.low, self.high))
+        return float(ndtr(low)), float(ndtr(high))
+
+    def _t(self, values: np.ndarray) -> np.ndarray:
+        values = np.asarray(values, dtype=float)
+        return np.log(values) if self.logarithmic else values
+
+    def _value(self, t: np.ndarray) -> np.ndarray:
+        return np.exp(t) if self.logarithmic else t
+
+
+def unknown_parameter(spec: ParameterSpec) -> Unknown:
+    """A parameter of the question as an unknown."""
+    logarithmic = spec.property in LOGARITHMIC
+    low, high = np.log((spec.low, spec.high)) if logarithmic else (spec.low, spec.high)
+    mean = std = None
+    if spec.prior is not None:
+        mean = float(np.log(spec.prior.mean)) if logarithmic else spec.prior.mean
+        std = spec.prior.std / (spec.prior.mean if logarithmic else 1.0)
+    return Unknown(
+        spec.name, spec.words, spec.unit, logarithmic, float(low), float(high), mean, std
+    )
+
+
+@dataclass(frozen=True)
+class Section:
+    """The section of a case as a function of its unknowns.
+
+    Attributes:
+        case: its priors are known.
+        nuisances: sensitivities with a standard deviation.
+        unknowns: parameters, then nuisances, (q,).
+        remarks: what was left out or cut, a line each.
+    """
+
+    case: InversionCase
+    nuisances: tuple[Nuisance, ...]
+    unknowns: tuple[Unknown, ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> int:
+        """How many of the unknowns are parameters."""
+        return len(self.unknowns) - len(self.nuisances)
+
+    @property
+    def boundaries(self) -> np.ndarray:
+        """(q,) bool: boundaries of the section."""
+        moved = [isinstance(nuisance, ZoneBoundary) for nuisance in self.nuisances]
+        return np.array([False] * self.parameters + moved)
+
+    def setup(self, values: np.ndarray) -> Setup:
+        """The question with the nuisances among values (q,) put into its section.
+
+        Raises:
+            InputError: the section does not hold together there.
+        """
+        scores = values[self.parameters :]
+        return changed(self.case.setup, self.nuisances, scores, self.case.source)
+
+
+def section_of(case: InversionCase) -> Section:
+    """What is unknown of a case; sensitivities that its section does not allow are left out."""
+    kept: list[Nuisance] = []
+    unknowns = [unknown_parameter(spec) for spec in case.parameters.specs]
+    available, remarks = case.sensitivities
+    for sensitivity, _ in available:
+        if not isinstance(sensitivity, Nuisance):
+            continue
+        low, high = (-FARTHEST, FARTHEST)
+        if isinstance(sensitivity, ZoneBoundary) and sensitivity.sides != "both":
+            low, high = (0.0, FARTHEST) if sensitivity.sides == "plus" else (-FARTHEST, 0.0)
+        ends = [_reach(case, sensitivity, end) for end in (low, high)]
+        if ends != [low, high]:
+            remarks = [
+                *remarks,
+                f"{sensitivity.name}: the section holds together from {ends[0]:.2g} to "
+                f"{ends[1]:.2g} standard deviations; its prior is cut there",
+            ]
+        kept.append(sensitivity)
+        unknowns.append(
+            Unknown(sensitivity.name, _words(sensitivity), "std", False, *ends, mean=0.0, std=1.0)
+        )
+    return Section(case, tuple(kept), tuple(unknowns), tuple(remarks))
+
+
+def changed(setup: Setup, nuisances: Sequence[Nuisance], scores: np.ndarray, source: str) -> Setup:
+    """A setup whose section differs by some scores of its nuisances.
+
+    Raises:
+        InputError: the section does not hold together there.
+    """
+    before = setup.scene
+    where = f"{source}: sensitivities"
+    scene = _moved(before, nuisances, scores, where)
+    foot = {side: x + scene.foot(side) - before.foot(side) for side, x in setup.foot.items()}
+    for nuisance, score in zip(nuisances, scores, strict=True):
+        if isinstance(nuisance, WaterLevel):
+            level = before.water_level + score * nuisance.std_m
+            scene = scene_from_mapping(pool_at(scene, level), where)
+    return replace(setup, scene=_with_soil(scene, before, nuisances, scores), foot=foot)
+
+
+def _moved(scene: Scene, nuisances: Sequence[Nuisance], scores: np.ndarray, where: str) -> Scene:
+    """All vertices moved at once: what two boundaries share moves by the sum."""
+    total: list[tuple[tuple[float, float], np.ndarray]] = []
+    for nuisance, score in zip(nuisances, scores, strict=True):
+        if not isinstance(nuisance, ZoneBoundary):
+            continue
+        for vertex in nuisance.vertices:
+            move = score * np.asarray(vertex.move, dtype=float)
+            near = [
+                pair for pair in total if np.hypot(*np.subtract(pair[0], vertex.at)) <= SAME_PLACE_M
+            ]
+            if near:
+                near[0][1][:] += move
+            else:
+                total.append((vertex.at, move))
+    if not total:
+        return scene
+    vertices = [MovedVertex(at=at, move=(float(dx), float(dy))) for at, (dx, dy) in total]
+    return moved(scene, vertices, 1.0, where)
+
+
+def _with_soil(
+    scene: Scene, before: Scene, nuisances: Sequence[Nuisance], scores: np.ndarray
+) -> Scene:
+    soils = {zone.name: before.materials[zone.material] for zone in before.zones}
+    changes = []
+    for nuisance, score in zip(nuisances, scores, strict=True):
+        if not isinstance(nuisance, FixedProperty):
+            continue
+        key = material_key(nuisance.property)
+        for zone in nuisance.zones:
+            value = getattr(soils[zone], key) + score * nuisance.std
+            # No soil has less than no strength.
+            changes.append((zone, key, value if key == "density" else max(value, 0.0)))
+    return with_properties(scene, changes) if changes else scene
+
+
+def _reach(case: InversionCase, nuisance: Nuisance, end: float) -> float:
+    """The score farthest towards `end` at which the section holds together, by bisection."""
+
+    def holds(score: float) -> bool:
+        try:
+            changed(case.setup, [nuisance], np.array([score]), case.source)
+        except ValueError:
+            return False
+        return True
+
+    if end == 0.0 or holds(end):
+        return end
+    inside, outside = 0.0, end
+    while abs(outside - inside) > RESOLUTION:
+        middle = 0.5 * (inside + outside)
+        inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+    return inside
+
+
+def _words(sensitivity: Sensitivity) -> str:
+    match sensitivity:
+        case ZoneBoundary():
+            far = max(float(np.hypot(*vertex.move)) for vertex in sensitivity.vertices)
+            return f"{sensitivity.name} (up to {far:.2g} m)"
+        case WaterLevel():
+            return f"{sensitivity.name} ({sensitivity.std_m:g} m)"
+        case FixedProperty():
+            return f"{sensitivity.name} ({sensitivity.std:g} {UNITS[sensitivity.property]})"

@@ -1,0 +1,112 @@
+"""Tables of a posterior."""
+
+from __future__ import annotations
+
+from inversion.posterior.document import PosteriorDocument, Spread, UnknownAnswer
+from report.numbers import fixed, limited, number, percent, signed, unit_of
+from report.table import Table
+
+#: Inputs with a smaller share are not in the tables of a terminal.
+LEAST_SHARE = 0.005
+
+
+def parameter_table(document: PosteriorDocument) -> Table:
+    """What was asked for."""
+    rows = [
+        [
+            one.label,
+            f"{number(one.after.mean)} ± {number(one.after.std, 2)} {unit_of(one.unit)}",
+            number(one.after.median),
+            _range(one.after.interval_50),
+            _range(one.after.interval_95),
+            None if one.ratio is None else f"{one.ratio.median:.3f}",
+            None if one.ratio is None else _range(one.ratio.interval_95),
+            percent(one.narrowed),
+        ]
+        for one in document.parameters
+    ]
+    header = ["after the data", "mean", "median", "50 %", "95 %", "S_r/σ'_v0", "95 % of it",
+              "variance that went"]  # fmt: skip
+    return Table(header, rows)
+
+
+def predicted_table(document: PosteriorDocument) -> Table:
+    """Measured numbers."""
+    rows = [
+        [
+            f"{one.name} ({unit_of(one.unit)})",
+            one.role,
+            limited(one.measured, one.censored),
+            number(one.std, 2),
+            f"{number(one.after.mean)} ± {number(one.after.std, 2)}",
+            _range(one.after.interval_95),
+            _range(one.before.interval_95),
+            None if one.censored else signed(one.difference_in_std),
+        ]
+        for one in document.numbers
+    ]
+    header = ["number", "role", "measured", "std", "predicted", "95 %", "before the data",
+              "difference in std"]  # fmt: skip
+    return Table(header, rows)
+
+
+def share_tables(document: PosteriorDocument) -> list[Table]:
+    """Shares of the variance of each parameter."""
+    return [
+        Table(
+            ["input", "first order", "total"],
+            [[share.name, percent(share.first), percent(share.total)] for share in one.sobol
+             if max(share.first, share.total) >= LEAST_SHARE],
+            f"what moves {one.label}: shares of its posterior variance",
+        )
+        for one in document.parameters
+    ]  # fmt: skip
+
+
+def nuisance_table(document: PosteriorDocument) -> Table:
+    """The nuisances."""
+    return Table(_HEADER, [_before_after(one) for one in document.nuisances])
+
+
+def unknown_table(document: PosteriorDocument) -> Table:
+    """Every unknown."""
+    return Table(_HEADER, [_before_after(one) for one in document.unknowns])
+
+
+def emulator_table(document: PosteriorDocument) -> Table:
+    """How good the emulator is."""
+    rows = [
+        [f"{one.name} ({unit_of(one.unit)})", fixed(one.left_out_std, 2),
+         signed(one.correction, 2), fixed(one.correction_std, 2)]
+        for one in document.numbers
+    ]  # fmt: skip
+    header = ["number", "error of the emulator, left out", "fine less coarse", "scatter of it"]
+    return Table(header, rows)
+
+
+def other_ways_table(document: PosteriorDocument) -> Table:
+    """Errors of the model: other ways to simulate."""
+    names = [one.name for one in document.numbers]
+    rows = [
+        [way, *(signed(change[name], 2) for name in names)]
+        for way, change in document.other_ways.items()
+    ]
+    return Table(
+        ["simulated otherwise", *names], rows, "change of the numbers: errors of the model"
+    )
+
+
+_HEADER = ["unknown", "prior", "before", "after", "95 % after", "variance that went"]
+
+
+def _before_after(one: UnknownAnswer) -> list[str]:
+    return [one.label, one.prior, _mean(one.before), _mean(one.after),
+            _range(one.after.interval_95), percent(one.narrowed)]  # fmt: skip
+
+
+def _mean(one: Spread) -> str:
+    return f"{number(one.mean, 2 if abs(one.mean) < 1 else 3)} ± {number(one.std, 2)}"
+
+
+def _range(interval: tuple[float, float]) -> str:
+    return f"{number(interval[0])} to {number(interval[1])}"
