@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -55,6 +55,9 @@ from inversion.problem.question import Sensitivity
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest
 from pipeline.progress import Watch
+
+#: A linear step shorter than this, in standard deviations from the survey, is as good as a run.
+SHORT = 0.5
 
 
 @dataclass
@@ -173,12 +176,16 @@ class BackAnalysis:
         )  # fmt: skip
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
+        self._learn_noise(self.found.values)
+        self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
+        self.tell_doubts()
+
+    def _learn_noise(self, values: np.ndarray) -> None:
+        """The noise of a finite difference at the answer."""
         seeds = [self.engine_of_changes(setup) for setup in self._jittered(self.case.setup)]
         if seeds:  # runs that the stage `seeds` asks for again: they cost nothing
             mask = self.objective.targets.fitted
-            self.steps.noise, _ = measured_noise(seeds, self.found.values, mask)
-        self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
-        self.tell_doubts()
+            self.steps.noise, _ = measured_noise(seeds, values, mask)
 
     def _jittered(self, setup: Setup) -> list[Setup]:
         """The setups whose runs measure the noise of a finite difference."""
@@ -212,7 +219,23 @@ class BackAnalysis:
         search = self._search(engine, self.steps, tell=True)
         found = refine(search, coarse.values, method=method, sampled=agreeing)
         self.move = self._move(coarse.best, found.best)
-        return found.after(coarse, method)
+        return self._with_fine_derivative(found).after(coarse, method)
+
+    def _with_fine_derivative(self, found: SearchResult) -> SearchResult:
+        """With the derivative of fine runs: what the data leave undetermined depends on it.
+
+        Its steps stand out of the noise of coarse runs, and so of that of fine ones.
+        """
+        before, best = self.engine.runs, found.best
+        self._learn_noise(best.values)
+        self.steps.learn(best.derivative[self.objective.targets.fitted], best.values)
+        _, derivative, steps = self.engine.derivative(best.values, self.steps.steps(best.values))
+        silent = self.objective.silent(best.prediction)[:, None]
+        derivative = np.where(silent, 0.0, derivative)
+        exact = replace(best, derivative=derivative, steps=steps)
+        evaluations = [exact if one is best else one for one in found.evaluations]
+        runs = found.runs + self.engine.runs - before
+        return replace(found, best=exact, evaluations=evaluations, runs=runs)
 
     def _move(self, coarse: Evaluation, fine: Evaluation) -> Move:
         """From coarse to fine runs, which agree at these two evaluations."""
@@ -338,7 +361,7 @@ class BackAnalysis:
         if answered:
             share = self.case.config.inversion.check_share
             names = largest(answered, here, self.spread.std, share)
-            self._again_fine([one for one in answered if one.entry.name in names], rounds=0)
+            self._again_fine([one for one in answered if one.entry.name in names], linear=True)
         for entry, _ in entries:
             self._keep_sensitivity(
                 entry.name, [one for one in answered if one.entry is entry], here
@@ -501,12 +524,12 @@ class BackAnalysis:
             before=None if found is None else found.evaluations[0].prediction,
         )
 
-    def _again_fine(self, solved: Sequence[Solved], rounds: int = ROUNDS) -> None:
+    def _again_fine(self, solved: Sequence[Solved], *, linear: bool = False) -> None:
         """Solve what coarse runs have answered again at the spacing of the answer.
 
         Args:
             solved: those without coarse runs, and those that fail now, stay as they are.
-            rounds: batches after the first.
+            linear: one run is enough where the linear step that is left is short.
         """
         again = {
             number: Problem(
@@ -518,18 +541,27 @@ class BackAnalysis:
             for number, one in enumerate(solved)
             if self.coarse_spacing_m and self.case.coarsened(one.changed.setup) is not None
         }
-        self._resolve(list(again.values()), rounds)
+        problems = list(again.values())
+        resolve(problems, 0 if linear else ROUNDS)
+        if linear:
+            resolve([one for one in problems if not self._short(one)])
+        self.runs += sum(problem.engine.runs for problem in problems)
         for number, problem in again.items():
             if np.isfinite(problem.loss):
                 solved[number].fine = problem
+
+    def _short(self, problem: Problem) -> bool:
+        """The linear step that is left is short against what the data know."""
+        left = np.abs(problem.refined - problem.values)
+        return bool(np.all(left < SHORT * self.spread.std))
 
     @staticmethod
     def _least_m(engine: Forward) -> float:
         """What must move for a search to begin [m]."""
         return 2.0 * engine.setup.scene.spacing
 
-    def _resolve(self, problems: list[Problem], rounds: int = ROUNDS) -> None:
-        resolve(problems, rounds)
+    def _resolve(self, problems: list[Problem]) -> None:
+        resolve(problems)
         self.runs += sum(problem.engine.runs for problem in problems)
 
     def _tell_evaluation(self, evaluation: Evaluation) -> None:

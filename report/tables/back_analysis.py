@@ -237,7 +237,7 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
     coarse = data.result.coarse_spacing_m
     rows: list[list[str | None]] = [
         ["survey", "errors of the fitted measurements", None, f"{p.std_data:.2f}",
-         *_spacing(data, coarse), *([None] if coarse else [])]
+         *_spacing(data, data.result.spacing_m), *([None] if coarse else [])]
     ]  # fmt: skip
     for entry in data.result.sensitivities:
         added = "not added" if entry.kind == "target" else f"{entry.std[p.name]:.2f}"

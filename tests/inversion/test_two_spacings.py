@@ -152,7 +152,8 @@ def both(tmp_path_factory):
         settings = load_config(
             None,
             [f"inversion.coarse_factor={factor}", "inversion.coarse_points=300",
-             "inversion.starts=2", "inversion.noise_seeds=2", "inversion.step_seeds=2"],
+             "inversion.check_share=0.95", "inversion.starts=2", "inversion.noise_seeds=2",
+             "inversion.step_seeds=2"],
         )  # fmt: skip
         analysis = BackAnalysis(inversion_case(load_case(folder, settings)), store)
         return analysis.run()
