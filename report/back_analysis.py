@@ -155,8 +155,8 @@ def _methods(data: BackAnalysisData) -> Section:
         "(line); hollow circles below it are variants of the question. Bars of the other methods "
         "are the ranges over their judgement calls, or as published; hollow: quoted from memory. "
         "A triangle is a lower bound (95 %), its bar the limit of flow. "
-        "Relations with blow count have a bar of one standard deviation, and a line from the "
-        "weakest to the strongest layer.",
+        "Relations with blow count (orange) have a bar of one standard deviation, and a line from "
+        "the weakest to the strongest layer.",
     )
     return Section(
         title,
@@ -203,7 +203,8 @@ def _not_determined(data: BackAnalysisData) -> Section:
         "Bars before and after the data for each parameter.",
         *words.undetermined_sentences(data),
         "Pale: known before the fit (the prior, or the whole range between the bounds). Dark: one "
-        "standard deviation after the fit; orange where the data added nothing.",
+        "standard deviation after the fit, or all above a lower bound; orange where the data added "
+        "nothing.",
     )
     paper = "" if papers_answer(data) is None else (
         " Dashed: the paper's single answer, fitted to its own measured runouts."

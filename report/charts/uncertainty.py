@@ -138,6 +138,8 @@ def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer, prior_mean: fl
     if prior_mean is not None:
         before = share(prior_mean - p.prior_std), share(prior_mean + p.prior_std)
     after = share(p.value - p.std_data), share(p.value + p.std_data)
+    if p.lower_bound_95 is not None:
+        after = share(p.lower_bound_95), 1.0
     if not p.determined and not p.has_prior:
         after = before
     colour = OURS if p.determined else HELD_OUT
@@ -150,6 +152,9 @@ def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer, prior_mean: fl
     before_words = "" if prior_mean is None else f" (before ± {p.prior_std:.2g})"
     known = f"± {p.std_data:.2g} from the data" if p.determined else "no narrower than before"
     text = f"{with_unit(fixed(p.value), p.unit)}, {known} {before_words}"
+    if p.lower_bound_95 is not None:
+        bound = with_unit(fixed(p.lower_bound_95), p.unit)
+        text = f"≥ {bound} (95 %), limit of flow {with_unit(fixed(p.value), p.unit)}{before_words}"
     place, side = (0.0, "left") if share(p.value) < 0.6 else (1.0, "right")
     ax.text(place, number - 0.28, words(text), fontsize=SMALL, color=colour, ha=side, va="center")
     for x, value in ((0, p.low), (1, p.high)):

@@ -125,7 +125,7 @@ def _relations(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
     for row in data.result.relations:
         if row.parameter in names:
             zones = f", zone {', '.join(row.zones)}" if several else ""
-            label = f"{row.label}, N {row.n1_60:.3g}{zones}"
+            label = f"{row.label}{zones}"
             hollow = "recalled" in row.confidence
             layers = (row.weakest_kpa, row.strongest_kpa) if len(row.zones) > 1 else None
             yield Strength(

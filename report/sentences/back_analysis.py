@@ -346,7 +346,13 @@ def undetermined_sentences(data: BackAnalysisData) -> list[str]:
                 "times the prior one)."
             )
     for p in data.result.answer.parameters:
-        if not p.determined:
+        if p.lower_bound_95 is not None:
+            said.append(
+                f"Of {p.label} the data give a lower bound alone, "
+                f"{with_unit(fixed(p.lower_bound_95), p.unit)}: any strength above the limit of "
+                "flow fits as well."
+            )
+        elif not p.determined:
             basis = "its prior" if p.has_prior else f"its bounds, {p.low:g} to {p.high:g}"
             after, before = (with_unit(f"± {std:.2g}", p.unit) for std in (p.std_data, p.prior_std))
             said.append(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
+from flowslide import api
 from geometry.survey.no_flow import NoFlow
 from inversion.back_analysis.perturbed_answers import Problem, resolve
 from inversion.estimation.calibrate import calibrate
@@ -20,8 +22,11 @@ from inversion.estimation.unknowns import Parameters
 from inversion.posterior import likelihood
 from inversion.problem.forward import Prediction
 from pipeline.cli import WorkFailed
+from report.back_analysis import summary, write_report
+from report.data.back_analysis import load_back_analysis
 from tests.budget import examples
 from tests.inversion.analytic import Formula, strength, toes
+from tests.inversion.test_relations import SURVEY, write_case
 
 LIMIT, STD = 1.5, 0.5
 
@@ -235,3 +240,62 @@ def test_the_standard_deviation_of_the_limit_is_that_of_the_survey():
     found = calibrate(search, np.array([30.0]), method="gauss_newton", least_m=2.0)
     spread = posterior(search.objective, found.best.derivative, found.values)
     assert spread.std[0] == pytest.approx(STD / 0.5, rel=0.02)
+
+
+# --- the whole way ---
+
+
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory):
+    """A block that stood: its back-analysis, on 240 points."""
+    folder = write_case(tmp_path_factory.mktemp("case") / "block", start=40.0, high=80.0)
+    sides = [
+        {"name": f"no flow to the {side}", "type": "no_flow", "side": side, "limit_m": LIMIT,
+         "std_m": STD, "confidence": "assumed", "source": "a test"}
+        for side in ("left", "right")
+    ]  # fmt: skip
+    survey = {**SURVEY, "sets": {"field": sides}}
+    (folder / "measurements.yaml").write_text(yaml.safe_dump(survey))
+    question = yaml.safe_load((folder / "inversion.yaml").read_text())
+    question["sensitivities"] = [
+        {"name": "density", "kind": "property", "zones": ["high"], "property": "density",
+         "std": 100.0}
+    ]  # fmt: skip
+    (folder / "inversion.yaml").write_text(yaml.safe_dump(question))
+    out = tmp_path_factory.mktemp("out")
+    return folder, out, api.back_analyse(folder, out=out, threads=1)
+
+
+@pytest.mark.slow
+def test_a_back_analysis_of_what_stood_is_a_lower_bound(answered):
+    folder, out, result = answered
+    (answer,) = result.answer.parameters
+    assert result.answer.reached and result.answer.words.startswith("the limit of flow")
+    share = answer.std_total / answer.value
+    assert answer.lower_bound_95 == pytest.approx(answer.value * np.exp(-1.645 * share))
+    assert answer.interval_95 == (answer.lower_bound_95, 80.0)
+    assert answer.ratio_lower_bound_95 < answer.ratio
+    (density,) = result.sensitivities
+    assert all(side.reached for side in density.sides)
+    heavier, lighter = (side.change["S_r"] for side in density.sides)
+    assert lighter < 0.0 < heavier, "a heavier block needs more strength to stand"
+    assert all(m.censored and m.measured == LIMIT for m in result.measurements)
+    assert max(m.predicted for m in result.measurements) <= LIMIT
+    assert len(result.starts) > 1
+    for one in result.starts:
+        assert one.answer["S_r"] == pytest.approx(answer.value, rel=0.05)
+    # Half the strength: something runs, by the same simulations.
+    run = api.simulate(folder, strengths_kpa={"sand": 0.5 * answer.value}, threads=1)
+    assert max(reading.simulated for reading in run.readings if reading.measured) > LIMIT
+
+
+@pytest.mark.slow
+def test_its_page_and_terminal_say_at_least(answered):
+    folder, out, result = answered
+    data = load_back_analysis(out, folder)
+    bound = result.answer.parameters[0].lower_bound_95
+    text = summary(data)
+    assert f"≥ {bound:.1f}" in text and "< 1.5 m" in text and "a lower bound alone" in text
+    assert "limit of flow: " in text and "The data determine every unknown" not in text
+    page = write_report(data, film=False).read_text()
+    assert "only a lower bound is known" in page and "(95\N{NO-BREAK SPACE}%)" in page
