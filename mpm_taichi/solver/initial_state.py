@@ -33,6 +33,7 @@ from mpm_taichi.solver.water import (
     MovingFace,
     head_places,
     level_and_fall,
+    moving_face,
     water_force,
 )
 
@@ -119,10 +120,6 @@ def prepare(
         lateral = np.array([_k0(material) for material in rows])[row]
         at_rest = k0_stress(scene, points, mass_of_row[row], lateral, settings.gravity_m_per_s2)
         stress[:] = np.where(resting[order, None], at_rest[order], 0.0)
-    face = None
-    if settings.water_face == "moving" and settings.water == "pore_pressure":
-        moving = MovingFace(scene, points.position[order])
-        face = moving if moving.holds_back else None
     moduli = [m.youngs_modulus_pa * (1 - m.poisson_ratio) / (
         (1 + m.poisson_ratio) * (1 - 2 * m.poisson_ratio)) for m in rows]  # fmt: skip
     return PreparedScene(
@@ -150,7 +147,7 @@ def prepare(
         wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),
         frame_time=settings.frame_interval
         * float(np.sqrt(scene.spacing / settings.gravity_m_per_s2)),
-        face=face,
+        face=moving_face(scene, settings, points.position[order]),
     )
 
 

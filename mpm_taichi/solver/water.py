@@ -13,6 +13,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
+    from pipeline.config import SimulationSettings
 
 WATER_DENSITY = 1000.0
 """Density of fresh water [kg/m3]."""
@@ -123,3 +124,19 @@ class MovingFace:
             below = np.flatnonzero(top[: stands[-1]] < self.level)
             return int(below[-1]) + 1 if below.size else 0
         return int(np.argmax(np.where(dry, top, -np.inf))) if dry.any() else len(head)
+
+
+def moving_face(
+    scene: Scene, settings: SimulationSettings, position: np.ndarray
+) -> MovingFace | None:
+    """The face that the water of a run follows, None where it stays where it is.
+
+    Args:
+        scene: of the run.
+        settings: of its simulation.
+        position: (P, 2) points of the soil at the start [m].
+    """
+    if settings.water != "pore_pressure" or settings.water_face != "moving":
+        return None
+    face = MovingFace(scene, position)
+    return face if face.holds_back else None

@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from shapely.geometry import Polygon
+from shapely.ops import unary_union
 
 from geometry.case import Case
 from geometry.survey.marks import Distance, Line
@@ -49,7 +50,7 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
     figure = new_figure(6.0, WIDTH_IN)
     axes = [figure.add_axes((0, 0, 1, 1)) for _ in range(2)]
     colouring = colouring_of(run, "material")
-    parts = [(0, _zone_names(case)), (-1, after)]
+    parts = [(0, _soil_names(case)), (-1, after)]
     stamps = ["Before the slide", f"Simulated deposit, {run.time[-1]:.0f} s later"]
     for ax, (frame, overlay), stamp in zip(axes, parts, stamps, strict=True):
         draw_frame(ax, run, frame, colouring=colouring, overlay=overlay, limits=limits)
@@ -174,15 +175,23 @@ def _dimension(
     tell(ax, foot, y, words, away=(5 * inward, 0), color=colour, fontweight="bold", zorder=order)
 
 
-def _zone_names(case: Case) -> Overlay:
-    """The name of each zone within it."""
+def _soil_names(case: Case) -> Overlay:
+    """The name of each soil within every body of it that has room for the name."""
 
     def draw(ax: Axes) -> None:
-        for zone in case.scene.zones:
-            (x, y), _, _ = label_place(Polygon(zone.polygon))
-            ax.text(x, y, zone.name.replace("_", " "), ha="center", va="center", fontsize=8,
-                    fontweight="bold", color=TEXT_COLOUR, path_effects=HALO,
-                    zorder=LAYER["overlay"])  # fmt: skip
+        scene = case.scene
+        inch = np.ptp(ax.get_xlim()) / (WIDTH_IN - LEFT - RIGHT)  # m
+        for name in scene.materials:
+            own = [Polygon(zone.polygon) for zone in scene.zones if zone.material == name]
+            body = unary_union([polygon.buffer(0.1 * scene.spacing) for polygon in own])
+            words = name.replace("_", " ")
+            for part in getattr(body, "geoms", [body]):
+                (x, y), radius, width = label_place(part)
+                if radius < 0.05 * inch or width < 0.075 * len(words) * inch:
+                    continue
+                ax.text(x, y, words, ha="center", va="center", fontsize=8, fontweight="bold",
+                        color=TEXT_COLOUR, path_effects=HALO,
+                        zorder=LAYER["overlay"])  # fmt: skip
 
     return draw
 
@@ -251,11 +260,10 @@ def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> N
 
 
 def _material_handles(case: Case) -> list[Artist]:
-    """A legend entry per material, with the names of its zones and its strength."""
+    """A legend entry per material, with its strength."""
     handles: list[Artist] = []
     for name, colour in material_colours(case.scene).items():
-        zones = ", ".join(zone.name for zone in case.scene.zones if zone.material == name)
-        words = f"{zones}: {name.replace('_', ' ')}, {strength(case.scene.materials[name])}"
+        words = f"{name.replace('_', ' ')}, {strength(case.scene.materials[name])}"
         handles.append(Patch(facecolor=colour, label=words))
     return handles
 

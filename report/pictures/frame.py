@@ -11,15 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import EllipseCollection
+from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
 from scipy.ndimage import distance_transform_edt
 from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
 from geometry.scenes.scene import Scene
+from mpm_taichi.solver.water import MovingFace, moving_face
 from mpm_taichi.trajectory import Run, refuse_empty
 from report.pictures.colouring import Colouring, colouring_of
 from report.style import GROUND_COLOUR, GROUND_LINE, HALO, WATER_COLOUR, WATER_LINE, labels, tidy
@@ -37,16 +39,43 @@ LAYER = {"water": 1, "soil": 2.1, "points": 2.2, "ground": 3, "lines": 4, "overl
 
 
 @dataclass(frozen=True)
+class DrawnWater:
+    """The pool and the line of the water on some axes; `show` moves them to another frame."""
+
+    run: Run
+    face: MovingFace | None
+    x: np.ndarray
+    pool: PolyCollection
+    line: Line2D
+
+    def show(self, frame: int) -> None:
+        """Draw the water where it is in `frame`: it follows the soil, or stays."""
+        scene = self.run.scene
+        level = scene.phreatic_level(self.x)
+        if self.face is not None and frame > 0:
+            level = self.face.head(self.x, self.run.positions[frame][~self.run.kinematic])
+        ground = scene.ground.height(self.x)
+        upper, lower = np.maximum(level, ground), ground
+        outline = np.concatenate([np.stack([self.x, upper], axis=1),
+                                  np.stack([self.x, lower], axis=1)[::-1]])  # fmt: skip
+        self.pool.set_verts([outline])
+        self.line.set_data(self.x, np.where(level > ground + 1e-6, level, np.nan))
+
+
+@dataclass(frozen=True)
 class DrawnSoil:
-    """The soil on some axes; `show` moves it to another frame."""
+    """The soil on some axes, and the water; `show` moves them to another frame."""
 
     run: Run
     colouring: Colouring
     points: EllipseCollection
     body: AxesImage
+    water: DrawnWater | None
 
     def show(self, frame: int) -> None:
         """Move the points to where they are in `frame` (0 to T - 1) and colour them for it."""
+        if self.water is not None:
+            self.water.show(frame)
         positions, values = self.run.positions[frame], self.colouring.values(frame)
         self.points.set_offsets(positions)
         self.points.set_array(values)
@@ -130,8 +159,7 @@ def draw_frame(
     ax.set(xlim=x_limits, ylim=y_limits, aspect="equal")
     labels(ax, "x (m)", "y (m)")
     tidy(ax)
-    _draw_water(ax, run.scene, x_limits)
-    soil = _draw_soil(ax, run, colouring)
+    soil = _draw_soil(ax, run, colouring, _draw_water(ax, run, x_limits))
     soil.show(frame % run.frames)
     _draw_ground(ax, run.scene, x_limits, y_limits)
     _draw_outline(ax, run.scene)
@@ -140,7 +168,7 @@ def draw_frame(
     return soil
 
 
-def _draw_soil(ax: Axes, run: Run, colouring: Colouring) -> DrawnSoil:
+def _draw_soil(ax: Axes, run: Run, colouring: Colouring, water: DrawnWater | None) -> DrawnSoil:
     """The points and the body below them, still without a place and a colour."""
     style = {"cmap": colouring.colour_map, "norm": colouring.norm}
     diameter = DISC * run.scene.spacing
@@ -169,7 +197,7 @@ def _draw_soil(ax: Axes, run: Run, colouring: Colouring) -> DrawnSoil:
         zorder=LAYER["soil"],
         **style,
     )
-    return DrawnSoil(run, colouring, points, body)
+    return DrawnSoil(run, colouring, points, body, water)
 
 
 def profile_overlay(x: np.ndarray, y: np.ndarray, label: str = "measured profile") -> Overlay:
@@ -247,22 +275,20 @@ def _extent(overlay: Overlay | None) -> np.ndarray:
     return corners if np.isfinite(corners).all() else np.zeros((0, 2))
 
 
-def _draw_water(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> None:
-    """The pool behind the points, and the phreatic line through them."""
+def _draw_water(ax: Axes, run: Run, x_limits: tuple[float, float]) -> DrawnWater | None:
+    """The pool behind the points, and the water level through them, still without a place."""
+    scene = run.scene
     if scene.water_level is None:
-        return
+        return None
     if scene.domain.walls == "closed":
         x_limits = max(x_limits[0], scene.domain.x_min), min(x_limits[1], scene.domain.x_max)
-    bends = [x for x, _ in [*(scene.phreatic_line or []), *scene.ground.points]]
-    x = np.unique(np.clip([*np.linspace(*x_limits, 200), *bends], *x_limits))
-    ground, level = scene.ground.height(x), scene.phreatic_level(x)
-    wet = level > ground + 1e-6
-    ax.fill_between(
-        x, ground, np.maximum(level, ground), color=WATER_COLOUR, linewidth=0, zorder=LAYER["water"]
-    )
-    ax.plot(
-        x,
-        np.where(wet, level, np.nan),
+    x = np.linspace(*x_limits, max(round((x_limits[1] - x_limits[0]) / scene.spacing), 200))
+    face = moving_face(scene, run.settings, run.positions[0][~run.kinematic])
+    pool = PolyCollection([], facecolors=WATER_COLOUR, linewidths=0, zorder=LAYER["water"])
+    ax.add_collection(pool, autolim=False)
+    (line,) = ax.plot(
+        [],
+        [],
         color=WATER_LINE,
         linewidth=0.9,
         linestyle=(0, (7, 2, 1.5, 2)),
@@ -270,6 +296,7 @@ def _draw_water(ax: Axes, scene: Scene, x_limits: tuple[float, float]) -> None:
         zorder=LAYER["lines"],
         label="water level" if scene.phreatic_line is None else "pool and phreatic line",
     )
+    return DrawnWater(run, face, x, pool, line)
 
 
 def _draw_ground(

@@ -226,6 +226,6 @@ def _columns(labels: Sequence[str]) -> int:
 
 
 def _above_the_background(ax: Axes) -> list[Artist]:
-    """The soil and all that lies over it."""
+    """The water, the soil and all that lies over it."""
     drawn = [*ax.images, *ax.collections, *ax.lines, *ax.patches, *ax.texts]
-    return [artist for artist in drawn if artist.zorder >= LAYER["soil"]]
+    return [artist for artist in drawn if artist.zorder >= LAYER["water"]]
