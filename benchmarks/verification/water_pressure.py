@@ -10,6 +10,9 @@ Below the water line h(x) the pore pressure is u = rho_w g (h - y); soil feels -
       T(y) = rho_w g (H - y)^2 / 2,   T(0) the shear force of the base;
 
   on a base without friction the core has the acceleration T(0) / m.
+- The same core where the line begins to fall before it, as if it had lost its shell: the pool
+  presses on the bare face and T is the same. With `water_face: fixed` it would be only that of the
+  head at the face, T / 4 here.
 - Steady seepage under a gradient i: a force rho_w g i per volume along x, and submerged weight
   rho' g. A block on a base of friction mu starts to slide at the critical gradient
 
@@ -50,7 +53,9 @@ POOL, WIDTH, TOP = 10.0, 8.0, 12.0
 """Depth of the pool at the core, width and height of the core [m]."""
 LEFT, COVER = 16.0, 2.0
 """Left face of the core, and how far inside it the line begins and ends to fall [m]."""
-PUSHED_S = 0.4
+BARE = -6.0
+"""Where it begins to fall before a bare face; halfway down at the face [m from the face]."""
+PUSHED_S, BARE_S, SETTLING_S = 0.4, 0.8, 2.0
 
 LENGTH, THICKNESS = 20.0, 2.0
 """Of the block in the seepage [m]."""
@@ -93,8 +98,11 @@ def thrust(level: np.ndarray | float) -> np.ndarray:
     return 0.5 * UNIT_WEIGHT * np.maximum(POOL - np.asarray(level), 0.0) ** 2
 
 
-def core_scene(spacing: float, ground: dict) -> dict:
-    """The core with the pool on its left; `ground`: contact of its base."""
+def core_scene(spacing: float, ground: dict, falls_at: float = COVER) -> dict:
+    """The core with the pool on its left.
+
+    `ground`: contact of its base; `falls_at`: where the line begins to fall [m from the face].
+    """
     right = LEFT + WIDTH
     return {
         "name": f"core at {spacing:g} m",
@@ -109,7 +117,7 @@ def core_scene(spacing: float, ground: dict) -> dict:
         ],
         "materials": {"rock": STIFF},
         "water_level": POOL,
-        "phreatic_line": [[LEFT + COVER, POOL], [right - COVER, 0.0]],
+        "phreatic_line": [[LEFT + falls_at, POOL], [right - COVER, 0.0]],
         "spacing": spacing,
     }
 
@@ -125,6 +133,23 @@ def push_core(spacing: float) -> Core:
     lab.run(0)
     time, travel = follow(lab, PUSHED_S)
     return Core(spacing, level, shear, time, travel)
+
+
+def push_bare_face(spacing: float) -> tuple[float, float]:
+    """Shear force of a rough base [N/m], and acceleration without friction [m/s2], bare face.
+
+    The face is found at the first look after the start: the base is read when the core, damped,
+    rests again, and the acceleration from then on.
+    """
+    rough = core_scene(spacing, {"contact": "rough"}, BARE)
+    lab = Lab(rough, **FORMS[2], local_damping=0.5, gravity_m_per_s2=GRAVITY)
+    lab.run(round(SETTLING_S / lab.frame_time))
+    shear = float(lab.stress[lab.start[:, 1] < spacing, 3].sum()) * spacing
+    smooth = {"contact": "coulomb", "friction_coefficient": 0.0}
+    lab = Lab(core_scene(spacing, smooth, BARE), **FORMS[2], gravity_m_per_s2=GRAVITY)
+    lab.run(0)
+    time, travel = follow(lab, BARE_S)
+    return shear, 2.0 * float(np.polyfit(time[3:], travel[3:], 2)[0])
 
 
 def follow(lab: Lab, seconds: float) -> tuple[np.ndarray, np.ndarray]:
@@ -238,6 +263,7 @@ def run(folder: Path | None, quick: bool = False) -> list[Row]:
     spacing = spacings[-1]
     cores = [push_core(one) for one in spacings]
     seepages = [seep(share, spacing) for share in (*RESTING, *SLIDING)]
+    shear, acceleration = push_bare_face(spacing)
     core, mass = cores[-1], DENSITY * WIDTH * TOP
     cells = f"{POOL / (2 * spacing):.0f} cells to H"
     rows = [
@@ -247,6 +273,10 @@ def run(folder: Path | None, quick: bool = False) -> list[Row]:
             float(thrust(0.0)) / 1e3, TOLERANCE, "kN/m"),
         Row(CASE, f"thrust of a pool, acceleration without friction, {cells}",
             core.acceleration, float(thrust(0.0)) / mass, TOLERANCE, "m/s2"),
+        Row(CASE, f"pool on a bare face, reaction of the base, {cells}", shear / 1e3,
+            float(thrust(0.0)) / 1e3, TOLERANCE, "kN/m"),
+        Row(CASE, f"pool on a bare face, acceleration without friction, {cells}",
+            acceleration, float(thrust(0.0)) / mass, TOLERANCE, "m/s2"),
     ]  # fmt: skip
     for seepage in seepages:
         if seepage.share > 1.0:

@@ -21,6 +21,10 @@ WATER_DENSITY = 1000.0
 FACE_PLACES = 4
 """The jump of the head at the face is spread over this many half cells inside, full of soil."""
 
+FACE_DEPTH = 3
+"""It begins this many half cells inside the face: nearer to it nodes have little soil, and what
+thrust falls on them is lost (a fifth of it without this)."""
+
 LEVEL_WITH_POOL = 0.01
 """Head that is lower than the pool's by less than this is the pool's [m]."""
 
@@ -100,7 +104,7 @@ class MovingFace:
         if not self.from_left:
             head, top = head[::-1], top[::-1]
         face = self._face(head, top)
-        inside = (np.arange(len(head)) - face) / FACE_PLACES
+        inside = (np.arange(len(head)) - face - FACE_DEPTH) / FACE_PLACES
         head = self.level + np.clip(inside, 0.0, 1.0) * (head - self.level)
         head = np.minimum.accumulate(np.minimum(head, self.level))
         return head if self.from_left else head[::-1]
