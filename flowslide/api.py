@@ -233,7 +233,8 @@ def back_analyse(
             question's, else the settings'.
         model: of the engine "gns": a folder, or the name of a model that ships.
         method: of the search; None: the settings'.
-        quick: the answer alone: one start, no variants, no seeds, no sensitivities.
+        quick: the answer alone: one start, no variants, no seeds, no sensitivities,
+            no waterfall.
         spacing_m: see above.
         measurement_set: name of a set; None: the default one.
         use_constructed: let constructed data enter the fit.
@@ -290,7 +291,8 @@ def with_choices(case: Case, method: str | None, quick: bool) -> Case:
     """The case with the settings of a back-analysis that arguments replace."""
     changes: dict[str, Any] = {} if method is None else {"method": method}
     if quick:
-        changes |= {"starts": 1, "noise_seeds": 0, "variants": False, "sensitivities": False}
+        left_out = dict.fromkeys(("variants", "sensitivities", "waterfall"), False)
+        changes |= {"starts": 1, "noise_seeds": 0, **left_out}
     chosen = case.config.inversion.model_copy(update=changes)
     return replace(case, config=case.config.model_copy(update={"inversion": chosen}))
 

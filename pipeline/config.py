@@ -254,6 +254,7 @@ class InversionSettings(Settings):
     )
     variants: bool = Field(True, description="solve the variants of the question")
     sensitivities: bool = Field(True, description="solve its sensitivities")
+    waterfall: bool = Field(True, description="solve the readings on the way to it")
 
 
 class PosteriorSettings(Settings):

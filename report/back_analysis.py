@@ -65,6 +65,7 @@ def summary(data: BackAnalysisData) -> str:
         *((table, []) for table in tables.method_tables(data)),
         *((table, ["scatter"]) for table in tables.relation_tables(data)),
         (tables.variant_table(data), ["predicted", "loss"]),
+        (tables.waterfall_table(data), []),
         *((table, []) for table in tables.sensitivity_tables(data, strengths)),
         (tables.starts_table(data), []),
         (tables.equally_good_table(data), ["loss"]),
@@ -96,6 +97,7 @@ def sections(data: BackAnalysisData, film: Path | None) -> list[Section]:
         _not_determined(data),
         _sensitivities(data),
         _variants(data),
+        _waterfall(data),
         _search(data),
         _catalogue(data),
         _film(film),
@@ -239,6 +241,21 @@ def _variants(data: BackAnalysisData) -> Section:
     found = tabulated(tables.variant_table(data))
     sentence = said([words.variant_sentence(data)]) if found else []
     return Section("Variants of the question", [*sentence, *found])
+
+
+def _waterfall(data: BackAnalysisData) -> Section:
+    from report.charts.waterfall import draw_waterfall
+
+    parts = shown(
+        draw_waterfall(data, data.folder / "waterfall.svg"),
+        "Bars of the strength, one for each change on the way from another reading to the answer.",
+        words.waterfall_sentence(data),
+        "Each bar goes from the value before a change to the one after it, fitted to the same "
+        "measurement: blue lowers the strength, orange raises it. A change stays for the rows "
+        "below.",
+    )
+    parts += tabulated(tables.waterfall_table(data))
+    return Section("From another reading to this answer", parts)
 
 
 def _search(data: BackAnalysisData) -> Section:

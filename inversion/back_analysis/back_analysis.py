@@ -1,8 +1,8 @@
 """The whole back-analysis of a case, stage by stage, into a `Result`.
 
-answer -> other starts -> equally good answers -> jitter seeds -> variants -> sensitivities. Each
-stage is a method that leaves what it found; runs come from a store that keeps them by content, so a
-killed back-analysis goes through the finished stages again in seconds.
+answer -> other starts -> equally good answers -> jitter seeds -> variants -> sensitivities ->
+waterfall. Each stage is a method that leaves what it found; runs come from a store that keeps them
+by content, so a killed back-analysis goes through the finished stages again in seconds.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from inversion.back_analysis.result import (
     VariantAnswer,
 )
 from inversion.back_analysis.variants import Changed
+from inversion.back_analysis.waterfall import WaterfallAnswer
 from inversion.engine_registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
@@ -86,6 +87,7 @@ class BackAnalysis:
     sensitivities: list[SensitivityAnswer] = field(default_factory=list)
     ratio_changes: dict[str, dict[str, float]] = field(default_factory=dict)
     noise: Noise | None = None
+    waterfall: WaterfallAnswer | None = None
     more_sources: dict[str, dict[str, float]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
@@ -111,6 +113,12 @@ class BackAnalysis:
             stages.append(("variants", self.solve_variants))
         if settings.sensitivities:
             stages.append(("sensitivities", self.solve_sensitivities))
+        if (
+            settings.waterfall
+            and self.case.waterfall
+            and not engine_named(self.engine_name).trained
+        ):
+            stages.append(("waterfall", self.solve_waterfall))
         self.watch.plan({name: self._expected_runs(name) for name, _ in stages})
         for name, stage in stages:
             with self._timed(name), self.watch.stage(name):
@@ -129,6 +137,7 @@ class BackAnalysis:
             "seeds": 2 * settings.noise_seeds,
             "variants": 3 * evaluation * len(question.variants),
             "sensitivities": 4 * changes,
+            "waterfall": 6 * len(self.case.waterfall),
         }.get(stage, 2 * evaluation)
 
     # --- what an engine decides ---
@@ -382,6 +391,24 @@ class BackAnalysis:
             f"{side.words}: {first} {side.change[first]:+.2f}" for side in found.sides
         ))  # fmt: skip
 
+    def solve_waterfall(self) -> None:
+        """Solve the readings on the way to the question, each from the answer before it."""
+        name = self.case.parameters.names[self.case.waterfall[-1].place]
+        asked, bars, start = self.case.question.waterfall, [], None
+        for reading in self.case.waterfall:
+            own = reading.case is self.case
+            setup = reading.alone(self.found.values if own else reading.setup.parameters.start)
+            begin = setup.parameters.start if start is None else setup.parameters.clipped(start)
+            found = self._calibrated(reading.name, setup, begin, self.engine_of(setup))
+            if found is None:
+                continue
+            start = found.values
+            self.say(f"{reading.name}: {name} {found.values[0]:.4g}: {found.words}")
+            value = float(self._problem(setup, found).refined[0])
+            bars.append(result_builder.waterfall_bar(reading, setup, found, value))
+        bars.append(result_builder.last_bar(self.case, self.found, self.case.waterfall[-1]))
+        self.waterfall = WaterfallAnswer(parameter=name, stated=asked.stated, bars=bars)
+
     def _told_derivative(self) -> np.ndarray:
         """The derivative at the answer without its noise, which carries no information."""
         evaluation, mask = self.found.best, self.objective.targets.fitted
@@ -427,6 +454,7 @@ class BackAnalysis:
             measurements=result_builder.measurements(self.objective, found.best.prediction),
             noise=self.noise,
             classical=[],
+            waterfall=self.waterfall,
             relations=compared_relations(case),
             remarks=self.remarks,
             published=case.measurements.strength_published_kpa,
@@ -466,7 +494,7 @@ class BackAnalysis:
 
     def _steps(self, noise: np.ndarray, objective: Objective) -> FiniteSteps:
         return FiniteSteps(
-            self.case.parameters,
+            objective.parameters,
             noise,
             self.case.config.inversion.step_to_noise,
             whitener=objective.survey_whitener if objective.loss == "misfit" else None,
@@ -491,9 +519,14 @@ class BackAnalysis:
             on_evaluation=self._tell_evaluation if tell else None,
         )
 
-    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> SearchResult | None:
-        """Another search with the noise that is known; None, and a line, where there is none."""
-        engine = self.engine_of_changes(setup)
+    def _calibrated(
+        self, name: str, setup: Setup, start: np.ndarray, engine: Forward | None = None
+    ) -> SearchResult | None:
+        """Another search with the noise that is known; None, and a line, where there is none.
+
+        `engine`: None: that of changes.
+        """
+        engine = self.engine_of_changes(setup) if engine is None else engine
         noise = self.steps.noise
         if int(setup.targets.fitted.sum()) != len(noise):
             noise = np.full(int(setup.targets.fitted.sum()), float(np.max(noise)))

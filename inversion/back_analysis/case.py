@@ -12,11 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from geometry.case import Case
+from geometry.case import Case, load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import scene_from_mapping
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
+from inversion.back_analysis.waterfall import Reading, readings
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.misfit import Objective
@@ -105,7 +106,7 @@ class InversionCase(Case):
         points = len(fill(self.scene)) * (self.scene.spacing / spacing) ** 2
         if spacing <= self.scene.spacing or points < settings.coarse_points:
             return None
-        return spacing if self._at(spacing, self.setup) is not None else None
+        return spacing if self.at_spacing(spacing, self.setup) is not None else None
 
     def coarsened(self, setup: Setup) -> Setup | None:
         """The same setup at the coarse spacing.
@@ -115,14 +116,33 @@ class InversionCase(Case):
         """
         if self.coarse_spacing_m is None or setup.scene.spacing != self.scene.spacing:
             return None
-        return self._at(self.coarse_spacing_m, setup)
+        return self.at_spacing(self.coarse_spacing_m, setup)
 
-    def _at(self, spacing: float, setup: Setup) -> Setup | None:
+    def at_spacing(self, spacing: float, setup: Setup) -> Setup | None:
+        """The same setup at another spacing [m]; None: one of its zones would be too thin."""
         document = {**setup.scene.model_dump(), "spacing": spacing}
         try:
             return replace(setup, scene=scene_from_mapping(document, self.source))
         except InputError:
             return None
+
+    @cached_property
+    def waterfall(self) -> list[Reading]:
+        """The readings on the way to the question, in order; empty: none asked for."""
+        known: dict[str, InversionCase] = {}
+
+        def load(name: str) -> InversionCase:
+            if name not in known:
+                place = self.folder / name
+                case = load_case(place if place.is_dir() else name, self.config)
+                known[name] = _asked(case, spacing_m=self.scene.spacing)
+            return known[name]
+
+        return readings(self, load)
+
+    def fitted_to(self, names: Sequence[str]) -> Targets:
+        """The measurements in use, with others fitted, by name."""
+        return self._targets(self.measurement_set, names)
 
     def jittered(self, setup: Setup, seed: int) -> Setup:
         """The same setup with its points jittered by a seed."""
@@ -158,6 +178,24 @@ def inversion_case(
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
+    asked = _asked(
+        case,
+        measurement_set=measurement_set,
+        spacing_m=spacing_m,
+        use_constructed=use_constructed,
+    )
+    _check_all(asked)
+    return asked
+
+
+def _asked(
+    case: Case,
+    *,
+    measurement_set: str | None = None,
+    spacing_m: float | None = None,
+    use_constructed: bool = False,
+) -> InversionCase:
+    """The same, with variants, sensitivities and waterfall not yet looked at."""
     measurements = case.measurements
     question = load_question(case.folder, case.drawn)
     factor = case.config.inversion.spacing_factor
@@ -172,11 +210,9 @@ def inversion_case(
         use_constructed=use_constructed,
     )
     setup = Setup(case.scene, case.simulation, Parameters(question.parameters), targets, case.feet)
-    asked = case.extended(
+    return case.extended(
         InversionCase, question=question, setup=setup, use_constructed=use_constructed
     )
-    _check_all(asked)
-    return asked
 
 
 def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list[str] | None:
@@ -189,7 +225,7 @@ def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list
 
 
 def _check_all(case: InversionCase) -> None:
-    """Build every variant and sensitivity now: a mistake should not show after an hour."""
+    """Build every other reading now: a mistake should not show after an hour."""
     for variant in case.question.variants:
         case.variant(variant)
-    _ = case.sensitivities
+    _ = case.sensitivities, case.waterfall

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from inversion.back_analysis.result_checks import check_whole
+from inversion.back_analysis.waterfall import WaterfallAnswer
 from inversion.estimation.data import Role, Targets
 from inversion.problem.question import Question
 from pipeline.config import validate_settings
@@ -384,6 +385,9 @@ class Result(StrictDocument):
     starts: list[Start] = Field(description="the same from other first guesses, its own first")
     variants: list[VariantAnswer] = Field(description="under other readings of the question")
     sensitivities: list[SensitivityAnswer] = Field(description="under changed assumptions")
+    waterfall: WaterfallAnswer | None = Field(
+        None, description="from another reading to the answer; null: not asked"
+    )
     measurements: list[MeasurementAnswer] = Field(description="measured against predicted")
     noise: Noise | None = Field(description="on jittered points; null: not measured")
     classical: list[dict[str, Any]] = Field(description="as the classical methods write them")

@@ -20,6 +20,8 @@ from inversion.back_analysis.result import (
     Undetermined,
     fitted_to,
 )
+from inversion.back_analysis.waterfall import Reading, WaterfallBar
+from inversion.engines.setup import Setup
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import Posterior, direction_in_words, interval, lower_bound
 from inversion.estimation.search import Evaluation, SearchResult
@@ -229,6 +231,41 @@ def answer(
         },
         derivative_resolved=dict(zip(parameters.names, map(bool, resolved), strict=True)),
         steps=parameters.as_mapping(evaluation.steps),
+    )
+
+
+def waterfall_bar(
+    reading: Reading, setup: Setup, found: SearchResult, value: float
+) -> WaterfallBar:
+    """A solved reading; `setup` with its one unknown; `value` with the step that would be next."""
+    return WaterfallBar(
+        name=reading.name,
+        words=reading.words,
+        case=reading.case.name,
+        spacing_m=setup.scene.spacing,
+        value=value,
+        predicted=setup.targets.named(found.best.prediction.values),
+        loss=found.best.loss,
+        reached=found.reached,
+        at_bound=setup.parameters.at_bound(found.values)[0],
+    )
+
+
+def last_bar(case: InversionCase, found: SearchResult, last: Reading) -> WaterfallBar:
+    """The answer, after the last of the readings."""
+    spacing, targets = case.scene.spacing, case.setup.targets
+    other = last.setup.scene.changed(spacing=spacing) != case.scene
+    other = other or last.setup.settings != case.simulation
+    return WaterfallBar(
+        name="all else" if other else f"points {spacing:g} m apart",
+        words="as asked",
+        case=case.name,
+        spacing_m=spacing,
+        value=float(found.values[last.place]),
+        predicted=targets.named(found.best.prediction.values),
+        loss=found.best.loss,
+        reached=found.reached,
+        at_bound=case.parameters.at_bound(found.values)[last.place],
     )
 
 

@@ -16,8 +16,9 @@ from pydantic import ValidationError
 from geometry.scenes.scene import Point, Scene, document_error, scene_from_mapping
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.changes import WATER_WORDS, Changes, OtherProperty
 from inversion.problem.question import (
-    WATER_WORDS,
     CellSize,
     FixedProperty,
     MovedVertex,
@@ -54,24 +55,8 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
         source: file for messages.
     """
     where = f"{source}: variants: {variant.name}"
-    scene, settings, words = setup.scene, setup.settings, []
-    if variant.water == "none":
-        _refuse_sought_level(setup, f"{where}: water: none")
-        scene = scene.changed(water_level=None)
-        words.append("no water")
-    elif variant.water is not None:
-        if not scene.has_water:
-            raise InputError(f"{where}: water: {variant.water}: the scene has no water_level")
-        settings = settings.model_copy(update={"water": variant.water})
-        words.append(f"water as {WATER_WORDS[variant.water]}")
-    if variant.contact is not None:
-        ground = {**scene.ground.model_dump(), "contact": variant.contact}
-        ground["friction_coefficient"] = None
-        scene = scene.changed(ground=ground)
-        words.append(f"base {variant.contact.replace('_', ' ')}")
-    if variant.simulation:
-        settings, how = _simulated(settings, variant.simulation)
-        words.append(how)
+    changed = apply_changes(setup, variant, where)
+    words = [changed.words] if changed.words else []
     if variant.measurements is not None:
         words.append(f"measurements {variant.measurements!r}")
     if variant.fit is not None:
@@ -83,8 +68,98 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         words += [f"{name} {value:g}" for name, value in variant.targets.items()]
-    changed = replace(setup, scene=scene, settings=settings, targets=targets)
-    return Changed(changed, ", ".join(words))
+    return Changed(replace(changed.setup, targets=targets), ", ".join(words))
+
+
+def apply_changes(setup: Setup, changes: Changes, where: str) -> Changed:
+    """A setup with another water, base, soil or simulation.
+
+    Raises:
+        InputError: beginning with `where`: a zone or parameter that does not exist, water without a
+            level, a section that does not hold together.
+    """
+    words = []
+    if changes.zones:
+        setup = _shared_otherwise(setup, changes.zones, where)
+        words += [f"{name} of {', '.join(zones)}" for name, zones in changes.zones.items()]
+    scene, settings = setup.scene, setup.settings
+    if changes.pool_level_m is not None:
+        _refuse_sought_level(setup, f"{where}: pool_level_m")
+        level = changes.pool_level_m
+        raised = pool_at(scene, level) if scene.has_water else {"water_level": level}
+        scene = _checked({**scene.model_dump(), **raised}, where)
+        words.append(f"pool at {changes.pool_level_m:g} m")
+    if changes.water == "none":
+        _refuse_sought_level(setup, f"{where}: water: none")
+        scene = scene.changed(water_level=None)
+        words.append("no water")
+    elif changes.water is not None:
+        if not scene.has_water:
+            raise InputError(f"{where}: water: {changes.water}: the scene has no water_level")
+        settings = settings.model_copy(update={"water": changes.water})
+        words.append(f"water as {WATER_WORDS[changes.water]}")
+    if changes.contact is not None:
+        ground = {**scene.ground.model_dump(), "contact": changes.contact}
+        ground["friction_coefficient"] = None
+        scene = scene.changed(ground=ground)
+        words.append(f"base {changes.contact.replace('_', ' ')}")
+    given = [one for one in changes.properties if one.value is not None]
+    if given:
+        scene = _other_soil(replace(setup, scene=scene), given, where)
+        words += [
+            f"{one.property} {one.value:g} in "
+            + (f"zones {', '.join(one.zones)}" if one.zones else "all zones")
+            for one in given
+        ]
+    if changes.simulation:
+        settings, how = _simulated(settings, changes.simulation)
+        words.append(how)
+    return Changed(replace(setup, scene=scene, settings=settings), ", ".join(words))
+
+
+def _shared_otherwise(setup: Setup, zones: Mapping[str, Sequence[str]], where: str) -> Setup:
+    """The setup with parameters of other zones, which get the soil of the parameter's first."""
+    document = setup.scene.model_dump()
+    known = {zone["name"]: zone for zone in document["zones"]}
+    specs = list(setup.parameters.specs)
+    for name, shared in zones.items():
+        places = [place for place, spec in enumerate(specs) if spec.name == name]
+        unknown = [zone for zone in shared if zone not in known]
+        if not places or unknown or not shared:
+            what = f"zones {unknown or shared}" if places else f"parameter {name!r}"
+            raise InputError(f"{where}: zones: {what}: not in the case")
+        soil = known[specs[places[0]].zones[0]]["material"]
+        for zone in shared:
+            known[zone]["material"] = soil
+        specs[places[0]] = specs[places[0]].model_copy(update={"zones": list(shared)})
+    used = {zone["material"] for zone in document["zones"]}
+    document["materials"] = {k: v for k, v in document["materials"].items() if k in used}
+    return replace(setup, scene=_checked(document, where), parameters=Parameters(specs))
+
+
+def _other_soil(setup: Setup, properties: Sequence[OtherProperty], where: str) -> Scene:
+    """The scene with other properties, but for what is calibrated."""
+    names = [zone.name for zone in setup.scene.zones]
+    calibrated = {
+        (zone, material_key(spec.property))
+        for spec in setup.parameters.specs
+        for zone in spec.zones
+    }
+    changes = []
+    for one in properties:
+        for zone in one.zones or names:
+            if zone not in names:
+                raise InputError(
+                    f"{where}: properties: no zone {zone!r} in the scene; known are "
+                    f"{', '.join(names)}"
+                )
+            if (zone, one.property) in calibrated:
+                raise InputError(f"{where}: properties: {one.property} of {zone} is calibrated")
+            changes.append((zone, one.property, one.value))
+    try:
+        return with_properties(setup.scene, changes)
+    except ValidationError as error:
+        raise InputError(document_error(error, f"{where}: properties")) from None
 
 
 def _simulated(

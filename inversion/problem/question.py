@@ -17,8 +17,8 @@ from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, document_error
 from inversion.catalogue.correlations import RelationName
 from inversion.engine_registry import engines
+from inversion.problem.changes import Changes, Waterfall, check_simulation
 from pipeline.cli import InputError, say_once
-from pipeline.config import SimulationSettings, describe_error
 from pipeline.files import read_yaml
 
 FILE_NAME = "inversion.yaml"
@@ -27,13 +27,6 @@ RESIDUAL_STRENGTH: Literal["residual_strength_kpa"] = "residual_strength_kpa"
 """Of liquefied zones; a scene, whose materials have one strength, keeps it as their cohesion."""
 MaterialProperty = Literal["residual_strength_kpa", "cohesion_kpa", "friction_deg", "density"]
 Property = MaterialProperty | Literal["water_level"]
-Water = Literal["none", "buoyant", "pore_pressure"]
-WATER_WORDS = {
-    "buoyant": "reduced weight alone",
-    "pore_pressure": "pressure in and on the soil",
-}
-"""How each `simulation.water` reads after "water as"."""
-Contact = Literal["rough", "no_slip"]
 
 UNITS: dict[str, str] = {
     "residual_strength_kpa": "kPa", "cohesion_kpa": "kPa", "friction_deg": "deg",
@@ -56,14 +49,6 @@ LOGARITHMIC = ("residual_strength_kpa", "cohesion_kpa", "density")
 def material_key(name: str) -> str:
     """The key of a scene's material that holds a property."""
     return "cohesion_kpa" if name == RESIDUAL_STRENGTH else name
-
-
-def check_simulation(changes: Mapping[str, Any]) -> None:
-    """Refuse settings of the simulation that do not exist or values that they cannot have."""
-    try:
-        SimulationSettings.model_validate(changes)
-    except ValidationError as error:
-        raise ValueError(f"simulation: {describe_error(error, SimulationSettings)}") from None
 
 
 class Prior(Document):
@@ -169,15 +154,10 @@ class ParameterSpec(Document):
         return self.label or f"{SYMBOLS[self.property]} of zone{'s'[: len(self.zones) > 1]} {zones}"
 
 
-class Variant(Document):
+class Variant(Changes):
     """Another reading of the same question, solved and reported in addition to the answer."""
 
     name: str = Field(min_length=1, description="in words; unique among the variants")
-    water: Water | None = Field(None, description="none, buoyant or pore_pressure; null: as it is")
-    contact: Contact | None = Field(None, description="contact with the base; null: as it is")
-    simulation: dict[str, Any] = Field(
-        default_factory=dict, description="settings of the simulation that differ"
-    )
     measurements: str | None = Field(None, description="another set of measurements; null: same")
     fit: list[str] | None = Field(None, description="other measurements to fit; null: same")
     targets: dict[str, float] = Field(
@@ -186,9 +166,7 @@ class Variant(Document):
 
     @model_validator(mode="after")
     def _differs(self) -> Variant:
-        changes = (self.water, self.contact, self.measurements, self.fit)
-        check_simulation(self.simulation)
-        if all(change is None for change in changes) and not (self.targets or self.simulation):
+        if not (self.changed or self.measurements or self.fit or self.targets):
             raise ValueError(f"variant {self.name!r} changes nothing: give water, contact, ...")
         return self
 
@@ -300,6 +278,9 @@ class Question(Document):
     variants: list[Variant] = Field(default_factory=list, description="other readings, all solved")
     sensitivities: list[Sensitivity] = Field(
         default_factory=list, description="what moves the answer in addition to the survey's error"
+    )
+    waterfall: Waterfall | None = Field(
+        None, description="the way from another reading to this one; null: not asked"
     )
 
     @field_validator("engine")

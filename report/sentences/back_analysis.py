@@ -12,7 +12,7 @@ import numpy as np
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engine_registry import engine_named
-from inversion.problem.question import WATER_WORDS
+from inversion.problem.changes import WATER_WORDS
 from report.data.back_analysis import BackAnalysisData
 from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit
 
@@ -374,3 +374,24 @@ def variant_sentence(data: BackAnalysisData) -> str:
     if len(found) == 1:
         return f"{asked}, {low[0]:.1f} kPa {low[1]}."
     return f"{asked}; variants give {low[0]:.1f} ({low[1]}) to {high[0]:.1f} kPa ({high[1]})."
+
+
+def waterfall_sentence(data: BackAnalysisData) -> str:
+    """The way from another reading to the answer, and its largest changes."""
+    found = data.result.waterfall
+    if found is None:
+        return ""
+    bars = [(bar.name, bar.value) for bar in found.bars]
+    if found.stated is not None:
+        bars = [(found.stated.name, found.stated.value), *bars]
+    (p,) = [p for p in data.result.answer.parameters if p.name == found.parameter]
+    unit = unit_of(p.unit)
+    changes = [
+        (after - before, name) for (_, before), (name, after) in zip(bars, bars[1:], strict=False)
+    ]
+    largest = sorted(changes, key=lambda one: -abs(one[0]))[:3]
+    listed = ", ".join(f"{name} ({change:+.1f})" for change, name in largest)
+    return (
+        f"{p.label}: from {bars[0][1]:.1f} {unit} ({bars[0][0]}) to {bars[-1][1]:.1f} {unit}. "
+        f"The largest changes: {listed}."
+    )

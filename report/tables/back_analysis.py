@@ -223,6 +223,32 @@ def variant_table(data: BackAnalysisData) -> Table:
     return Table(header, rows)
 
 
+def waterfall_table(data: BackAnalysisData) -> Table:
+    """The way from another reading to the answer, change by change."""
+    found = data.result.waterfall
+    if found is None:
+        return Table([], [])
+    (p,) = [p for p in _unknowns(data) if p.name == found.parameter]
+    seen = [m.name for m in singles(data) if m.measured is not None and m.role != "constructed"]
+    stated = found.stated
+    rows: list[list[str | None]] = []
+    if stated is not None:
+        rows.append([stated.name, fixed(stated.value), None, *[None] * len(seen),
+                     *[None for _ in _spacing(data)], f"as stated: {stated.source}"])  # fmt: skip
+    before = None if stated is None else stated.value
+    for bar in found.bars:
+        notes = [] if bar.reached else ["not fitted"]
+        notes += [f"at its {bar.at_bound} bound"] if bar.at_bound else []
+        change = None if before is None else f"{bar.value - before:+.1f}"
+        rows.append(
+            [bar.name, fixed(bar.value), change, *(fixed(bar.predicted.get(name)) for name in seen),
+             *_spacing(data, bar.spacing_m), "; ".join(notes)]
+        )  # fmt: skip
+        before = bar.value
+    header = ["change by change", *_columns([p]), "change", *seen, *_spacing(data), ""]
+    return Table(header, rows)
+
+
 def sensitivity_tables(
     data: BackAnalysisData, parameters: Sequence[ParameterAnswer]
 ) -> list[Table]:

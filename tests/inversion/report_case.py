@@ -100,6 +100,15 @@ def full(name: str = "the fill") -> Result:
         sensitivities=[
             sensitivity | {"name": f"level of {name}", "kind": "water_level", "sides": [side] * 2},
             sensitivity | {"name": "upper toe", "kind": "target", "sides": [side]}],
+        waterfall={"parameter": "residual_strength_1",
+                   "stated": {"name": f"paper of {name}", "value": 18.9, "source": name},
+                   "bars": [{"name": f"{what} of {name}", "words": name, "case": "no_such_case",
+                             "spacing_m": 4.0, "value": value, "loss": 0.01, "reached": reached,
+                             "predicted": {"upstream toe": 53.0, "freeboard": -2.0},
+                             "at_bound": bound}
+                            for what, value, reached, bound in (
+                                ("base", 51.0, True, None), ("water", 90.0, False, "high"),
+                                ("answer", 27.5, True, None))]},
         noise={"spacing_m": 4.0, "jitter": 0.5, "seeds": [1, 2], "std": {}, "mean": {},
                "answers": [], "answer_std": zero},
         measurements=[

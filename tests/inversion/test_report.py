@@ -65,11 +65,12 @@ def test_every_part_is_there_in_order(full_page):
         "What the data do not determine",
         "What moves the answer",
         "Variants of the question",
+        "From another reading to this answer",
         "How it was found",
         "Among other flow slides",
         "How this was made",
     ]
-    wanted = PICTURES | {"sensitivities.svg", "equally_good.svg"}
+    wanted = PICTURES | {"sensitivities.svg", "equally_good.svg", "waterfall.svg"}
     assert {path.name for path in folder.glob("*.svg")} == wanted
     assert text.count('src="data:image/svg+xml') == len(wanted)
     assert "27.5 ± 1.6 kPa" in text and "no cell size for the fill" in text
