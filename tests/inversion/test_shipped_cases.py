@@ -10,6 +10,7 @@ from shapely.geometry import Polygon
 
 from geometry.case import load_case
 from geometry.scenes.fill import fill
+from geometry.scenes.overburden import stress_by_zone
 from geometry.scenes.polygon_checks import gaps
 from geometry.scenes.scene import Scene, load_scene
 from geometry.survey.measurements import load_measurements
@@ -74,6 +75,25 @@ def test_the_section_of_lower_san_fernando():
         (place,) = [n for n, one in enumerate(scene.zones) if one.name == zone]
         strength = scene.materials[scene.zones[place].material].cohesion_kpa
         assert strength == pytest.approx(0.8 * ratio * stress[points.zone == place].mean(), abs=1)
+
+
+def test_upper_san_fernando_asks_for_a_bound():
+    case = loaded("upper_san_fernando")
+    targets = case.setup.targets
+    roles = dict(zip(targets.names, targets.roles, strict=True))
+    assert roles == {"downstream toe": "fitted", "upstream toe": "fitted", "crest": "held out"}
+    assert targets.censored[targets.fitted].all() and case.objective().limit
+    scene = case.scene
+    assert gaps({zone.name: zone.polygon for zone in scene.zones}, scene.spacing) == []
+    liquefied = {z.name for z in scene.zones if scene.materials[z.material].liquefied}
+    assert set(case.parameters.specs[0].zones) == liquefied <= set(case.blow_counts)
+    # Undrained strengths: 0.8 x the published ratio x the mean overburden.
+    points = fill(scene)
+    stress = stress_by_zone(scene, points.position, points.zone, 9.81)
+    for zone, ratio in (("core", 0.153), ("rolled_fill", 0.5)):
+        assert scene.materials[zone].cohesion_kpa == pytest.approx(
+            0.8 * ratio * stress[zone].mean(), abs=0.1
+        )
 
 
 def test_the_constructed_profile_of_lower_san_fernando_reads_as_measured():
