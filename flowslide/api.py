@@ -365,8 +365,9 @@ def posterior(
 
 def predict(
     case: str | os.PathLike[str] | Case,
-    strengths: Sequence[str | KnownStrength],
+    strengths: Sequence[str | KnownStrength] = (),
     *,
+    posterior: str | os.PathLike[str] | None = None,
     out: str | os.PathLike[str] | None = None,
     zones: Sequence[str] = (),
     distribution: Literal["lognormal", "normal"] = "lognormal",
@@ -386,6 +387,8 @@ def predict(
     Args:
         case: with a section, at least.
         strengths: mean and standard deviation [kPa] such as "18+-5", of some zones "1,6=4+-1".
+            Empty: those of `posterior`.
+        posterior: in place of strengths: `out` of a `posterior`, whose draws are the strengths.
         out: see above; `prediction.json` is written there.
         zones: of a single strength; empty: those whose strength `inversion.yaml` seeks, else the
             liquefied ones.
@@ -412,6 +415,7 @@ def predict(
     from inversion.engines.mpm_engine import MPMEngine
     from inversion.engines.run_store import RunStore
     from inversion.prediction import predict as prediction
+    from inversion.prediction.drawn_strength import drawn_strengths
     from inversion.prediction.known_strength import OPTION, parse_strength, placed
     from inversion.prediction.prediction_case import prediction_case
     from inversion.prediction.prediction_document import document_of
@@ -421,11 +425,15 @@ def predict(
     for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
         if value < least:
             raise InputError(f"--{name} {value}: at least {least}")
+    if bool(strengths) == (posterior is not None):
+        raise InputError("predict: give strengths or a posterior, one of the two")
     watch = Watch(progress, cancel)
     with own_code(effect_files, measurement_files), _folder(out) as folder:
         read = [
             parse_strength(one, distribution) if isinstance(one, str) else one for one in strengths
         ]
+        if posterior is not None:
+            read = drawn_strengths(posterior)
         if zones and read[0].zones:
             raise InputError(f"--zones: {OPTION} names its zones already")
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)

@@ -264,10 +264,10 @@ class PosteriorSettings(Settings):
         128, ge=32, le=2048, description="runs spread over the whole prior, at the coarse spacing"
     )
     refined_runs: int = Field(
-        48, ge=0, le=2048, description="further coarse runs where the posterior is"
+        64, ge=0, le=2048, description="further coarse runs where the posterior is"
     )
     fine_runs: int = Field(
-        12, ge=4, le=512, description="pairs of coarse and fine runs there, for the correction"
+        24, ge=4, le=512, description="pairs of coarse and fine runs there, for the correction"
     )
     live_points: int = Field(500, ge=50, description="of the nested sampler")
     draws: int = Field(4000, ge=200, le=100_000, description="from the posterior that are kept")

@@ -14,6 +14,7 @@ from report.charts.corner import draw_corner
 from report.charts.posterior import draw_before_after, draw_predicted, draw_shares
 from report.numbers import number, plural, with_unit
 from report.page import Section, folded, said, shown, tabulated, write_page
+from report.table import plain
 from report.tables import posterior as tables
 
 PAGE = "report.html"
@@ -37,8 +38,8 @@ def summary(document: PosteriorDocument) -> str:
     runs, of = document.runs, f" with coarse runs at {coarse:g} m" if coarse else ""
     heading = (
         f"{document.title}: posterior at {document.spacing_m:g} m{of}, measurements "
-        f"{document.measurement_set!r}\n{_runs_words(document)}, {runs.simulated_now} of them now; "
-        f"{sum(document.timings.values()):.0f} s"
+        f"{document.measurement_set!r}\n{_runs_words(document)}; "
+        f"{runs.simulated_now} simulated now, {sum(document.timings.values()):.0f} s"
     )
     parts = [
         heading,
@@ -46,7 +47,7 @@ def summary(document: PosteriorDocument) -> str:
         tables.predicted_table(document).text(without=["before the data"]),
         *(table.text() for table in tables.share_tables(document)),
         tables.nuisance_table(document).text(without=["prior"]),
-        "\n".join([evidence_sentence(document), *document.remarks]),
+        "\n".join(map(plain, [evidence_sentence(document), *document.remarks])),
     ]
     return "\n\n".join(part for part in parts if part)
 

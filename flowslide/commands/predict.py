@@ -1,6 +1,7 @@
 """`flowslide predict CASE --residual-strength 18+-5`: how far such a slide would run.
 
-With `--from-blow-counts` in place of strengths: what published relations say without a fit.
+With `--posterior` in place of strengths: those that `flowslide posterior` has drawn. With
+`--from-blow-counts`: what published relations say without a fit.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from flowslide.commands import options
 
 OPTION, KINDS = "--residual-strength", ("lognormal", "normal")
 FROM_COUNTS = "--from-blow-counts"
+FROM_POSTERIOR = "--posterior"
 OF_STRENGTHS = ("distribution", "samples", "seeds")
 """Options that belong to strengths that are given."""
 
@@ -30,6 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     asked.add_argument(
         OPTION, dest="strengths", metavar="MEAN+-STD", action="append",
         help="kPa, such as 18+-5; of some zones: 1,6=4+-1; may be repeated",
+    )  # fmt: skip
+    asked.add_argument(
+        FROM_POSTERIOR, metavar="DIR",
+        help="strengths as `flowslide posterior` has drawn them: its folder, or a file in it",
     )  # fmt: skip
     asked.add_argument(
         FROM_COUNTS, action="store_true",
@@ -67,6 +73,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.from_blow_counts:
         for name in chosen:
             raise InputError(f"--{name}: belongs to {OPTION}; {FROM_COUNTS} has none")
+    if arguments.posterior is not None and "distribution" in chosen:
+        raise InputError(f"--distribution: belongs to {OPTION}; {FROM_POSTERIOR} has its own")
     zones = [zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()]
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
@@ -83,6 +91,8 @@ def run(arguments: argparse.Namespace) -> None:
         else:
             from report.prediction import summary
 
-            document = api.predict(case, arguments.strengths, **chosen, **shared)
+            document = api.predict(
+                case, arguments.strengths or (), posterior=arguments.posterior, **chosen, **shared
+            )
         bar.say(f"wrote {folder}")
     print(summary(document))

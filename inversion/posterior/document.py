@@ -45,6 +45,8 @@ class UnknownAnswer(StrictDocument):
     kind: Literal["parameter", "nuisance"] = Field(
         description="asked for, or a sensitivity with a standard deviation"
     )
+    property: str = Field(description="of a parameter, as in inversion.yaml; else empty")
+    zones: list[str] = Field(description="of a parameter; else none")
     unit: str = Field(description="kPa, deg, kg/m3, m; std: in standard deviations about 0")
     prior: str = Field(description="in words")
     before: Spread

@@ -31,8 +31,10 @@ from pipeline.progress import Watch
 
 #: Prior draws that look for the posterior between the stages: a power of 2.
 SCOUTS = 2**14
+#: Draws from which each run of a round is chosen.
+CHOICE = 3
 #: Rounds of refined and of fine runs; each is placed by what the rounds before have found.
-ROUNDS = 2
+ROUNDS = 3
 #: More coarse runs than this share may not fail.
 MOST_FAILED = 0.5
 
@@ -130,7 +132,8 @@ class Inference:
         scouts = design(self.unknowns, SCOUTS, self.settings.seed + seed)
         likelihood = self.likelihood()
         chosen = np.unique(tempered(likelihood(scouts), SCOUTS // 8, random))
-        found = scouts[chosen]
+        # Of all draws the farthest apart would be the outermost alone.
+        found = scouts[random.permutation(chosen)[: CHOICE * number]]
         return found[spread_out(likelihood.emulator.scaled(found), number)]
 
     def _simulate_otherwise(self) -> None:

@@ -15,6 +15,9 @@ import numpy as np
 
 #: The sampler stops when what is left could add so much to ln Z.
 EVIDENCE_LEFT = 0.05
+#: Power of the likelihood that places further runs: wider than the posterior, whose tails are
+#: only as good as the emulator there.
+WIDENED = 0.4
 #: Effective number of prior draws that a tempered posterior keeps.
 LEAST_EFFECTIVE = 300
 
@@ -83,10 +86,10 @@ def resampled(weights: np.ndarray, draws: int, random: np.random.Generator) -> n
 
 
 def tempered(log_likelihoods: np.ndarray, draws: int, random: np.random.Generator) -> np.ndarray:
-    """Places (s,) of prior draws (n,) by their likelihood, flattened until enough of them count."""
+    """Places (s,) of prior draws (n,) by a power of their likelihood: so many that enough count."""
     finite = np.where(np.isfinite(log_likelihoods), log_likelihoods, -np.inf)
     above = finite - finite.max()
-    power = 1.0
+    power = WIDENED
     while True:
         weights = np.exp(power * above)
         if weights.sum() ** 2 / np.sum(weights**2) >= LEAST_EFFECTIVE or power < 1e-3:

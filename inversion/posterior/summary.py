@@ -118,6 +118,7 @@ def _unknown(found: Inferred, place: int) -> UnknownAnswer:
     unknown, model = inference.unknowns[place], inference.model
     before, after = found.prior[:, place], found.values[:, place]
     is_parameter = place < model.section.parameters
+    spec = model.section.case.parameters.specs[place] if is_parameter else None
     ratio = None
     if (stress := stress_name(unknown.name)) in model.names:
         ratio = spread(after / found.replicated()[:, model.names.index(stress)])
@@ -126,6 +127,8 @@ def _unknown(found: Inferred, place: int) -> UnknownAnswer:
         name=unknown.name,
         label=unknown.label,
         kind="parameter" if is_parameter else "nuisance",
+        property="" if spec is None else spec.property,
+        zones=[] if spec is None else list(spec.zones),
         unit=unknown.unit,
         prior=_prior_words(unknown),
         before=spread(before),

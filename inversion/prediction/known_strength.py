@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,8 @@ from scipy.special import ndtr, ndtri
 from geometry.scenes.scene import Scene
 from pipeline.cli import InputError
 
-Kind = Literal["lognormal", "normal"]
+Kind = Literal["lognormal", "normal", "posterior"]
+#: Of strengths that are given as text.
 KINDS: tuple[Kind, ...] = ("lognormal", "normal")
 
 OPTION = "--residual-strength"
@@ -37,7 +38,7 @@ class KnownStrength:
         zones: names of the zones that share it; empty: not said yet.
         mean_kpa: mean.
         std_kpa: standard deviation.
-        kind: of the distribution.
+        kind: of the distribution; posterior: `inversion.prediction.drawn_strength`.
     """
 
     zones: tuple[str, ...]
@@ -58,7 +59,7 @@ class KnownStrength:
     def words(self) -> str:
         """For tables: zones, mean and standard deviation."""
         zones = f"zone{'s'[: len(self.zones) > 1]} {', '.join(self.zones)}"
-        return f"{self.mean_kpa:g} ± {self.std_kpa:g} kPa in {zones} ({self.kind})"
+        return f"{self.mean_kpa:.4g} ± {self.std_kpa:.4g} kPa in {zones} ({self.kind})"
 
 
 def parse_strength(text: str, kind: Kind) -> KnownStrength:
@@ -114,7 +115,7 @@ def placed(
         for name in own:
             _check_zone(name, scene, taken)
             taken.append(name)
-        found.append(KnownStrength(own, strength.mean_kpa, strength.std_kpa, strength.kind))
+        found.append(replace(strength, zones=own))
     return found
 
 

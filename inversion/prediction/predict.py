@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.survey.surface_profile import surface_profile
+from inversion.prediction.drawn_strength import sampled_scores
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.response import Response, Sections, design, response
 from inversion.problem.forward import Forward, Prediction
@@ -81,7 +82,7 @@ def predict(
 
     Args:
         engine: its parameters are the strengths, in their order [kPa].
-        strengths: p of them, independent of each other.
+        strengths: p of them; draws of a posterior together, others independent of each other.
         jittered: engines that differ in the seed of the jitter alone; fewer than two: no noise.
         samples: strengths that are put through the response.
         seed: of the samples.
@@ -100,7 +101,7 @@ def predict(
     noise = noise_at(jittered, strengths, len(engine.names))
     smooth = response(scores, runs)
     generator = np.random.default_rng(seed)
-    drawn = generator.standard_normal((samples, len(strengths)))
+    drawn = sampled_scores(strengths, samples, generator)
     # The runs scatter about the response by the noise too: the larger of both, not their sum.
     scatter = np.maximum(noise, smooth.missed) * generator.standard_normal((samples, len(noise)))
     return Distribution(

@@ -20,7 +20,7 @@ from report.numbers import unit_of
 #: Most unknowns of a plot, and most nuisances next to the parameters.
 MOST, MOST_NUISANCES = 7, 4
 #: Probabilities of the regions, cells along a side of a panel, smoothing in cells.
-REGIONS, CELLS, SMOOTH = (0.95, 0.8, 0.5), 48, 1.3
+REGIONS, CELLS, SMOOTH = (0.95, 0.8, 0.5), 40, 1.8
 SHADES = ("#d3e3ef", "#7fb2d6", style.OURS)
 SIDE, LEFT, BELOW, GAP, ABOVE = 1.25, 0.75, 0.65, 0.1, 0.3
 
@@ -112,7 +112,7 @@ def _name(ax: Axes, chosen: list[UnknownAnswer], row: int, column: int) -> None:
         ax.tick_params(labelbottom=False)
     else:
         ax.set_xlabel(_label(chosen[column]), fontsize=7, color=style.TEXT_COLOUR)
-    if column > 0 or row == 0:
+    if column > 0:
         ax.tick_params(labelleft=False)
     else:
         ax.set_ylabel(_label(chosen[row]), fontsize=7, color=style.TEXT_COLOUR)

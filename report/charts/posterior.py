@@ -60,7 +60,7 @@ def _number(ax: Axes, one: PredictedNumber, before: np.ndarray, after: np.ndarra
 def draw_before_after(document: PosteriorDocument, path: Path) -> Path:
     """Save 95 % of every unknown before and after, on the scale of what was known before."""
     unknowns = document.unknowns
-    figure, (ax,) = style.chart([ROW * len(unknowns)], left=2.1, below=0.5)
+    figure, (ax,) = style.chart([ROW * len(unknowns)], left=2.45, below=0.5)
     style.quiet(ax, grid="x", left=False)
     style.rows(ax, [one.label for one in unknowns], width=36)
     for row, one in enumerate(unknowns):
@@ -92,7 +92,7 @@ def draw_shares(document: PosteriorDocument, path: Path) -> Path | None:
     if not shown:
         return None
     heights = [ROW * len(inputs) for _, inputs in shown]
-    figure, axes = style.chart(heights, left=2.1, above=0.3, below=0.45)
+    figure, axes = style.chart(heights, left=2.45, above=0.3, below=0.45)
     for ax, (one, inputs) in zip(axes, shown, strict=True):
         style.quiet(ax, grid="x", left=False)
         style.rows(ax, [share.name for share in inputs], width=36)

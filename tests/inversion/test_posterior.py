@@ -345,8 +345,8 @@ def test_the_whole_posterior_of_a_formula_is_that_of_quadrature():
 def test_fine_runs_move_the_answer_and_the_numbers_of_runs_are_the_settings():
     model = FormulaModel(runout, two_fidelities=True, beyond=8.0)
     found = infer(model)
-    pairs = [(4, True), (4, False)] * 2
-    assert model.asked == [(64, True), (12, True), (12, True), *pairs]
+    pairs = [(number, coarse) for number in (3, 3, 2) for coarse in (True, False)]
+    assert model.asked == [(64, True), (8, True), (8, True), (8, True), *pairs]
     mean, std, _ = by_quadrature(lambda values: runout(values) + 8.0, 53.0, 6.0)
     assert found.values[:, 0].mean() == pytest.approx(mean, abs=0.25 * std)
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from geometry.case import load_case
 from geometry.scenes.scene import load_scene
+from inversion.prediction.drawn_strength import DrawnStrength, sampled_scores
 from inversion.prediction.known_strength import KnownStrength, parse_strength, placed
 from inversion.prediction.predict import envelope, noise_at, predict
 from inversion.prediction.prediction_case import prediction_case
@@ -304,3 +305,23 @@ def test_bad_input_ends_with_one_line(root, arguments, words):
 def test_a_folder_that_is_not_there_is_named(root):
     done = command(root, "nowhere", "--residual-strength", "18+-5")
     assert done.returncode == 2 and "nowhere: no such folder" in done.stderr
+
+
+def test_draws_of_a_posterior_are_sampled_together():
+    random = np.random.default_rng(0)
+    first = np.exp(random.normal(3.0, 0.3, 4000))
+    second = 400.0 / first  # one rises as the other falls
+    strengths = [
+        DrawnStrength((zone,), draws.mean(), draws.std(), "posterior", tuple(draws))
+        for zone, draws in (("1", first), ("2", second))
+    ]
+    np.testing.assert_allclose(
+        strengths[0].at(ndtri([0.1, 0.5, 0.9])), np.percentile(first, [10, 50, 90]), rtol=1e-2
+    )
+    scores = sampled_scores(strengths, 3000, np.random.default_rng(1))
+    values = np.stack([one.at(scores[:, k]) for k, one in enumerate(strengths)], axis=1)
+    np.testing.assert_allclose(values[:, 0] * values[:, 1], 400.0, rtol=1e-6)
+    engine = Formula(lambda values: np.array([values[0] * values[1]]), ["product"])
+    found = predict(engine, strengths, samples=2000)
+    spread = np.percentile(found.samples[:, 0], [10, 90])
+    assert 330.0 < spread[0] < spread[1] < 470.0  # independent, it would be 236 to 712
