@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from inversion.estimation.data import Targets
-from inversion.posterior.emulator import LINEAR_STD, Emulator, Warp, make_emulator
+from inversion.posterior.emulator import LEAST_RUNS, LINEAR_STD, Emulator, Warp, make_emulator
 from inversion.posterior.likelihood import Likelihood
 from inversion.posterior.runs import Model
 from inversion.posterior.sampling import Sampled, nested, spread_out, tempered
@@ -51,6 +51,7 @@ class Inference:
         values: of the unknowns of all runs, (n, q).
         coarse: their numbers, (n, k); those of the answer's spacing where there is one spacing.
         fine: the same at the spacing of the answer, (n, k), NaN: not run.
+        read: (all numbers of the model,) bool: enough runs could be read; these are the k numbers.
         otherwise: change of the numbers with each other way to simulate, (k,) by name.
         timings: of the stages [s].
     """
@@ -62,18 +63,30 @@ class Inference:
     values: np.ndarray = field(init=False)
     coarse: np.ndarray = field(init=False)
     fine: np.ndarray = field(init=False)
+    read: np.ndarray = field(init=False)
     otherwise: dict[str, np.ndarray] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.values = np.zeros((0, len(self.unknowns)))
-        self.coarse = np.zeros((0, len(self.model.names)))
-        self.fine = np.zeros((0, len(self.model.names)))
+        self.read = np.ones(len(self.model.names), dtype=bool)
+        self.coarse = np.zeros((0, len(self.names)))
+        self.fine = np.zeros((0, len(self.names)))
 
     @property
     def unknowns(self) -> list[Unknown]:
         """(q,)."""
         return list(self.model.unknowns)
+
+    @property
+    def names(self) -> list[str]:
+        """Of the numbers, (k,)."""
+        return [name for name, read in zip(self.model.names, self.read, strict=True) if read]
+
+    @property
+    def unread(self) -> list[str]:
+        """Numbers that are left out: too few runs could be read."""
+        return [name for name in self.model.names if name not in self.names]
 
     def run(self) -> Inferred:
         """All stages.
@@ -108,14 +121,16 @@ class Inference:
         if not len(values):
             return
         values = self.model.drawable(values)
-        coarse = self.model.run(values, coarse=self.model.two_fidelities)
-        fine = self.model.run(values, coarse=False) if paired else np.full_like(coarse, np.nan)
+        coarse = self.model.run(values, coarse=self.model.two_fidelities)[:, self.read]
+        fine = np.full_like(coarse, np.nan)
+        if paired:
+            fine = self.model.run(values, coarse=False)[:, self.read]
         self.values = np.concatenate([self.values, values])
         self.coarse = np.concatenate([self.coarse, coarse])
         self.fine = np.concatenate([self.fine, fine])
 
     def _check(self) -> None:
-        fitted = [self.model.names.index(self.targets.names[k])
+        fitted = [self.names.index(self.targets.names[k])
                   for k in np.flatnonzero(self.targets.fitted)]  # fmt: skip
         failed = float(np.isnan(self.coarse[:, fitted]).any(axis=1).mean())
         if failed > MOST_FAILED:
@@ -123,6 +138,9 @@ class Inference:
                 f"posterior: {100 * failed:.0f} % of the runs over the whole prior failed; "
                 "narrow the bounds of the parameters, or see `flowslide invert` for the reason"
             )
+        enough = np.isfinite(self.coarse).sum(axis=0) >= LEAST_RUNS
+        enough[fitted] = True
+        self.coarse, self.fine, self.read = self.coarse[:, enough], self.fine[:, enough], enough
 
     def _where_it_matters(self, number: int, seed: int) -> np.ndarray:
         """Values (number, q) spread out over the posterior as it is known so far."""
@@ -144,7 +162,7 @@ class Inference:
         first = int(np.argmax(paired)) if paired.any() else self.settings.coarse_runs
         centre = self.values[min(first, len(self.values) - 1)]
         self.otherwise = {
-            name: np.nan_to_num(change)
+            name: np.nan_to_num(change[self.read])
             for name, change in self.model.simulated_otherwise(centre).items()
         }
 
@@ -163,7 +181,7 @@ class Inference:
         fine = self.fine if self.model.two_fidelities else None
         try:
             return make_emulator(
-                self.unknowns, self.model.names, warps(self.model.names, self.targets),
+                self.unknowns, self.names, warps(self.names, self.targets),
                 self.values, self.coarse, fine,
             )  # fmt: skip
         except ValueError as error:
@@ -171,7 +189,7 @@ class Inference:
 
     def errors(self) -> np.ndarray:
         """Covariance of survey, what the model is granted, and other ways to simulate, (m, m)."""
-        names = self.model.names
+        names = self.names
         total = self.targets.covariance.copy()
         for change in self.otherwise.values():
             by_name = dict(zip(names, change, strict=True))

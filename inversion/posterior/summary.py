@@ -47,11 +47,15 @@ def draws_of(found: Inferred) -> Draws:
         unknowns=[one.name for one in inference.unknowns],
         posterior=found.values,
         prior=found.prior,
-        numbers=inference.model.names,
+        numbers=inference.names,
         posterior_predictive=found.replicated(),
         prior_predictive=found.replicated(prior=True),
         log_likelihood=found.likelihood(found.values),
-        observed=targets.named(targets.measured),
+        observed={
+            name: float(value)
+            for name, value in zip(targets.names, targets.measured, strict=True)
+            if name in inference.names
+        },
         facts={
             "case": case.name,
             "log_evidence": found.sampled.log_evidence,
@@ -78,7 +82,7 @@ def document_of(found: Inferred) -> PosteriorDocument:
         numbers=_numbers(found),
         other_ways={
             name: {number: _round(value) for number, value in
-                   zip(model.names, change, strict=True)}
+                   zip(inference.names, change, strict=True)}
             for name, change in inference.otherwise.items()
         },
         correlation=[[_round(r) for r in row] for row in _correlation(found.values)],
@@ -95,7 +99,10 @@ def document_of(found: Inferred) -> PosteriorDocument:
             failed=model.unread,
             simulated_now=model.store.computed,
         ),
-        remarks=list(model.section.remarks),
+        remarks=[
+            *model.section.remarks,
+            *(f"{name}: too few runs could be read; left out" for name in inference.unread),
+        ],
         timings={name: round(time, 2) for name, time in inference.timings.items()},
         manifest=manifest(case.config, seeds={"posterior": inference.settings.seed}),
     )  # fmt: skip
@@ -120,8 +127,8 @@ def _unknown(found: Inferred, place: int) -> UnknownAnswer:
     is_parameter = place < model.section.parameters
     spec = model.section.case.parameters.specs[place] if is_parameter else None
     ratio = None
-    if (stress := stress_name(unknown.name)) in model.names:
-        ratio = spread(after / found.replicated()[:, model.names.index(stress)])
+    if (stress := stress_name(unknown.name)) in inference.names:
+        ratio = spread(after / found.replicated()[:, inference.names.index(stress)])
     left = float(np.var(_t(unknown, after)) / max(np.var(_t(unknown, before)), 1e-300))
     return UnknownAnswer(
         name=unknown.name,
@@ -142,7 +149,7 @@ def _unknown(found: Inferred, place: int) -> UnknownAnswer:
 def _sobol(found: Inferred, place: int) -> list[SobolShare]:
     """Shares of a parameter's variance, by the other unknowns and the errors of what was fitted."""
     inference, targets = found.inference, found.inference.targets
-    unknowns, names = inference.unknowns, inference.model.names
+    unknowns, names = inference.unknowns, inference.names
     values = np.stack([_t(one, found.values[:, k]) for k, one in enumerate(unknowns)], axis=1)
     inputs = [np.delete(values, place, axis=1)]
     labels = [one.name for k, one in enumerate(unknowns) if k != place]
@@ -158,7 +165,7 @@ def _sobol(found: Inferred, place: int) -> list[SobolShare]:
 
 def _numbers(found: Inferred) -> list[PredictedNumber]:
     inference, targets = found.inference, found.inference.targets
-    names, emulator = inference.model.names, found.likelihood.emulator
+    names, emulator = inference.names, found.likelihood.emulator
     before, after = found.replicated(prior=True), found.replicated()
     random = np.random.default_rng([inference.settings.seed, 9])
     made = []

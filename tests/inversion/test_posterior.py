@@ -344,8 +344,8 @@ def test_the_whole_posterior_of_a_formula_is_that_of_quadrature():
 @pytest.mark.slow
 def test_fine_runs_move_the_answer_and_the_numbers_of_runs_are_the_settings():
     model = FormulaModel(runout, two_fidelities=True, beyond=8.0)
-    found = infer(model)
-    pairs = [(number, coarse) for number in (3, 3, 2) for coarse in (True, False)]
+    found = infer(model, settings=FEW.model_copy(update={"fine_runs": 16}))
+    pairs = [(number, coarse) for number in (6, 5, 5) for coarse in (True, False)]
     assert model.asked == [(64, True), (8, True), (8, True), (8, True), *pairs]
     mean, std, _ = by_quadrature(lambda values: runout(values) + 8.0, 53.0, 6.0)
     assert found.values[:, 0].mean() == pytest.approx(mean, abs=0.25 * std)
@@ -367,6 +367,14 @@ def test_what_fails_is_left_out_until_it_is_too_much():
     found = infer(FormulaModel(lambda values: broken(values, 0.15)))
     mean, std, _ = by_quadrature(runout, 53.0, 6.0)
     assert found.values[:, 0].mean() == pytest.approx(mean, abs=0.2 * std)
+
+    def with_unread(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.full(len(values), np.nan), runout(values)], axis=1)
+
+    goal = make_targets([*toes(0.0, 53.0, std=6.0)], fit=["toe 1"], loss="runout", source="test")
+    two = infer(FormulaModel(with_unread, names=["toe 0", "toe 1"]), goal)
+    assert two.inference.unread == ["toe 0"] and two.predicted.shape[1] == 1
+    assert two.values[:, 0].mean() == pytest.approx(mean, abs=0.2 * std)
     with pytest.raises(WorkFailed, match="of the runs over the whole prior failed"):
         infer(FormulaModel(lambda values: broken(values, 0.7)))
 
