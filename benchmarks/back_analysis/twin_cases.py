@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.back_analysis.lab import CASES, LA_MARQUESA, LSFD
+from benchmarks.dam_section import dam_section
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene, load_scene, save_scene
@@ -91,7 +92,7 @@ def height_of(scene: Scene) -> float:
 
 def plans(config: Config, *, spacing_m: float) -> Iterator[tuple[str, Plan]]:
     """(group, section), without end: templates in turn, both dams again and again."""
-    lsfd, marquesa = (load_scene(CASES / name / "scene.yaml") for name in (LSFD, LA_MARQUESA))
+    lsfd, marquesa = dam_section(), load_scene(CASES / LA_MARQUESA / "scene.yaml")
     index = 0
     while True:
         if index % 4 == 0:

@@ -17,13 +17,13 @@ import sys
 import time
 from pathlib import Path
 
-from geometry.scenes.scene import Scene, load_scene
+from benchmarks.dam_section import dam_section
+from geometry.scenes.scene import Scene
 from mpm_taichi.effects import effects
 from pipeline.config import SimulationSettings
 from pipeline.table import aligned
 
 ROOT = Path(__file__).parents[2]
-SECTION = ROOT / "case_histories/lower_san_fernando/scene.yaml"
 
 COMPILE = """
 import time
@@ -49,7 +49,7 @@ def main() -> None:
     for cache, words in (("0", "compiled again"), ("1", "from the disk")):
         base, with_effects = compile_times(cache)
         print(f"kernels {words}: {base:.1f} s without effects, {with_effects:.1f} s with")
-    section = load_scene(SECTION).changed(spacing=arguments.spacing)
+    section = dam_section().changed(spacing=arguments.spacing)
     settings = SimulationSettings(duration_s=arguments.seconds, early_stop=False)
     # The smallest amplitudes: the same motion, so that the time of a step alone is compared.
     scenes = {"base model": section}

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.dam_section import dam_section
 from geometry.random_scenes.templates import draw_scene
-from geometry.scenes.scene import load_scene
 from pipeline.config import Config, SimulationSettings, load_config
 
 ROOT = Path(__file__).parents[2]
@@ -29,7 +29,7 @@ def lsfd_seconds() -> tuple[float, int, int]:
     """Wall time [s] of 40 s of motion on one thread, points, steps."""
     from mpm_taichi.simulate import simulate
 
-    scene = load_scene(ROOT / "case_histories/lower_san_fernando/scene.yaml")
+    scene = dam_section()
     simulate([scene.changed(spacing=4.0)], SimulationSettings(duration_s=1.0), threads=1)
     began = time.perf_counter()
     run = simulate([scene], SimulationSettings(duration_s=40.0, early_stop=False), threads=1)[0]

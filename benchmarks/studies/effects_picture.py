@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.scenes.scene import Scene, load_scene
+from benchmarks.dam_section import dam_section
+from geometry.scenes.scene import Scene
 from geometry.survey.freeboard import freeboard
 from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe_runout import toe_runout
@@ -28,7 +29,6 @@ from pipeline.files import atomic_path
 from pipeline.table import aligned
 
 ROOT = Path(__file__).parents[2]
-SECTION = ROOT / "case_histories/lower_san_fernando/scene.yaml"
 PICTURE = ROOT / "docs/images/effects.png"
 UPSTREAM_FOOT = 76.02
 """x of the upstream foot of the section [m]."""
@@ -66,7 +66,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, help="default: all")
     parser.add_argument("--out", type=Path, default=PICTURE)
     arguments = parser.parse_args()
-    section = load_scene(SECTION).changed(spacing=arguments.spacing)
+    section = dam_section().changed(spacing=arguments.spacing)
     x = np.arange(*SHOWN, 1.0)
     chosen = [one for one in effects().values() if not one.applies(section)]
     wanted = [(one, amplitude) for one in chosen for amplitude in signed_ladder(one)]

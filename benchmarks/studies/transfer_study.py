@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.dam_section import dam_section
 from benchmarks.generated_pages import RECORDS, ROOT, renew
-from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
+from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.survey.toe_runout import toe_runout
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.config import SimulationSettings
@@ -51,7 +52,7 @@ def column(spacing: float, ground: str) -> tuple[Scene, float, str]:
 
 def lsfd(spacing: float, ground: str) -> tuple[Scene, float, str]:
     """The Lower San Fernando section with its reservoir."""
-    scene = load_scene(ROOT / "case_histories/lower_san_fernando/scene.yaml")
+    scene = dam_section()
     base = {"points": scene.ground.points, "contact": ground}
     return scene.changed(spacing=spacing, ground=base), scene.foot("left"), "left"
 

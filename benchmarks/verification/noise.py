@@ -17,8 +17,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
+from benchmarks.dam_section import dam_section
 from benchmarks.verification.rows import Row
-from geometry.scenes.scene import Scene, load_scene
+from geometry.scenes.scene import Scene
 from geometry.survey.columns import kernel
 from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe_runout import toe_runout
@@ -28,7 +29,6 @@ from pipeline.config import SimulationSettings
 
 TITLE = "Noise: point jitter, motion after rest, volume, pressure (Lower San Fernando)"
 
-CASE = Path(__file__).resolve().parents[2] / "case_histories" / "lower_san_fernando" / "scene.yaml"
 SIDE = "left"
 JITTER = 0.6
 """Every point is moved at random by up to 0.3 spacings in x and in y."""
@@ -41,7 +41,7 @@ TITLE_STYLE = {"loc": "left", "fontsize": 10}
 
 def run(folder: Path | None, quick: bool = False) -> list[Row]:
     """Measure all four kinds of noise; a picture goes to `folder`."""
-    scene = load_scene(CASE).changed(spacing=2.0 if quick else 1.0)
+    scene = dam_section().changed(spacing=2.0 if quick else 1.0)
     seeds = simulate_seeds(scene, 3 if quick else 16)
     runouts = np.array([runout(run) for run in seeds])
     (base,) = simulate([scene], SimulationSettings(), threads=1)
