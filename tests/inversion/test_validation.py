@@ -17,15 +17,15 @@ from benchmarks.back_analysis.twin_cases import (
     truth_of,
     write_case,
 )
+from benchmarks.dam_section import dam_section
 from geometry.case import load_case
-from geometry.scenes.scene import load_scene
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.run_store import RunStore
 from pipeline.cli import InputError
 
 
 def plan(**more) -> Plan:
-    scene = load_scene(lab.CASES / lab.LSFD / "scene.yaml").changed(spacing=5.0)
+    scene = dam_section().changed(spacing=5.0)
     return Plan("dam", scene, ["1"], "left", (26.0, 28.0), 30.0, 3, **more)
 
 
