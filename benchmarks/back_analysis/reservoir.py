@@ -1,8 +1,8 @@
 """Lower San Fernando: with and without the reservoir.
 
-The paper does not say whether its model of Lower San Fernando had a reservoir. Its reading has
-none; variants have the pool at 35.9 m, as pressure in and on the soil and as reduced weight. Next
-to them: Olson and Stark (2002) 18.7 kPa (15.8-21.8), the paper 18.9 kPa, Weber (2015) 25.8 kPa
+The paper does not say whether its model of Lower San Fernando had a reservoir. The pool at 35.9 m
+is taken as reduced weight (the default), as pressure in and on the soil, and left out. Beside
+them: Olson and Stark (2002) 18.7 kPa (15.8-21.8), the paper 18.9 kPa, Weber (2015) 25.8 kPa
 (recalled). Our section, cells and toe are not the paper's; what moves S_r most is in the note of
 its standard deviation above. The ends of the measured runout are solved too.
 """
