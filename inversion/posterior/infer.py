@@ -253,6 +253,11 @@ class Inferred:
         """Numbers of a run at the posterior draws, without the emulator's own error, (s, k)."""
         return self._predicted
 
+    @property
+    def emulator_error(self) -> np.ndarray:
+        """Root mean square error of the emulator over the posterior draws, (k,)."""
+        return np.sqrt(np.mean(self._predicted_std**2, axis=0))
+
     def replicated(self, *, prior: bool = False) -> np.ndarray:
         """Numbers of a run with all errors of the model, but none of the survey, (s, k)."""
         mean, std = (

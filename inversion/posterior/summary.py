@@ -101,6 +101,7 @@ def document_of(found: Inferred) -> PosteriorDocument:
         ),
         remarks=[
             *model.section.remarks,
+            *coarse_remarks(found),
             *(f"{name}: too few runs could be read; left out" for name in inference.unread),
         ],
         timings={name: round(time, 2) for name, time in inference.timings.items()},
@@ -118,6 +119,23 @@ def spread(draws: np.ndarray) -> Spread:
         interval_50=(_round(lower), _round(upper)),
         interval_95=(_round(low), _round(high)),
     )
+
+
+def coarse_remarks(found: Inferred) -> list[str]:
+    """Fitted numbers that the emulator knows less well than the survey does."""
+    inference, targets = found.inference, found.inference.targets
+    remarks = []
+    for number in np.flatnonzero(targets.fitted):
+        name = targets.names[number]
+        error = found.emulator_error[inference.names.index(name)]
+        survey = float(np.sqrt(targets.covariance[number, number]))
+        if error > survey:
+            remarks.append(
+                f"{name}: the emulator's error of {error:.2g} exceeds the survey's {survey:.2g} "
+                "and widens the posterior; more posterior.fine_runs, or inversion.coarse_factor: "
+                "1, makes it smaller"
+            )
+    return remarks
 
 
 def _unknown(found: Inferred, place: int) -> UnknownAnswer:

@@ -24,6 +24,7 @@ from inversion.posterior.likelihood import Likelihood, log_likelihood
 from inversion.posterior.runs import SectionModel
 from inversion.posterior.sampling import resampled, spread_out, tempered
 from inversion.posterior.shares import shares
+from inversion.posterior.summary import coarse_remarks
 from inversion.posterior.unknown import Unknown, changed, section_of, unknown_parameter
 from inversion.problem.question import Prior
 from pipeline.cli import InputError, WorkFailed
@@ -405,6 +406,13 @@ def test_a_seed_is_a_posterior():
         FormulaModel(runout), settings=FEW.model_copy(update={"draws": 500, "live_points": 60})
     )
     assert len(fewer.values) == 500 and fewer.sampled.calls < first.sampled.calls
+
+
+@pytest.mark.slow
+def test_an_emulator_that_knows_less_than_the_survey_is_reported():
+    assert coarse_remarks(infer(FormulaModel(runout))) == []
+    (line,) = coarse_remarks(infer(FormulaModel(runout), targets(53.0, std=0.001)))
+    assert line.startswith("toe 0: the emulator's error of")
 
 
 # --- files ---
