@@ -24,7 +24,7 @@ LIMIT = 0.15
 
 def run(folder: Path | None, *, quick: bool) -> list[Figure]:
     """Compare at the answer of Lower San Fernando."""
-    analysis, result = lab.solved(lab.LSFD, quick=quick)
+    analysis, result = lab.solved(lab.PAPER, quick=quick)
     case, look = analysis.case, analysis.found.best
     row = analysis.objective.targets.names.index("upstream toe")
     own, steps = look.derivative[row], np.abs(look.steps)

@@ -20,10 +20,12 @@ from pipeline.config import Config, load_config
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "results" / "benchmarks" / "back_analysis"
 CASES = ROOT / "case_histories"
-LSFD, LA_MARQUESA = "lower_san_fernando_paper", "la_marquesa"
+LSFD, LA_MARQUESA = "lower_san_fernando", "la_marquesa"
+PAPER = "lower_san_fernando_paper"
+"""The paper's reading of the same dam: its section and materials, no reservoir, its question."""
 
 #: Spacing of material points, m: in full and with --quick.
-SPACING = {LSFD: (2.0, 4.0), LA_MARQUESA: (0.5, 0.75)}
+SPACING = {LSFD: (1.5, 2.0), PAPER: (2.0, 4.0), LA_MARQUESA: (0.5, 0.75)}
 THREADS = 2
 
 _solved: dict[tuple, BackAnalysis] = {}

@@ -2,8 +2,8 @@
 
 The paper's question: S_r of material 1 with the friction of materials 6 and 7, first guess 30
 kPa, 30 and 30 degrees, target 53 m, loss (runout error)^2 < 0.1 m2; Gauss-Newton (default) and
-L-BFGS-B (the paper's search), reservoir by buoyancy. Counted are all simulations, those of the
-derivative and of the noise included.
+L-BFGS-B (the paper's search), its section, no reservoir: the case `lower_san_fernando_paper`.
+Counted are all simulations, those of the derivative and of the noise included.
 
 The three starts are the first guess, 0.65 and 1.6 times its strength with other friction angles.
 The scatter is that of the answer found again on eight jitters of the points; it is one of the
@@ -34,8 +34,8 @@ STRENGTH = "residual_strength_1"
 
 def run(folder: Path | None, *, quick: bool) -> list[Figure]:
     """Search by both methods; starts, scatter, friction angles."""
-    _, result = lab.solved(lab.LSFD, quick=quick)
-    _, paper = lab.solved(lab.LSFD, quick=quick, overrides=(*ALONE, "inversion.method=lbfgsb"))
+    _, result = lab.solved(lab.PAPER, quick=quick)
+    _, paper = lab.solved(lab.PAPER, quick=quick, overrides=(*ALONE, "inversion.method=lbfgsb"))
     if folder is not None:
         from benchmarks.back_analysis.pictures import history_picture
 
@@ -51,7 +51,7 @@ def run(folder: Path | None, *, quick: bool) -> list[Figure]:
 def finer_figures(quick: bool) -> list[Figure]:
     """The same question on finer points."""
     spacing = FINER[quick]
-    _, finer = lab.solved(lab.LSFD, quick=quick, overrides=ALONE, spacing_m=spacing)
+    _, finer = lab.solved(lab.PAPER, quick=quick, overrides=ALONE, spacing_m=spacing)
     return [
         *search_figures(f"at {spacing:g} m spacing", finer),
         Figure(f"S_r at 53 m, at {spacing:g} m spacing",

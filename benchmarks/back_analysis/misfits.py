@@ -1,9 +1,9 @@
 """What was measured and not fitted.
 
-The remnant of Lower San Fernando kept 1.5 m of freeboard; the simulated one lies under the pool,
-whatever the strength: a misfit of the model. At La Marquesa the core settled by about 2 m, which
-other models miss; read at the crest's place, ours does not. Both are held out of every fit, and the
-report of every back-analysis shows them as this table does.
+The remnant of Lower San Fernando kept 1.5 m of freeboard, which models without the thrust of the
+pool miss; its crest sank farther and its slide lasted longer than the simulated ones. At La
+Marquesa the core settled by about 2 m. All are held out of the fit or compared, and the report of
+every back-analysis shows them as this table does.
 """
 
 from __future__ import annotations

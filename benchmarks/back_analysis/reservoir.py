@@ -1,10 +1,8 @@
-"""Lower San Fernando: with and without the reservoir.
+"""Lower San Fernando: the published section, and what its water does.
 
-The paper does not say whether its model of Lower San Fernando had a reservoir. The pool at 35.9 m
-is taken as reduced weight (the default), as pressure in and on the soil, and left out. Beside
-them: Olson and Stark (2002) 18.7 kPa (15.8-21.8), the paper 18.9 kPa, Weber (2015) 25.8 kPa
-(recalled). Our section, cells and toe are not the paper's; what moves S_r most is in the note of
-its standard deviation above. The ends of the measured runout are solved too.
+The published digital section with the pool as pressure in and on the soil (the default), as reduced
+weight alone, and without it; a bonded base; the ends of the measured runout. Next to them: Olson
+and Stark (2002) 18.7 kPa (15.8-21.8), the paper 18.9 kPa, Weber (2015) 25.8 kPa (recalled).
 """
 
 from __future__ import annotations
@@ -15,9 +13,9 @@ from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure
 from inversion.back_analysis.result import ParameterAnswer, VariantAnswer
 
-TITLE = "Lower San Fernando: with and without the reservoir"
+TITLE = "Lower San Fernando: the published section and its water"
 
-STRENGTH = "residual_strength_1"
+STRENGTH = "residual_strength"
 PUBLISHED = (15.8, 21.8)
 
 
@@ -26,13 +24,14 @@ def run(folder: Path | None, *, quick: bool) -> list[Figure]:
     _, result = lab.solved(lab.LSFD, quick=quick)
     answer = result.answer.parameters[0]
     return [
-        Figure("S_r, no reservoir", f"{answer.value:.1f} ± {answer.std_total:.1f} kPa",
-               "18.7 (15.8-21.8); paper 18.9", note=_beside(answer)),
+        Figure("S_r, water as pressure in and on the soil",
+               f"{answer.value:.1f} ± {answer.std_total:.1f} kPa",
+               "18.7 (15.8-21.8); paper 18.9", note=_overlap(answer)),
         *(_variant(variant) for variant in result.variants),
     ]  # fmt: skip
 
 
-def _beside(answer: ParameterAnswer) -> str:
+def _overlap(answer: ParameterAnswer) -> str:
     low, high = answer.interval_95
     touches = low <= PUBLISHED[1] and high >= PUBLISHED[0]
     return (

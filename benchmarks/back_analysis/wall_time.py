@@ -32,8 +32,8 @@ LIMIT = 2.3
 
 def run(folder: Path | None, *, quick: bool) -> list[Figure]:
     """Time one run, and base run with gradient, in turn."""
-    case = lab.loaded(lab.LSFD, quick=quick)
-    values = np.array([27.0, 30.0, 30.0])
+    case = lab.loaded(lab.PAPER, quick=quick)
+    values = np.array([50.0, 30.0, 30.0])
     steps = np.array([-1.0, 1.0, 1.0])
     _engine(case.setup).predict([values])  # compiles the kernels
     one, every, alone = [], [], []
