@@ -39,8 +39,6 @@ TOE_MODEL, PROFILE_MODEL = 0.5, 0.5
 PROFILE_POINTS = 14
 #: S_r is drawn log-uniformly, kPa: templates and the high dam, and the 8 m dam.
 STRENGTHS, LOW_STRENGTHS = (5.0, 60.0), (2.0, 8.0)
-FILL = [f"upstream_fill_{layer}" for layer in range(1, 5)]
-"""Zones of Lower San Fernando that liquefied."""
 #: A question makes sense where the toe runs at least this far and, with 30 % more strength, stops
 #: this much earlier; shares of the height of the section.
 LEAST_RUNOUT, LEAST_EFFECT, STRONGER = 0.3, 0.1, 1.3
@@ -101,7 +99,7 @@ def plans(config: Config, *, spacing_m: float) -> Iterator[tuple[str, Plan]]:
             high = lsfd.changed(spacing=2.0)
             low = marquesa.changed(spacing=0.4)
             number = index // 4
-            yield LSFD, Plan(f"lsfd_{number}", high, FILL, "left", (15.0, 30.0), 22.0,
+            yield LSFD, Plan(f"lsfd_{number}", high, ["1"], "left", (15.0, 30.0), 22.0,
                              10_000 + number)  # fmt: skip
             yield LA_MARQUESA, Plan(f"la_marquesa_{number}", low, ["1", "2", "6"], None,
                                     LOW_STRENGTHS, 8.0, 20_000 + number)  # fmt: skip
