@@ -52,7 +52,7 @@ def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
         least_m: how much must move [m].
 
     Raises:
-        WorkFailed: no strength is unknown, or nothing moves at the lowest bounds either.
+        WorkFailed: no strength is unknown, or nothing moves, not even at the lowest bounds.
     """
     parameters = search.objective.parameters
     strengths = parameters.strengths
@@ -80,6 +80,8 @@ def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
         if anything and (everything or not improved or lowest or search.exhausted):
             return best
         if lowest or search.exhausted:
+            if moved(search, first, least_m).any():
+                return best  # all has gone already: stronger soil is tried by looking around
             weakest = ", ".join(
                 f"{name} {value:.3g}"
                 for name, value in zip(parameters.names, trials[-1], strict=True)

@@ -30,6 +30,18 @@ def test_a_search_that_ends_far_from_the_data_looks_around(start, method):
 
 
 @pytest.mark.parametrize("method", ["gauss_newton", "lbfgsb"])
+def test_a_slide_that_reaches_the_wall_at_the_start_is_sought_among_stronger_soil(method):
+    """Weaker soil changes nothing there, which is not a slope that stands."""
+
+    def to_the_wall(values):
+        return np.array([min(70.0, 150.0 - 2.0 * values[0])])
+
+    search = problem([strength("a", low=2.0)], to_the_wall, targets(40.0), tolerance=0.1)
+    found = calibrate(search, np.array([20.0]), method=method, least_m=6.0)
+    assert found.values[0] == pytest.approx(55.0, rel=0.01)
+
+
+@pytest.mark.parametrize("method", ["gauss_newton", "lbfgsb"])
 @pytest.mark.parametrize("seed", range(12))
 def test_the_answer_does_not_depend_on_the_last_bit(seed, method):
     """Processors round exp and log differently; in ripples that sends a search elsewhere."""
