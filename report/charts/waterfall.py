@@ -16,7 +16,7 @@ from inversion.back_analysis.result import MeasurementAnswer
 from inversion.back_analysis.waterfall import WaterfallAnswer
 from report import style
 from report.data.back_analysis import BackAnalysisData
-from report.numbers import unit_of
+from report.numbers import signed, unit_of
 
 ROW, LEFT, BELOW, ABOVE = 0.3, 1.55, 0.45, 0.32
 JUDGE, GAP, RIGHT = 0.85, 0.18, 0.12
@@ -37,7 +37,7 @@ def draw_waterfall(data: BackAnalysisData, path: Path) -> Path | None:
     wide = style.WIDTH - LEFT - RIGHT - room
     ax = style.panel(figure, LEFT, BELOW, wide, height)
     style.quiet(ax, grid="x", left=False)
-    style.rows(ax, names, width=27)
+    style.rows(ax, names, width=23)
     _bars(ax, values)
     style.title(ax, style.wrapped(p.label, 40, 1))
     style.labels(ax, unit_of(p.unit))
@@ -71,7 +71,7 @@ def _bars(ax: Axes, values: Sequence[float]) -> None:
         if place < last:
             ax.plot([value] * 2, [place - 0.31, place + 1.31], color=style.GREY, linewidth=0.8,
                     zorder=4)  # fmt: skip
-        change = f" ({value - before:+.1f})" if place else ""
+        change = f" ({signed(value - before)})" if place else ""
         style.tell(ax, max(value, start), place, f"{value:.1f}{change}")
     ax.set_xlim(0, 1.32 * max(values))
 
