@@ -125,7 +125,9 @@ def greedy(
     left = list(proposals)
     while left and len(chosen) < count:
         gains = [separation(rivals, error, [*index, *proposal.index]) for proposal in left]
-        best = int(np.argmax(gains))
+        if not np.any(np.isfinite(gains)):
+            break  # nothing that is left can be read on what the rivals leave behind
+        best = int(np.nanargmax(gains))
         chosen.append(Suggestion(left[best], float(gains[best])))
         index += left[best].index
         left.pop(best)
