@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from diagnosis.diagnose import diagnose, next_measurements
 from diagnosis.hypotheses.model import Proposal, Proposing
 from diagnosis.options import Options
+from diagnosis.selection import next_measurement
 from diagnosis.selection.next_measurement import Rival, greedy, proposal_error, read_at, separation
 from inversion.estimation.hold_out import HoldOut
 from inversion.problem.forward import State
@@ -197,3 +198,14 @@ def test_the_error_of_a_proposal_is_the_survey_s_and_the_model_s():
 def test_a_model_that_proposes_nothing_gets_no_suggestion():
     assert next_measurements(diagnose(straight(3, {"bend": 1.5}), QUICK), 2) == []
     assert next_measurements(diagnose(offering(3, {"bend": 1.5}, []), QUICK), 2) == []
+
+
+def test_what_cannot_be_read_is_not_suggested(monkeypatch):
+    """A marker in soil that one rival carries away has no reading there."""
+    proposals = [Proposal(name, name, (place,), np.eye(1)) for place, name in enumerate("ab")]
+    gains = {(0,): np.nan, (1,): 3.0}
+    monkeypatch.setattr(
+        next_measurement, "separation", lambda _, __, index: gains.get(tuple(index), np.nan)
+    )
+    (only,) = next_measurement.greedy(proposals, [], np.eye(2), 2)
+    assert only.proposal.name == "b" and only.gain == 3.0
