@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from geometry.scenes.scene import Document, document_error
+from geometry.scenes.scene import Document, checked_document
 from inversion.estimation.hold_out import HoldOut
-from pipeline.cli import InputError, say_once
+from pipeline.cli import say_once
 from pipeline.files import read_yaml
 
 FILE_NAME = "diagnosis.yaml"
@@ -152,12 +152,4 @@ def load_diagnosis_question(folder: str | Path) -> DiagnosisQuestion:
     document = _with_new_keys(read_yaml(path), str(path))
     if document is None:
         return DiagnosisQuestion()
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
-    try:
-        return DiagnosisQuestion.model_validate(document)
-    except ValidationError as error:
-        text = document_error(error, str(path))
-        raise InputError(
-            text.replace("docs/method/geometry.md", "docs/method/diagnosis.md")
-        ) from None
+    return checked_document(DiagnosisQuestion, document, path, "docs/method/diagnosis.md")

@@ -12,9 +12,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, field_validator
 
-from geometry.scenes.scene import Document, Scene, document_error, scene_from_mapping
+from geometry.scenes.scene import (
+    Document,
+    Scene,
+    checked_document,
+    scene_from_mapping,
+)
 from pipeline.cli import InputError
 from pipeline.files import read_yaml, write_text, yaml_text
 
@@ -124,16 +129,7 @@ def load_hypothesis(path: str | Path) -> Hypothesis:
     Raises:
         InputError: no such file, or a document that does not hold together; one line.
     """
-    document = read_yaml(path)
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
-    try:
-        return Hypothesis.model_validate(document)
-    except ValidationError as error:
-        text = document_error(error, str(path))
-        raise InputError(
-            text.replace("docs/method/geometry.md", "docs/method/diagnosis.md")
-        ) from None
+    return checked_document(Hypothesis, read_yaml(path), path, "docs/method/diagnosis.md")
 
 
 def save_hypothesis(hypothesis: Hypothesis, path: str | Path) -> None:

@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -27,6 +27,9 @@ from pipeline.places import CASES, resolve
 
 Point = tuple[float, float]
 
+PAGE = "docs/method/geometry.md"
+"""Lists the keys of a scene."""
+
 #: A pair of numbers that the JSON writer has spread over four lines.
 _PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
 
@@ -35,6 +38,9 @@ class Document(StrictDocument):
     """Base of every part of a case's files, in which a name such as 1 may look like a number."""
 
     model_config = ConfigDict(coerce_numbers_to_str=True)
+
+
+AnyDocument = TypeVar("AnyDocument", bound=Document)
 
 
 class Strength(Document):
@@ -382,8 +388,33 @@ def scene_text(scene: Scene, suffix: str = ".json") -> str:
     return yaml_text(document, width=100, default_flow_style=None)
 
 
-def document_error(error: ValidationError, source: str) -> str:
-    """The first problem of a document in one line: source, field, value, what is allowed."""
+def checked_document(
+    model: type[AnyDocument], document: Any, source: str | Path, page: str = PAGE
+) -> AnyDocument:
+    """A document that was read from a file, checked.
+
+    Args:
+        model: what it is.
+        document: as read.
+        source: file for messages.
+        page: that lists the keys.
+
+    Raises:
+        InputError: not a mapping, or one that does not hold together; one line.
+    """
+    if not isinstance(document, Mapping):
+        raise InputError(f"{source}: must be a mapping of keys, not {type(document).__name__}")
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        raise InputError(document_error(error, str(source), page)) from None
+
+
+def document_error(error: ValidationError, source: str, page: str = PAGE) -> str:
+    """The first problem of a document in one line: source, field, value, what is allowed.
+
+    `page` lists the keys of the document.
+    """
     problems = error.errors(include_url=False)
     first = problems[0]
     if (
@@ -395,7 +426,7 @@ def document_error(error: ValidationError, source: str) -> str:
     value = first.get("input")
     shown = f" (got {value!r})" if isinstance(value, (str, int, float, bool)) else ""
     if first["type"] == "extra_forbidden":
-        message = "unknown key; the keys are listed in docs/method/geometry.md"
+        message = f"unknown key; the keys are listed in {page}"
         shown = ""
     more = error.error_count() - 1
     tail = f"; and {more} more" if more else ""

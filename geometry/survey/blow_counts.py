@@ -8,12 +8,11 @@ residual strengths. File format: docs/method/blow-counts.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from geometry.scenes.scene import Document, Scene, document_error
+from geometry.scenes.scene import Document, Scene, checked_document
 from geometry.survey.measured import Confidence
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
@@ -72,16 +71,7 @@ def load_blow_counts(folder: str | Path, scene: Scene) -> dict[str, BlowCount]:
     path = Path(folder) / FILE_NAME
     if not path.is_file():
         return {}
-    document = read_yaml(path)
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
-    try:
-        counts = BlowCounts.model_validate(document)
-    except ValidationError as error:
-        text = document_error(error, str(path))
-        raise InputError(
-            text.replace("docs/method/geometry.md", "docs/method/blow-counts.md")
-        ) from None
+    counts = checked_document(BlowCounts, read_yaml(path), path, "docs/method/blow-counts.md")
     known = [zone.name for zone in scene.zones]
     for layer in counts.layers:
         for zone in layer.zones:

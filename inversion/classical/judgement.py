@@ -8,13 +8,12 @@ surface that needs the highest S_r.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from geometry.scenes.scene import Document, document_error
+from geometry.scenes.scene import Document, checked_document
 from geometry.survey.measured import Confidence
 from geometry.survey.measurements import Measurements
 from geometry.survey.toe import Side
@@ -128,16 +127,7 @@ def load_judgements(folder: Path, measurements: Measurements) -> list[Judgement]
     path = folder / FILE_NAME
     if not path.is_file():
         return default_judgements(measurements, str(folder))
-    document = read_yaml(path)
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
-    try:
-        judgements = Judgements.model_validate(document)
-    except ValidationError as error:
-        line = document_error(error, str(path))
-        raise InputError(
-            line.replace("docs/method/geometry.md", "docs/method/classical.md")
-        ) from None
+    judgements = checked_document(Judgements, read_yaml(path), path, "docs/method/classical.md")
     known = set(measurements.strength_published_kpa)
     for analysis in judgements.analyses:
         for key in analysis.published:

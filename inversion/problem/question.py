@@ -7,14 +7,13 @@ Every form of the document is described in docs/method/inversion.md.
 from __future__ import annotations
 
 import builtins
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from geometry.scenes.limits import check_density, check_level
-from geometry.scenes.scene import Document, Point, Scene, document_error
+from geometry.scenes.scene import Document, Point, Scene, checked_document
 from inversion.catalogue.correlations import RelationName
 from inversion.engine_registry import engines
 from inversion.problem.changes import Changes, Waterfall, check_simulation
@@ -322,16 +321,7 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
         raise InputError(
             f"{path}: no such file; it names the unknown strengths (docs/method/inversion.md)"
         )
-    document = read_yaml(path)
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
-    try:
-        question = Question.model_validate(document)
-    except ValidationError as error:
-        text = document_error(error, str(path))
-        raise InputError(
-            text.replace("docs/method/geometry.md", "docs/method/inversion.md")
-        ) from None
+    question = checked_document(Question, read_yaml(path), path, "docs/method/inversion.md")
     check_zones(question, scene, str(path))
     return _residual_strengths_named(question, scene, str(path))
 

@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError
 from benchmarks.hidden_effects.making.plan import ROUND, Kind, Planned, Reach, plan
 from benchmarks.hidden_effects.making.sections import Section, load_section
 from benchmarks.hidden_effects.making.surveys import SURVEYS
-from geometry.scenes.scene import Document, document_error
+from geometry.scenes.scene import Document, checked_document, document_error
 from mpm_taichi.effects import effects, load_effects_file
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
@@ -114,13 +114,7 @@ def load_benchmark(text: str | Path) -> Benchmark:
     """
     path = benchmark_file(text)
     folder = path.parent
-    document = read_yaml(path)
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
-    try:
-        wanted = BenchmarkPlan.model_validate(document)
-    except ValidationError as error:
-        raise InputError(document_error(error, str(path))) from None
+    wanted = checked_document(BenchmarkPlan, read_yaml(path), path)
     for survey in wanted.surveys:
         if survey not in SURVEYS:
             raise InputError(f"{path}: surveys: {survey!r}: allowed are {', '.join(SURVEYS)}")

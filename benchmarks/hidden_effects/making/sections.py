@@ -5,14 +5,19 @@ In: a folder with `scene.yaml`, `inversion.yaml` and `survey.yaml`. Out: a `Sect
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from geometry.scenes.scene import Document, Point, Scene, document_error, load_scene
+from geometry.scenes.scene import (
+    Document,
+    Point,
+    Scene,
+    checked_document,
+    load_scene,
+)
 from geometry.survey.toe import Side
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Question, load_question
@@ -112,13 +117,7 @@ def load_section(folder: str | Path) -> Section:
     scene = load_scene(folder / "scene.yaml")
     question = load_question(folder, scene)
     path = folder / SURVEY_FILE
-    document = read_yaml(path)
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: must be a mapping of keys, not {type(document).__name__}")
-    try:
-        survey = SurveyPlan.model_validate(document)
-    except ValidationError as error:
-        raise InputError(document_error(error, str(path))) from None
+    survey = checked_document(SurveyPlan, read_yaml(path), path)
     for spec in question.parameters:
         if spec.prior is None and spec.name not in survey.strengths_kpa:
             raise InputError(f"{path}: strengths_kpa: {spec.name}: missing, it has no prior")
