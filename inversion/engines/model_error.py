@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inversion.estimation.data import Targets
+from inversion.estimation.derivatives import WrappedEngine
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Forward, Prediction
 from pipeline.cli import WorkFailed
@@ -145,7 +146,7 @@ def with_error(targets: Targets, pairs: Pairs) -> Targets:
     return replace(targets, covariance=covariance)
 
 
-class Corrected:
+class Corrected(WrappedEngine):
     """`inversion.problem.forward.Forward`: another engine with the mean difference added.
 
     Args:
@@ -157,44 +158,21 @@ class Corrected:
         self.engine = engine
         self._correction = np.array([correction.get(name, 0.0) for name in engine.names])
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the predicted numbers, (m,)."""
-        return self.engine.names
-
-    @property
-    def runs(self) -> int:
-        """Rollouts asked for so far."""
-        return self.engine.runs
-
-    @property
-    def setup(self):
-        """The question."""
-        return self.engine.setup
-
     def scene(self, values: np.ndarray):
         """The section with the values put in."""
         return self.engine.scene(values)
 
     def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
         """Corrected predictions."""
-        return [self._corrected(one) for one in self.engine.predict(values)]
+        return [self.outer(one) for one in self.engine.predict(values)]
 
     def derivative(
         self, values: np.ndarray, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
         """Corrected prediction and the derivative, which a constant does not change."""
         prediction, derivative, taken = self.engine.derivative(values, steps)
-        return self._corrected(prediction), derivative, taken
+        return self.outer(prediction), derivative, taken
 
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several corrected engines."""
-        engines: list[Corrected] = [engine for engine, _ in requests]
-        inner = [
-            (engine.engine, values) for engine, (_, values) in zip(engines, requests, strict=True)
-        ]
-        found = self.engine.predict_each(inner)
-        return [engine._corrected(one) for engine, one in zip(engines, found, strict=True)]
-
-    def _corrected(self, prediction: Prediction) -> Prediction:
+    def outer(self, prediction: Prediction) -> Prediction:
+        """The prediction with the mean difference added."""
         return replace(prediction, values=prediction.values + self._correction)

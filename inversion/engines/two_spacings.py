@@ -16,17 +16,16 @@ would not with equal parameters.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inversion.estimation.derivatives import DifferencedEngine
+from inversion.estimation.derivatives import WrappedEngine
 from inversion.problem.forward import Forward, Prediction
 
 
 @dataclass
-class KnownDerivative(DifferencedEngine):
+class KnownDerivative(WrappedEngine):
     """`inversion.problem.forward.Forward`: an engine whose derivative is taken as known.
 
     A search on it ends where the predictions fit. A derivative that is a little off makes the way
@@ -39,25 +38,6 @@ class KnownDerivative(DifferencedEngine):
 
     engine: Forward
     slope: np.ndarray
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the predicted numbers, (m,)."""
-        return self.engine.names
-
-    @property
-    def runs(self) -> int:
-        """Simulations asked for so far."""
-        return self.engine.runs
-
-    @property
-    def setup(self):
-        """The question."""
-        return self.engine.setup
-
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several such engines."""
-        return self.engine.predict_each([(engine.engine, values) for engine, values in requests])
 
     def derivative(
         self, values: np.ndarray, steps: np.ndarray
@@ -89,7 +69,7 @@ class Move:
 
 
 @dataclass
-class Moved(DifferencedEngine):
+class Moved(WrappedEngine):
     """`inversion.problem.forward.Forward`: coarse runs that agree with fine ones at the answer.
 
     Attributes:
@@ -100,33 +80,12 @@ class Moved(DifferencedEngine):
     engine: Forward
     move: Move
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the predicted numbers, (m,)."""
-        return self.engine.names
-
-    @property
-    def runs(self) -> int:
-        """Simulations asked for so far."""
-        return self.engine.runs
-
-    @property
-    def setup(self):
-        """The question, at the spacing of the runs."""
-        return self.engine.setup
-
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several moved engines."""
-        inner = [(engine.engine, engine._there(values)) for engine, values in requests]
-        found = self.engine.predict_each(inner)
-        return [engine._here(one) for (engine, _), one in zip(requests, found, strict=True)]
-
-    def _there(self, values: np.ndarray) -> np.ndarray:
+    def inner_values(self, values: np.ndarray) -> np.ndarray:
         """Values of the coarse run for values of a fine one."""
         parameters = self.setup.parameters
         return parameters.to_values(parameters.to_fitted(values) + self.move.shift)
 
-    def _here(self, prediction: Prediction) -> Prediction:
+    def outer(self, prediction: Prediction) -> Prediction:
         """What a fine run would predict."""
         numbers = np.array([self.move.numbers.get(name, 0.0) for name in self.names])
         return replace(

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -162,6 +163,45 @@ class DifferencedEngine:
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
         """Prediction and finite differences, as one batch."""
         return by_differences(self, np.asarray(values, dtype=float), steps)
+
+
+class WrappedEngine(DifferencedEngine):
+    """An engine around another one; what it leaves as it is it need not write.
+
+    Attributes:
+        engine: the one inside.
+    """
+
+    engine: Forward
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the predicted numbers, (m,)."""
+        return self.engine.names
+
+    @property
+    def runs(self) -> int:
+        """Runs asked for so far."""
+        return self.engine.runs
+
+    @property
+    def setup(self) -> Any:
+        """The question, as the engine inside has it."""
+        return self.engine.setup
+
+    def inner_values(self, values: np.ndarray) -> np.ndarray:
+        """What the engine inside is asked for in place of `values` (p,)."""
+        return values
+
+    def outer(self, prediction: Prediction) -> Prediction:
+        """What its prediction becomes."""
+        return prediction
+
+    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
+        """One parameter vector for each of several engines of this kind, as one batch."""
+        inner = [(engine.engine, engine.inner_values(values)) for engine, values in requests]
+        found = self.engine.predict_each(inner)
+        return [engine.outer(one) for (engine, _), one in zip(requests, found, strict=True)]
 
 
 def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:
