@@ -298,28 +298,31 @@ def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Chan
             raise InputError(
                 f"{where}: {sensitivity.property} there is calibrated by {spec.name!r}"
             )
-    materials = {zone.name: setup.scene.materials[zone.material] for zone in setup.scene.zones}
     found = []
     for change in (sensitivity.std, -sensitivity.std):
-        values = {
-            name: getattr(materials[name], material_key(sensitivity.property)) + change
-            for name in sensitivity.zones
-        }
-        if sensitivity.property != "density":  # no soil has less than no strength
-            values = {name: max(value, 0.0) for name, value in values.items()}
+        changes = property_changes(setup.scene, sensitivity, change)
         try:
-            scene = with_properties(
-                setup.scene,
-                [(name, material_key(sensitivity.property), v) for name, v in values.items()],
-            )
+            scene = with_properties(setup.scene, changes)
         except ValidationError as error:
             words = f"{where}: {sensitivity.property} {change:+g}"
             raise InputError(document_error(error, words)) from None
         words = f"{sensitivity.property} {change:+g} in zones {', '.join(sensitivity.zones)}"
-        if change < 0 and min(values.values()) == 0.0:
+        if change < 0 and min(value for _, _, value in changes) == 0.0:
             words += ", but not below 0"
         found.append(Changed(replace(setup, scene=scene), words))
     return found
+
+
+def property_changes(
+    scene: Scene, sensitivity: FixedProperty, change: float
+) -> list[tuple[str, str, float]]:
+    """A property that differs by `change` from the scene's, as `with_properties` takes it."""
+    key = material_key(sensitivity.property)
+    soil = {zone.name: scene.materials[zone.material] for zone in scene.zones}
+    values = [getattr(soil[name], key) + change for name in sensitivity.zones]
+    if key != "density":  # no soil has less than no strength
+        values = [max(value, 0.0) for value in values]
+    return [(name, key, value) for name, value in zip(sensitivity.zones, values, strict=True)]
 
 
 def _target(setup: Setup, sensitivity: Target, where: str) -> list[Changed]:

@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -226,45 +227,40 @@ class Inferred:
     likelihood: Likelihood
     sampled: Sampled
 
-    def __post_init__(self) -> None:
-        emulator = self.likelihood.emulator
-        draws = self.values
-        mean, std = emulator.predict(draws)
-        prior = design(emulator.unknowns, len(draws), self.inference.settings.seed + 7)
-        before, before_std = emulator.predict(prior)
-        for name, found in (
-            ("predicted", mean), ("predicted_std", std), ("prior", prior),
-            ("prior_predicted", before), ("prior_predicted_std", before_std),
-        ):  # fmt: skip
-            object.__setattr__(self, f"_{name}", found)
-
-    @property
+    @cached_property
     def values(self) -> np.ndarray:
         """Posterior draws of the unknowns, (s, q)."""
         return at_shares(self.likelihood.emulator.unknowns, self.sampled.shares)
 
-    @property
+    @cached_property
     def prior(self) -> np.ndarray:
         """Prior draws of the unknowns, (s, q)."""
-        return self._prior
+        unknowns = self.likelihood.emulator.unknowns
+        return design(unknowns, len(self.sampled.shares), self.inference.settings.seed + 7)
 
     @property
     def predicted(self) -> np.ndarray:
         """Numbers of a run at the posterior draws, without the emulator's own error, (s, k)."""
-        return self._predicted
+        return self._after[0]
+
+    @cached_property
+    def _after(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the numbers at the posterior draws, (s, k)."""
+        return self.likelihood.emulator.predict(self.values)
+
+    @cached_property
+    def _before(self) -> tuple[np.ndarray, np.ndarray]:
+        """The same at the prior draws."""
+        return self.likelihood.emulator.predict(self.prior)
 
     @property
     def emulator_error(self) -> np.ndarray:
         """Root mean square error of the emulator over the posterior draws, (k,)."""
-        return np.sqrt(np.mean(self._predicted_std**2, axis=0))
+        return np.sqrt(np.mean(self._after[1] ** 2, axis=0))
 
     def replicated(self, *, prior: bool = False) -> np.ndarray:
         """Numbers of a run with all errors of the model, but none of the survey, (s, k)."""
-        mean, std = (
-            (self._prior_predicted, self._prior_predicted_std)
-            if prior
-            else (self._predicted, self._predicted_std)
-        )
+        mean, std = self._before if prior else self._after
         random = np.random.default_rng([self.inference.settings.seed, 3 + prior])
         found = mean + std * random.standard_normal(mean.shape)
         for change in self.inference.otherwise.values():

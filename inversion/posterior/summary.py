@@ -147,7 +147,9 @@ def _unknown(found: Inferred, place: int) -> UnknownAnswer:
     ratio = None
     if (stress := stress_name(unknown.name)) in inference.names:
         ratio = spread(after / found.replicated()[:, inference.names.index(stress)])
-    left = float(np.var(_t(unknown, after)) / max(np.var(_t(unknown, before)), 1e-300))
+    left = float(
+        np.var(unknown.transformed(after)) / max(np.var(unknown.transformed(before)), 1e-300)
+    )
     return UnknownAnswer(
         name=unknown.name,
         label=unknown.label,
@@ -168,7 +170,9 @@ def _sobol(found: Inferred, place: int) -> list[SobolShare]:
     """Shares of a parameter's variance, by the other unknowns and the errors of what was fitted."""
     inference, targets = found.inference, found.inference.targets
     unknowns, names = inference.unknowns, inference.names
-    values = np.stack([_t(one, found.values[:, k]) for k, one in enumerate(unknowns)], axis=1)
+    values = np.stack(
+        [one.transformed(found.values[:, k]) for k, one in enumerate(unknowns)], axis=1
+    )
     inputs = [np.delete(values, place, axis=1)]
     labels = [one.name for k, one in enumerate(unknowns) if k != place]
     for number in np.flatnonzero(targets.fitted & ~targets.censored):
@@ -237,10 +241,6 @@ def _prior_words(unknown: Unknown) -> str:
     if unknown.logarithmic:
         return f"lognormal, median {np.exp(unknown.mean):.3g}, ln std {unknown.std:.2g}, {cut}"
     return f"normal, {unknown.mean:.3g} ± {unknown.std:.3g}, {cut}"
-
-
-def _t(unknown: Unknown, values: np.ndarray) -> np.ndarray:
-    return np.log(values) if unknown.logarithmic else values
 
 
 def _correlation(values: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ Parameters of the question: equally likely between their bounds in the scale in 
 back-analysis fits them (strengths and densities as logarithms), or with their prior, which is cut
 at the bounds. Nuisances: every sensitivity of the question that has a standard deviation, as a
 standard score z ~ N(0, 1), cut at `FARTHEST`. Sensitivities that are other ways to simulate have no
-distribution; they enter as errors (`inversion.posterior.settings_error`).
+distribution; they enter as errors (`inversion.posterior.runs.SectionModel.other_ways`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.special import ndtr, ndtri
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.back_analysis.case import InversionCase
-from inversion.back_analysis.variants import moved
+from inversion.back_analysis.variants import moved, property_changes
 from inversion.engines.setup import Setup
 from inversion.problem.question import (
     LOGARITHMIC,
@@ -28,7 +28,6 @@ from inversion.problem.question import (
     Sensitivity,
     WaterLevel,
     ZoneBoundary,
-    material_key,
 )
 from inversion.problem.scene_changes import with_properties
 from inversion.problem.water_level import SAME_PLACE_M, pool_at
@@ -79,7 +78,7 @@ class Unknown:
 
     def share_below(self, values: np.ndarray) -> np.ndarray:
         """Prior probability below values, any shape."""
-        t = self._t(values)
+        t = self.transformed(values)
         if self.std is None:
             return np.clip((t - self.low) / (self.high - self.low), 0.0, 1.0)
         below, above = self._cut
@@ -87,7 +86,7 @@ class Unknown:
 
     def density(self, values: np.ndarray) -> np.ndarray:
         """Prior density per unit of the value, any shape."""
-        t = self._t(values)
+        t = self.transformed(values)
         if self.std is None:
             found = np.full(np.shape(t), 1.0 / (self.high - self.low))
         else:
@@ -102,14 +101,15 @@ class Unknown:
         middle = 0.5 * (self.low + self.high) if self.mean is None else self.mean
         half = 0.5 * (self.high - self.low)
         half = half if self.std is None else min(2.0 * self.std, half)
-        return (self._t(values) - middle) / half
+        return (self.transformed(values) - middle) / half
 
     @property
     def _cut(self) -> tuple[float, float]:
         low, high = ((bound - self.mean) / self.std for bound in (self.low, self.high))
         return float(ndtr(low)), float(ndtr(high))
 
-    def _t(self, values: np.ndarray) -> np.ndarray:
+    def transformed(self, values: np.ndarray) -> np.ndarray:
+        """T of values, any shape."""
         values = np.asarray(values, dtype=float)
         return np.log(values) if self.logarithmic else values
 
@@ -154,8 +154,8 @@ class Section:
     @property
     def boundaries(self) -> np.ndarray:
         """(q,) bool: boundaries of the section."""
-        moved = [isinstance(nuisance, ZoneBoundary) for nuisance in self.nuisances]
-        return np.array([False] * self.parameters + moved)
+        boundary = [isinstance(nuisance, ZoneBoundary) for nuisance in self.nuisances]
+        return np.array([False] * self.parameters + boundary)
 
     def setup(self, values: np.ndarray) -> Setup:
         """The question with the nuisances among values (q,) put into its section.
@@ -206,7 +206,14 @@ def changed(setup: Setup, nuisances: Sequence[Nuisance], scores: np.ndarray, sou
         if isinstance(nuisance, WaterLevel):
             level = before.water_level + score * nuisance.std_m
             scene = scene_from_mapping(pool_at(scene, level), where)
-    return replace(setup, scene=_with_soil(scene, before, nuisances, scores), foot=foot)
+    changes = [
+        change
+        for nuisance, score in zip(nuisances, scores, strict=True)
+        if isinstance(nuisance, FixedProperty)
+        for change in property_changes(before, nuisance, score * nuisance.std)
+    ]
+    scene = with_properties(scene, changes) if changes else scene
+    return replace(setup, scene=scene, foot=foot)
 
 
 def _moved(scene: Scene, nuisances: Sequence[Nuisance], scores: np.ndarray, where: str) -> Scene:
@@ -228,22 +235,6 @@ def _moved(scene: Scene, nuisances: Sequence[Nuisance], scores: np.ndarray, wher
         return scene
     vertices = [MovedVertex(at=at, move=(float(dx), float(dy))) for at, (dx, dy) in total]
     return moved(scene, vertices, 1.0, where)
-
-
-def _with_soil(
-    scene: Scene, before: Scene, nuisances: Sequence[Nuisance], scores: np.ndarray
-) -> Scene:
-    soils = {zone.name: before.materials[zone.material] for zone in before.zones}
-    changes = []
-    for nuisance, score in zip(nuisances, scores, strict=True):
-        if not isinstance(nuisance, FixedProperty):
-            continue
-        key = material_key(nuisance.property)
-        for zone in nuisance.zones:
-            value = getattr(soils[zone], key) + score * nuisance.std
-            # No soil has less than no strength.
-            changes.append((zone, key, value if key == "density" else max(value, 0.0)))
-    return with_properties(scene, changes) if changes else scene
 
 
 def _reach(case: InversionCase, nuisance: Nuisance, end: float) -> float:
