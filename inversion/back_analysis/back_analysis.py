@@ -52,7 +52,7 @@ from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import Posterior, posterior
 from inversion.estimation.search import Evaluation, Search, SearchResult
 from inversion.problem.forward import Forward
-from inversion.problem.question import Sensitivity
+from inversion.problem.question import Sensitivity, Variant
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest
 from pipeline.progress import Watch
@@ -171,6 +171,10 @@ class BackAnalysis:
     def stages_to_answer(self) -> list[tuple[str, Callable[[], None]]]:
         """The stages that leave `found` and `spread`, by name."""
         return [("answer", self.search)]
+
+    def known_variants(self) -> tuple[list[Variant], list[str]]:
+        """The variants that the engine can evaluate, and lines about those left out."""
+        return list(self.case.question.variants), []
 
     def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
         """The sensitivities that the engine can evaluate, and lines about those left out."""
@@ -334,7 +338,10 @@ class BackAnalysis:
 
     def _solved_variants(self) -> list[Solved]:
         """Variants with an answer: from that to the question, or else by a search of their own."""
-        changed = {v.name: self.case.variant(v) for v in self.case.question.variants}
+        variants, left_out = self.known_variants()
+        for line in left_out:
+            self.remark(line)
+        changed = {variant.name: self.case.variant(variant) for variant in variants}
         near = {
             name: self._problem(one.setup)
             for name, one in changed.items()
@@ -344,7 +351,7 @@ class BackAnalysis:
         }
         self._resolve(list(near.values()))
         solved = []
-        for variant in self.case.question.variants:
+        for variant in variants:
             one, problem = changed[variant.name], near.get(variant.name)
             if problem is not None and problem.reached:
                 solved.append(Solved(variant, one, problem))

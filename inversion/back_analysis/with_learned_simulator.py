@@ -32,7 +32,7 @@ from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import posterior
 from inversion.estimation.search import SearchResult
 from inversion.problem.forward import Forward, Prediction
-from inversion.problem.question import Sensitivity
+from inversion.problem.question import Sensitivity, Variant
 from pipeline.cli import InputError
 
 #: Source of the surrogate's error among the sources of uncertainty.
@@ -95,15 +95,20 @@ class SurrogateAnalysis(BackAnalysis):
             ("answer", self.search),
         ]
 
+    def known_variants(self) -> tuple[list[Variant], list[str]]:
+        """Without those that change settings, of which a learned simulator has none."""
+        variants = self.case.question.variants
+        reasons = [
+            _left_out(variant.name, "simulation") for variant in variants if variant.simulation
+        ]
+        return [variant for variant in variants if not variant.simulation], reasons
+
     def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
         """Without those that change nothing for a learned simulator."""
         entries, left_out = self.case.sensitivities
         kept = [pair for pair in entries if pair[0].kind not in UNKNOWN_TO_IT]
         reasons = [
-            f"{entry.name}: left out: a learned simulator has {UNKNOWN_TO_IT[entry.kind]}; ask the "
-            "engine mpm"
-            for entry, _ in entries
-            if entry.kind in UNKNOWN_TO_IT
+            _left_out(entry.name, entry.kind) for entry, _ in entries if entry.kind in UNKNOWN_TO_IT
         ]
         return kept, [*left_out, *reasons]
 
@@ -276,3 +281,8 @@ class SurrogateAnalysis(BackAnalysis):
         made = super()._manifest()
         versions = {**made["physics_versions"], "gns": gns.PHYSICS_VERSION}
         return {**made, "physics_versions": versions, "model_sha256": self.model.sha256}
+
+
+def _left_out(name: str, kind: str) -> str:
+    """Why a variant or a sensitivity is not solved."""
+    return f"{name}: left out: a learned simulator has {UNKNOWN_TO_IT[kind]}; ask the engine mpm"

@@ -40,6 +40,7 @@ spacing_m: 4.5
 variants:
   - {name: dry, water: none}
   - {name: pressure, water: pore_pressure}
+  - {name: damped, simulation: {local_damping: 0.05}}
 sensitivities:
   - {name: pool level, kind: water_level, std_m: 0.5}
   - {name: transfer, kind: simulation, simulation: {transfer: flip}}
@@ -124,5 +125,6 @@ def test_other_starts_seeds_variants_and_sensitivities_are_corrected_alike(both)
 def test_what_could_not_be_had_is_said(both):
     told = "\n".join(both[0].remarks)
     assert "pressure: no answer: simulation.water: pore_pressure" in told
+    assert "damped: left out: a learned simulator has no settings of the solver" in told
     assert "transfer: left out: a learned simulator has no settings of the solver" in told
     assert "outside the training of the model too_far: cohesion" in told
