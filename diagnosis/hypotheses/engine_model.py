@@ -341,6 +341,8 @@ def acting_candidates(
         reason = effect.applies(scene)
         if scene.effects.get(name):
             reason = "the base model has it already"
+        elif effect.place and not set(effect.place) & set((numbers or {}).get(name, ())):
+            reason = f"no place is stated: {' or '.join(effect.place)}"
         if reason:
             left_out[name] = reason
         else:

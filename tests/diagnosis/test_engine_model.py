@@ -58,6 +58,17 @@ def test_a_state_becomes_a_scene(case):
     assert higher.materials["loose_sand"].cohesion_kpa == 9.0
 
 
+def test_an_effect_on_a_part_is_tried_where_the_part_is_stated(folder):
+    model = diagnosis_case(load_case(folder)).model(RunStore(None, threads=1))
+    assert "no place is stated" in model.left_out["strength_contrast"]
+    (folder / "diagnosis.yaml").write_text(
+        "parameters:\n  strength_contrast: {y_m: 1.0, half_height_m: 1.0}\n"
+    )
+    model = diagnosis_case(load_case(folder)).model(RunStore(None, threads=1))
+    assert "strength_contrast" in {candidate.name for candidate in model.candidates}
+    assert "strength_contrast" not in model.left_out
+
+
 def test_a_random_pattern_is_by_chance_until_its_draw_is_given(folder):
     def by_chance() -> set[str]:
         model = diagnosis_case(load_case(folder)).model(RunStore(None, threads=1))

@@ -35,7 +35,9 @@ class BenchmarkPlan(Document):
     kinds: list[Kind] = Field(
         list(ROUND), min_length=1, description="of the cases of a round, before they are shuffled"
     )
-    effects: list[str] | None = Field(None, description="of the library; null: all of it")
+    effects: list[str] | None = Field(
+        None, description="of the library; null: all that need no place"
+    )
     outside: str | None = Field(None, description="Python file of effects outside the library")
     laws: dict[str, str | None] = Field(
         default_factory=dict,
@@ -132,7 +134,8 @@ def load_benchmark(text: str | Path) -> Benchmark:
         name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor, str(path))
         for name in wanted.sections
     }
-    inside = [name for name in wanted.effects or library if name not in outside]
+    everywhere = [name for name, one in effects().items() if not one.place]
+    inside = [name for name in wanted.effects or everywhere if name not in outside]
     return Benchmark(wanted, sections, inside, outside)
 
 

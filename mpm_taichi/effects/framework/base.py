@@ -140,6 +140,8 @@ class Effect:
             library's, nothing: they share `mpm_taichi.effects.PHYSICS_VERSION`.
         internal: part of the tool, no candidate.
         realisation: of a random effect, the parameter that says which of its patterns is meant.
+        place: of an effect on a part of the soil, the parameters that bound the part; where a
+            diagnosis knows none of them, it does not try the effect.
     """
 
     name: str
@@ -152,6 +154,7 @@ class Effect:
     version: str = ""
     internal: bool = False
     realisation: str = ""
+    place: tuple[str, ...] = ()
     strength: Callable | None = None
     dilation: Callable | None = None
     acceleration: Callable | None = None

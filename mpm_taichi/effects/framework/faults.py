@@ -30,10 +30,10 @@ def _wrong_kind(one: Effect) -> str:
     for parameter in one.parameters:
         if not isinstance(parameter, Parameter):
             return f"parameters: {_shown(parameter)} is not a Parameter(...)"
-    if not isinstance(one.constant_names, tuple | list) or not all(
-        isinstance(name, str) for name in one.constant_names
-    ):
-        return 'constant_names: a tuple of names is wanted: ("name",)'
+    for field in ("constant_names", "place"):
+        names = getattr(one, field)
+        if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
+            return f'{field}: a tuple of names is wanted: ("name",)'
     if not isinstance(one.amplitude.ladder, tuple | list):
         return f"ladder {_shown(one.amplitude.ladder)}: three positive amplitudes that ascend"
     wrong = _wrong_field("", one) or _wrong_field("amplitude: ", one.amplitude)
@@ -99,6 +99,8 @@ def _wrong_words(one: Effect) -> str:
         return f"two of its numbers have one name: {', '.join(one.columns)}"
     if one.realisation and one.realisation not in {p.name for p in one.parameters}:
         return f"realisation {one.realisation!r} is none of its parameters"
+    if strange := set(one.place) - {p.name for p in one.parameters}:
+        return f"place: {min(strange)!r} is none of its parameters"
     return ""
 
 

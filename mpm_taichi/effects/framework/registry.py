@@ -26,6 +26,7 @@ LIBRARY = (
     "rate_strengthening",
     "overburden_strength",
     "spatial_variability",
+    "strength_contrast",
     "strength_curve",
     "bingham",
     "pore_pressure",
