@@ -27,6 +27,8 @@ LIBRARY = (
     "overburden_strength",
     "spatial_variability",
     "strength_contrast",
+    "late_liquefaction",
+    "spreading_liquefaction",
     "strength_curve",
     "bingham",
     "pore_pressure",
