@@ -14,6 +14,7 @@ from pathlib import Path
 
 from diagnosis.hypotheses.engine_model import EngineModel, Numerics
 from diagnosis.hypotheses.hypothesis_file import Hypothesis
+from diagnosis.hypotheses.registry import assumed_otherwise
 from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
 from geometry.case import SCENE_FILE, Case, load_case
@@ -28,7 +29,7 @@ from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.hold_out import split
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME as INVERSION_FILE
-from inversion.problem.question import Question, ZoneBoundary, check_zones, load_question
+from inversion.problem.question import Question, check_zones, load_question
 from inversion.problem.relation_priors import with_relation_priors
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
@@ -74,7 +75,7 @@ class DiagnosisCase(Case):
             self.setup,
             store,
             engine=engine,
-            sensitivities=[s for s in self.inversion.sensitivities if isinstance(s, ZoneBoundary)],
+            sensitivities=self.inversion.sensitivities,
             numbers=self.question.parameters,
             priors=self.priors,
             numerics=Numerics(settings.noise_jitter, settings.second_transfer, settings.finer),
@@ -177,11 +178,16 @@ def diagnosis_case(
     effects_on(case.scene, source)
     targets = _targets(measurements, question, folder)
     parameters = Parameters(inversion.parameters)
+    setup = Setup(case.scene, case.simulation, parameters, targets, case.feet)
+    if hypothesis is not None:
+        amplitudes = {name: one.amplitude for name, one in hypothesis.effects.items()}
+        setup = assumed_otherwise(setup, inversion.sensitivities, amplitudes, source)
+        case = replace(case, scene=setup.scene)
     asked = case.extended(
         DiagnosisCase,
         inversion=inversion,
         question=question,
-        setup=Setup(case.scene, case.simulation, parameters, targets, case.feet),
+        setup=setup,
         validation_case=_validation_case(question, case) if with_validation else None,
     )
     _check_numbers(asked)

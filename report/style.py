@@ -2,7 +2,7 @@
 
 The colours follow Okabe and Ito (2008) and stay apart for every kind of colour vision; colour is
 never the only carrier of a meaning. Charts are narrow, so that they can be read on a phone. The
-base model is grey, the answer blue, held-out data are orange diamonds, survey errors are green.
+base model is grey, the answer blue, held-out data are orange diamonds, other assumptions are green.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 TEXT_COLOUR, NOTE, GREY, LINE = "#222222", "#666666", "#888888", "#d5dbe0"
 OURS, CLASSICAL, OTHERS, HELD_OUT = "#0072b2", "#009e73", "#555555", "#d55e00"
-BEFORE, AFTER, SURVEY = "#7a828a", OURS, CLASSICAL
+BEFORE, AFTER, ASSUMED = "#7a828a", OURS, CLASSICAL
 PALE, PALE_BEFORE, PALE_AFTER = "#a9cbe2", "#dde1e4", "#b9d6ea"
 WINDOW = "#f7e463"
 GROUND_COLOUR, GROUND_LINE = "#a39b8f", "#4d4842"

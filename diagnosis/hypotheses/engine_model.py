@@ -2,7 +2,7 @@
 
 In: a case (`diagnosis.case`), an engine of the registry and a store of runs by content. Out:
 `diagnosis.hypotheses.model.Model`. A state becomes a reading of the question of its own: a scene
-(parameters, boundaries moved, effects switched on, points jittered) with settings (transfer
+(assumptions changed, parameters, effects switched on, points jittered) with settings (transfer
 scheme). All of a batch are predicted together, so that every core works, and each distinct one
 once. Errors of the survey move the prediction and need no run.
 """
@@ -15,21 +15,23 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
+from diagnosis.hypotheses.assumption import with_setting
+from diagnosis.hypotheses.model import CURVE, Curve, Proposal
+from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.possible_measurements import possible_measurements, proposal_of
-from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
-from geometry.scenes.scene import Scene, scene_from_mapping
+from diagnosis.hypotheses.registry import assumptions_of
+from diagnosis.hypotheses.survey import survey_errors
+from geometry.scenes.scene import scene_from_mapping
 from inversion.engine_registry import REFERENCE, Engine, engine_named
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.forward import Forward, State
-from inversion.problem.question import ZoneBoundary
-from mpm_taichi.effects import Effect, acting_scene, effects, effects_on, liquefied_zones
+from inversion.problem.question import Sensitivity
+from mpm_taichi.effects import acting_scene, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
 from pipeline.cli import InputError
-from pipeline.config import SimulationSettings
 
 #: An unknown curve: knots, and where they lie (shares of what is typical of the section).
 KNOTS = 5
@@ -63,7 +65,7 @@ class EngineModel:
         setup: section, settings, parameters and measurements of the base model.
         store: of the runs.
         engine: what predicts; its runs are kept in the store.
-        sensitivities: boundaries between zones that may lie elsewhere.
+        sensitivities: of the question: what is said to be uncertain, and by how much.
         numbers: effect -> further numbers of it, as in a scene.
         priors: candidate -> (mean, std) of its amplitude, in place of its own.
         numerics: how the model's own error is measured.
@@ -75,7 +77,7 @@ class EngineModel:
         store: RunStore,
         *,
         engine: Engine | None = None,
-        sensitivities: Sequence[ZoneBoundary] = (),
+        sensitivities: Sequence[Sensitivity] = (),
         numbers: Mapping[str, Mapping[str, float]] | None = None,
         priors: Mapping[str, tuple[float, float]] | None = None,
         numerics: Numerics | None = None,
@@ -87,15 +89,15 @@ class EngineModel:
         self.numbers = {name: dict(given) for name, given in (numbers or {}).items()}
         self.failures: dict[State, str] = {}
         self._errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
-        places, unmoved = boundaries(setup.scene, sensitivities)
-        self._boundaries = {place.candidate.name: place for place in places}
+        doubted, certain = assumptions_of(setup, sensitivities, self.engine)
+        self._assumptions = {one.candidate.name: one for one in doubted}
         physics, idle = acting_candidates(setup.scene, self.numbers)
         if not self.engine.effects:
             idle |= {one.name: f"{self.engine.description} has no such effect" for one in physics}
             physics = []
         every = [
             *physics,
-            *(place.candidate for place in self._boundaries.values()),
+            *(one.candidate for one in self._assumptions.values()),
             *(error.candidate for error in self._errors.values()),
         ]
         known = dict(priors or {})
@@ -105,7 +107,7 @@ class EngineModel:
             else one
             for one in every
         ]
-        self.left_out = {**idle, **unmoved}
+        self.left_out = {**idle, **certain}
         self._possible = make_targets(
             possible_measurements(setup), fit=None, loss="misfit", source="what could be measured"
         )
@@ -189,19 +191,17 @@ class EngineModel:
         kept = tuple(pair for pair in state.effects if pair[0] not in self._errors)
         return replace(state, effects=kept)
 
-    def scene(self, state: State) -> Scene:
-        """The section of a state.
+    def setup_of(self, state: State) -> Setup:
+        """What a run of the state is made of and read with: section, settings, its foot.
 
         Raises:
             InputError: there is no such section, an effect is unknown or out of its range.
         """
-        scene, acting = self.setup.scene, {}
-        for name, amplitude in state.effects:
-            if name in self._boundaries:
-                scene = self._boundaries[name].scene(scene, amplitude)
-            else:
-                acting[name] = amplitude
-        scene = self.parameters.scene(scene, np.array(state.values))
+        setup, acting = self.setup, dict(state.effects)
+        for name, one in self._assumptions.items():
+            if name in acting:
+                setup = one.change(setup, acting.pop(name))
+        scene = self.parameters.scene(setup.scene, np.array(state.values))
         changes: dict = {}
         if acting:
             changes["effects"] = {**scene.effects, **self._entries(acting)}
@@ -209,28 +209,12 @@ class EngineModel:
             changes |= {"jitter": self.numerics.jitter, "seed": state.seed}
         if state.numerics == "fine":
             changes["spacing"] = scene.spacing / self.numerics.finer
-        if not changes:
-            return scene
-        return scene_from_mapping({**scene.model_dump(), **changes}, scene.name)
-
-    def settings(self, state: State) -> SimulationSettings:
-        """Settings of a state's simulation."""
-        if state.numerics == "transfer":
-            return self.setup.settings.model_copy(update={"transfer": self.numerics.transfer})
-        return self.setup.settings
-
-    def setup_of(self, state: State) -> Setup:
-        """What a run of the state is read with: its scene, and the foot it counts from.
-
-        Raises:
-            InputError: there is no such section, an effect is unknown or out of its range.
-        """
-        scene = self.scene(state)
+        if changes:
+            scene = scene_from_mapping({**scene.model_dump(), **changes}, scene.name)
         acting_scene(scene, effects_on(scene))  # an effect may ask for what there is no section for
-        # The survey measured from the foot of the section: where the foot moves, so does its zero.
-        own = self.setup
-        foot = {side: x + scene.foot(side) - own.scene.foot(side) for side, x in own.foot.items()}
-        return replace(own, scene=scene, settings=self.settings(state), foot=foot)
+        if state.numerics == "transfer":
+            setup = with_setting(setup, transfer=self.numerics.transfer)
+        return replace(setup, scene=scene)
 
     def points(self, state: State) -> KeptRun:
         """The kept run of a state, for pictures."""
@@ -325,44 +309,3 @@ def strength_curves(setup: Setup, run: KeptRun, zones: Sequence[str]) -> list[Cu
         for variable, (words, unit, ends) in ranges.items()
         if ends[1] > ends[0]
     ]
-
-
-def acting_candidates(
-    scene: Scene, numbers: Mapping[str, Mapping[str, float]] | None = None
-) -> tuple[list[Candidate], dict[str, str]]:
-    """Effects that can act on a section, and why the others cannot.
-
-    Args:
-        scene: the section.
-        numbers: effect -> further numbers of it that are known.
-    """
-    found, left_out = [], {}
-    for name, effect in effects().items():
-        reason = effect.applies(scene)
-        if scene.effects.get(name):
-            reason = "the base model has it already"
-        elif effect.place and not set(effect.place) & set((numbers or {}).get(name, ())):
-            reason = f"no place is stated: {' or '.join(effect.place)}"
-        if reason:
-            left_out[name] = reason
-        else:
-            found.append(candidate_of(effect, (numbers or {}).get(name, {})))
-    return found, left_out
-
-
-def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:
-    """An effect of the library, or of a user, as a candidate; `numbers` are known of it."""
-    amplitude = effect.amplitude
-    ladder = [*amplitude.ladder]
-    if amplitude.two_signed:
-        ladder += [-rung for rung in ladder]
-    return Candidate(
-        name=effect.name,
-        kind="physics",
-        words=effect.words,
-        unit=amplitude.unit,
-        low=amplitude.low,
-        high=amplitude.high,
-        ladder=tuple(sorted(ladder)),
-        by_chance=bool(effect.realisation) and effect.realisation not in numbers,
-    )

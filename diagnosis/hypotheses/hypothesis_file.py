@@ -20,6 +20,7 @@ from geometry.scenes.scene import (
     checked_document,
     scene_from_mapping,
 )
+from mpm_taichi.effects import effects
 from pipeline.cli import InputError
 from pipeline.files import read_yaml, write_text, yaml_text
 
@@ -74,13 +75,13 @@ class Hypothesis(Document):
         }
 
     def scene(self, scene: Scene, source: str = "hypothesis") -> Scene:
-        """The section of the hypothesis.
+        """The section of the hypothesis, with its effects of the solver.
 
         Raises:
             InputError: the changes do not fit the scene.
         """
         document = merged(scene.model_dump(mode="json"), self.scene_changes, source)
-        own = {name: effect.entry for name, effect in self.effects.items()}
+        own = {n: effect.entry for n, effect in self.effects.items() if n in effects()}
         if isinstance(document["effects"], Mapping):  # the scene says what else it must be
             document["effects"] = {**document["effects"], **own}
         changed = scene_from_mapping(document, source)

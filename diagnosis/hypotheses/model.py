@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 
@@ -17,7 +17,22 @@ from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Amplitude, Parameters
 from inversion.problem.forward import State
 
-Kind = Literal["physics", "survey"]
+Family = Literal[
+    "physics", "water", "soil", "strength", "ground", "section", "survey", "start", "dimension"
+]
+"""What is put on trial: a physical effect, or one of the things that a model assumes."""
+FAMILIES: tuple[Family, ...] = get_args(Family)
+FAMILY_WORDS: dict[Family, str] = {
+    "physics": "a physical effect",
+    "water": "the water",
+    "soil": "the soil that is not calibrated",
+    "strength": "strength that differs within the liquefied soil",
+    "ground": "the ground below",
+    "section": "the section as it was drawn",
+    "survey": "the survey",
+    "start": "how the slide began",
+    "dimension": "the third dimension",
+}
 
 #: Coefficients of an unknown strength curve stand in `State.effects` under this name.
 CURVE = "strength_curve"
@@ -27,12 +42,11 @@ WIDE = 2.0
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect that the base model may lack.
+    """A hypothesis: an effect that the base model may lack, or another assumption than its own.
 
     Attributes:
         name: of the effect.
-        kind: physics, or survey: an error of the survey (datum, tilt, a boundary between zones),
-            which competes with physics. It acts on the prediction; where it can, without a run.
+        family: what it doubts.
         words: what it is, as part of a sentence.
         unit: of the amplitude; empty where it is a pure number.
         low: lower bound of the amplitude; 0 where it has one sign.
@@ -43,10 +57,13 @@ class Candidate:
         free: its runs cost nothing (an error of the survey that only moves the prediction).
         by_chance: one pattern of many that are random, and nobody has said that it is the one: what
             it explains is not explained, but varies from place to place.
+        screened: nearly linear: its ladder is run beyond the first amplitude only if that promises
+            something.
+        switch: on or off, amplitude 1 or 0: another form of the model, which has no size.
     """
 
     name: str
-    kind: Kind
+    family: Family
     words: str
     unit: str
     low: float
@@ -56,11 +73,21 @@ class Candidate:
     prior_std: float | None = None
     free: bool = False
     by_chance: bool = False
+    screened: bool = False
+    switch: bool = False
 
     @property
     def two_signed(self) -> bool:
         """The amplitude may be of either sign."""
         return self.low < 0.0 < self.high
+
+
+def switch_of(name: str, family: Family, words: str) -> Candidate:
+    """Another form of the model, on or off."""
+    return Candidate(
+        name=name, family=family, words=words, unit="", low=0.0, high=1.0, ladder=(1.0,),
+        switch=True,
+    )  # fmt: skip
 
 
 def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None) -> Amplitude:
@@ -70,6 +97,8 @@ def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None)
     `WIDE` times the top rung wide, cut off at the bounds. Bounds alone would not do: they are what
     the solver can bear, and an effect would gain or lose evidence by how far that is.
     """
+    if candidate.switch:
+        return Amplitude(candidate.name, 1.0, 1.0, 1.0)
     mean, std = prior if prior is not None else (candidate.prior_mean, candidate.prior_std)
     rungs = sorted(abs(rung) for rung in candidate.ladder)
     middle = rungs[len(rungs) // 2]

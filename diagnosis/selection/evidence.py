@@ -39,11 +39,12 @@ def ln_evidence(data: Data, fit: Fit, candidates: int) -> float:
     sizes = np.linalg.svd(linear.matrix, compute_uv=False)
     sizes = np.where(sizes > 1e-6, sizes, 1.0)
     volume = 0.5 * len(sizes) * math.log(2.0 * math.pi) - float(np.sum(np.log(sizes)))
+    fitted = space.p + np.flatnonzero(space.free[space.p :])  # a switch is where it is
     share = share_within(
-        centre[space.p :],
-        linear.posterior[space.p :, space.p :],
-        space.low[space.p :],
-        space.high[space.p :],
+        centre[fitted],
+        linear.posterior[np.ix_(fitted, fitted)],
+        space.low[fitted],
+        space.high[fitted],
     )
     odds = -ln_choices(candidates, len(space.effects))
     return float(

@@ -113,7 +113,12 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     )
     linear = comparison.judged.system
     taken = take_signatures(
-        base.runs, base.surface, linear, candidates, finite=options.finite_amplitudes
+        base.runs,
+        base.surface,
+        linear,
+        candidates,
+        finite=options.finite_amplitudes,
+        found=comparison.judged,
     )
     for candidate in candidates:
         if candidate.name not in taken:

@@ -238,9 +238,8 @@ def wanted_models(
     ranked = [name for name in now.scores.ranked if now.scores.best(name).drop > least]
     chosen = ranked[: options.refitted]
     if ranked:
-        for name in explanation.alike(ranked[0], options.inseparable):
-            if name not in chosen and name in ranked:
-                chosen.append(name)
+        alike = explanation.alike(ranked[0], options.inseparable)
+        chosen += representatives(explanation, [n for n in ranked if n in alike], chosen)
     models = [tuple(sorted((*now.model.names, name))) for name in chosen]
     if not first:
         models += best_pairs(comparison, explanation, PAIRS)
@@ -256,7 +255,29 @@ def untried_doubles(
     """
     (name,) = best.names
     alike = explanation.alike(name, options.hardly_separable)
-    return [(other,) for other in alike if (other,) not in tried_models.models]
+    tried = [key[0] for key in tried_models.models if len(key) == 1]
+    return [(other,) for other in representatives(explanation, alike, tried)]
+
+
+def representatives(
+    explanation: Explanation, names: Sequence[str], tried: Sequence[str]
+) -> list[str]:
+    """Of candidates that look alike those worth a refit, best score first.
+
+    All but those that are screened, and of these the best of each family: its members differ by
+    place or by property, and where the data cannot separate them a refit of each would say the
+    same.
+    """
+    family = {one.name: one.family for one in explanation.candidates if one.screened}
+    there = {family[name] for name in tried if name in family}
+    found = []
+    for name in names:
+        if name in tried or family.get(name) in there:
+            continue
+        found.append(name)
+        if name in family:
+            there.add(family[name])
+    return found
 
 
 def best_pairs(

@@ -271,7 +271,9 @@ def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedMod
     fit = chosen.fit
     what = f"derivative of {' + '.join(fit.names)}"
     steps = steps_above_noise(fit.space, context.data, fit.derivative, context.jitter)
-    slope = central_differences(context.runs, fit.space, fit.x, fit.prediction, steps, what)
+    slope = central_differences(
+        context.runs, fit.space, fit.x, fit.prediction, steps, what, known=fit.derivative
+    )
     if slope is None:
         return chosen
     surface = Surface(fit.space, fit.x, fit.prediction, slope)

@@ -39,6 +39,8 @@ from inversion.estimation.response_surface import Ladder, Surface
 FARTHEST = 1.5
 #: A top rung of which less is seen, |s|, is raised, at most by the second factor.
 TOP_SEEN, TOP_RAISED = 8.0, 4.0
+#: Fall of the sum of squares that a screened candidate must promise to be looked at more closely.
+PROMISE = 2.0
 
 
 @dataclass(frozen=True)
@@ -80,11 +82,13 @@ def take_signatures(
     *,
     finite: bool = True,
     turns: int = 2,
+    found: ProjectedFit | None = None,
 ) -> dict[str, Signature]:
     """Run every candidate's ladder at an anchor, in four batches, drawn out where little is seen.
 
     Where the allowance does not cover all, the largest come before the smallest. A candidate all of
-    whose runs failed is not among the answers.
+    whose runs failed is not among the answers. Of a candidate that is screened the first amplitude
+    is run alone, unless it promises to lower the sum of squares by `PROMISE`, up or down.
 
     Args:
         runs: the model.
@@ -93,27 +97,41 @@ def take_signatures(
         candidates: effects to try.
         finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
         turns: amplitudes of each sign in addition to the middle one; of one, the largest.
+        found: the fit whose residual screens; None: nothing is screened out.
     """
     ladders = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
     stay = np.zeros(surface.space.size)
     ladders.run([(c.name, _first(c, finite), stay) for c in candidates])
     raw = {name: next(iter(changes.items())) for name, changes in ladders.changes.items()}
     if finite:
-        middles = [(c.name, a) for c in candidates for a in _middles(c)]
+        kept = [
+            c
+            for c in candidates
+            if found is None or not c.screened or c.name not in raw
+            or _promise(found, c, *raw[c.name]) >= PROMISE
+        ]  # fmt: skip
+        middles = [(c.name, a) for c in kept for a in _middles(c) if not c.switch]
         ladders.run([(name, a, ladders.meeting(name, a)) for name, a in middles])
-        others = [
-            (c.name, ladders.others(c.name, sign)) for c in candidates for sign in (1.0, -1.0)
-        ]
+        others = [(c.name, ladders.others(c.name, sign)) for c in kept for sign in (1.0, -1.0)]
         if turns == 1:
             others = [(name, [max(rungs, key=abs)] if rungs else []) for name, rungs in others]
         for turn in range(turns):
             wanted = [(name, rungs[turn]) for name, rungs in others if len(rungs) > turn]
             ladders.run([(name, a, ladders.meeting(name, a)) for name, a in wanted])
+        for c in candidates:
+            if c not in kept:
+                ladders.mirror(c)
     return {
         c.name: Signature(c.name, ladders.changes[c.name], ladders.moves[c.name], raw[c.name])
         for c in candidates
         if c.name in ladders.changes
     }
+
+
+def _promise(found: ProjectedFit, candidate: Candidate, rung: float, change: np.ndarray) -> float:
+    """Fall of the sum of squares by the better sign of a candidate, taken as linear."""
+    whole = [(rung, change)] + ([(-rung, -change)] if candidate.two_signed else [])
+    return max(_score(found, candidate, a, d, True)[0].drop for a, d in whole)
 
 
 @dataclass
@@ -162,6 +180,13 @@ class _Ladders:
         high = candidate.high if sign > 0 else -candidate.low
         raised = sign * min(abs(top) * share, max(high, abs(top)))
         return [sign * float(np.sqrt(middle * raised)), raised]
+
+    def mirror(self, candidate: Candidate) -> None:
+        """Take the other sign of a candidate that was screened out as its mirror image."""
+        changes, moves = self.changes[candidate.name], self.moves[candidate.name]
+        for amplitude in list(changes):
+            if candidate.low <= -amplitude <= candidate.high:
+                changes[-amplitude], moves[-amplitude] = -changes[amplitude], -moves[amplitude]
 
     def _seen(self, name: str, amplitude: float) -> float | None:
         """|s| of an amplitude that was run; None where its run failed."""
@@ -364,8 +389,11 @@ def _score(
         agree, drawn = agree + shift, drawn + shift
     size = max(size, 1e-300)
     most = (candidate.high if rung > 0 else candidate.low) / rung
-    share = float(np.clip(agree / size, 0.0, most))
+    share = np.clip(agree / size, 0.0, most)
     null_share = np.clip(drawn / size, 0.0, most)
+    if candidate.switch:  # on, or off; there is nothing in between
+        share, null_share = np.round(share), np.round(null_share)
+    share = float(share)
     score = Score(
         name=candidate.name,
         rung=rung,

@@ -62,6 +62,7 @@ def _there(model: EngineModel, fit: Fit, seed: int) -> State:
     found = fit.space.parameters.as_mapping(fit.space.values(fit.x))
     own = model.parameters.as_mapping(model.parameters.prior_mean)
     values = [found.get(name, own[name]) for name in model.parameters.names]
-    acting = {c.name for c in model.candidates if c.kind == "physics"}
+    # Where the section is drawn otherwise and what the survey errs belong to the first case.
+    acting = {c.name for c in model.candidates if c.family not in ("section", "survey")}
     effects = {n: a for n, a in fit.space.amplitudes(fit.x).items() if n in acting}
     return state(values, effects, seed=seed)

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from diagnosis.hypotheses.model import Family
 from diagnosis.selection.decide import Verdicts
 from inversion.back_analysis.result import FittedTo
 from inversion.estimation.data import Role
@@ -154,7 +155,8 @@ class CandidateVerdict(StrictDocument):
     """What was found of one candidate, against the base model."""
 
     name: str = Field(description="name of the effect")
-    kind: Literal["physics", "survey"] = Field(description="of the soil, or of the survey")
+    family: Family = Field(description="physics, or which of the model's assumptions it doubts")
+    switch: bool = Field(False, description="on or off: its amplitude is 1 and has no error")
     words: str = Field(description="what it is")
     unit: str = Field(description="of the amplitude; empty: a pure number")
     z: float | None = Field(description="score of the residual along its signature")

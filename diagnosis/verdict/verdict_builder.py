@@ -168,7 +168,8 @@ def _tested(
     cosines = explanation.signatures[name].cosines
     return verdict.CandidateVerdict(
         name=name,
-        kind=candidate.kind,
+        family=candidate.family,
+        switch=candidate.switch,
         words=candidate.words,
         unit=candidate.unit,
         z=best.z,
@@ -195,7 +196,8 @@ def _untested(name: str, candidate: Candidate | None, why: str) -> verdict.Candi
     )  # fmt: skip
     return verdict.CandidateVerdict(
         name=name,
-        kind="physics" if candidate is None else candidate.kind,
+        family="physics" if candidate is None else candidate.family,
+        switch=candidate is not None and candidate.switch,
         words="" if candidate is None else candidate.words,
         unit="" if candidate is None else candidate.unit,
         strength_bias_if_missed={},

@@ -226,7 +226,14 @@ def measured_noise(
 
 
 def central_differences(
-    runs: Runs, space: Unknowns, x: np.ndarray, prediction: np.ndarray, steps: np.ndarray, what: str
+    runs: Runs,
+    space: Unknowns,
+    x: np.ndarray,
+    prediction: np.ndarray,
+    steps: np.ndarray,
+    what: str,
+    *,
+    known: np.ndarray | None = None,
 ) -> np.ndarray | None:
     """Derivative (m, q) at x; None where the allowance does not cover it.
 
@@ -237,6 +244,7 @@ def central_differences(
         prediction: there, jitter seed 0, (m,); used on the side whose run failed or does not exist.
         steps: half-width for each unknown, (q,).
         what: words for what is left out where the allowance ends.
+        known: a derivative (m, q) whose columns stay for unknowns that are held; None: zeros.
     """
     sides = []
     for place in np.flatnonzero(space.free):
@@ -250,6 +258,8 @@ def central_differences(
         return None
     rows = runs.predict(states)
     derivative = np.zeros((len(prediction), space.size))
+    if known is not None:
+        derivative[:, ~space.free] = known[:, ~space.free]
     for number in range(0, len(sides), 2):
         place = sides[number][0]
         pair = [(sides[number + side][1][place], rows[number + side]) for side in (0, 1)]

@@ -188,6 +188,9 @@ class Amplitude:
         unit: amplitude that counts as 1 in x.
         mean: most likely amplitude beforehand; None: any between the bounds.
         std: its standard deviation; None with `mean`.
+
+    Where both bounds are one value the amplitude is held there: the effect is a switch that is on,
+    and takes no degree of freedom.
     """
 
     name: str
@@ -198,11 +201,18 @@ class Amplitude:
     std: float | None = None
 
     @property
+    def held(self) -> bool:
+        """There is nothing to fit."""
+        return self.low == self.high
+
+    @property
     def ln_prior_width(self) -> float:
         """Logarithm of the prior's volume: ln prior density = -this - (x - x0)^2 / 2.
 
         A Gaussian that is cut off at the bounds has the volume that lies within them.
         """
+        if self.held:
+            return 0.0
         if self.std is not None:
             low, high = ((bound - self.mean) / self.std for bound in (self.low, self.high))
             within = max(float(ndtr(high) - ndtr(low)), LEAST_WITHIN)
@@ -256,6 +266,7 @@ class Unknowns:
         """(q,) bool: may change in a fit."""
         free = np.ones(self.size, dtype=bool)
         free[list(self.fixed)] = False
+        free[self.p :] = [not effect.held for effect in self.effects]
         return free
 
     @cached_property

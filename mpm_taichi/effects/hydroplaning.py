@@ -68,6 +68,7 @@ EFFECT = Effect(
         "a long, thin front beyond the old toe, while remnant, crest and scarp are as they were; "
         "the first metres of runout come as before, the last ones are added"
     ),
+    family="ground",
     amplitude=Amplitude(
         unit="",
         low=0.0,

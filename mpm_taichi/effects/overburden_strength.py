@@ -25,6 +25,7 @@ EFFECT = Effect(
         "thin soil near the old toe is weaker and runs far and thin, the soil under the crest "
         "holds back: thickness near the old toe says it, the toe alone does not"
     ),
+    family="strength",
     amplitude=Amplitude(
         unit="",
         low=0.0,

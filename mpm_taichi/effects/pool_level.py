@@ -53,6 +53,7 @@ EFFECT = Effect(
         "into the pool runs shorter and settles less (one away from it may run farther), much as a "
         "larger S_r; it acts on all that is submerged, so shells and remnant move along"
     ),
+    family="water",
     amplitude=Amplitude(
         unit="m",
         low=-30.0,

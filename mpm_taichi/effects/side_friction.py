@@ -37,6 +37,7 @@ EFFECT = Effect(
         "frictional shells are held back with the stress on them: thick, deep parts most, a thin "
         "front hardly; crest and remnant higher, runout shorter; in a box a steeper deposit"
     ),
+    family="dimension",
     amplitude=Amplitude(
         unit="",
         low=0.0,

@@ -44,6 +44,7 @@ EFFECT = Effect(
         "as a larger S_r where the slide is thick, and less so at the thin front: runout shorter, "
         "crest and remnant higher"
     ),
+    family="dimension",
     amplitude=Amplitude(
         unit="",
         low=0.0,

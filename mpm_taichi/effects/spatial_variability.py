@@ -81,6 +81,7 @@ EFFECT = Effect(
         "an uneven surface, thick where the soil is strong and thin where it is weak, at distances "
         "of the correlation length; the toe moves either way; another seed, another pattern"
     ),
+    family="strength",
     amplitude=Amplitude(
         unit="",
         low=0.0,

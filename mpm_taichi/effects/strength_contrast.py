@@ -83,6 +83,7 @@ EFFECT = Effect(
                   "width of its edge over b (h); 0.01: it ends abruptly"),
     ),
     place=("half_width_m", "half_height_m"),
+    family="strength",
     strength=strength,
     field=multiplier,
     applies=needs_liquefied_soil,

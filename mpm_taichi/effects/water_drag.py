@@ -55,6 +55,7 @@ EFFECT = Effect(
         "lower velocities and a somewhat shorter runout without a change of the surface behind the "
         "front; nothing at all where the slide is slow, so it shows in toe history and velocity"
     ),
+    family="water",
     amplitude=Amplitude(
         unit="",
         low=0.0,

@@ -40,6 +40,7 @@ EFFECT = Effect(
         "the mass slides out as a whole: longer runout, a flat deposit, and markers near the base "
         "that move as far as those above them"
     ),
+    family="ground",
     amplitude=Amplitude(
         unit="",
         low=0.0,

@@ -21,7 +21,7 @@ from report.sentences.diagnosis import achieved, spoken
 ROW, LEFT, FOOT = 0.48, 1.5, 0.5
 MOST = 12
 """Most candidates drawn; the table has all of them."""
-PALE_SURVEY = "#b5dccf"
+PALE_ASSUMED = "#b5dccf"
 COUNTS = 6.0
 """Smallest reduction of chi² that counts."""
 
@@ -67,8 +67,8 @@ def _ticks(ax: Axes, reach: float) -> None:
 
 
 def _draw_row(ax: Axes, place: int, candidate: CandidateVerdict) -> None:
-    survey = candidate.kind == "survey"
-    pale, dark = (PALE_SURVEY, style.SURVEY) if survey else (style.PALE_AFTER, style.AFTER)
+    assumed = candidate.family != "physics"
+    pale, dark = (PALE_ASSUMED, style.ASSUMED) if assumed else (style.PALE_AFTER, style.AFTER)
     expected, fell = _root(candidate.expected_drop), _root(achieved(candidate))
     ax.barh(place, expected, height=0.62, color=pale, linewidth=0, zorder=2)
     if candidate.refit is not None:
@@ -102,7 +102,7 @@ def _handles(shown: list[CandidateVerdict]) -> list[Patch]:
         Patch(facecolor=style.PALE_AFTER, label="expected"),
         Patch(facecolor=style.AFTER, label="achieved when refitted"),
     ]
-    if any(c.kind == "survey" for c in shown):
-        made.append(Patch(facecolor=style.SURVEY, label="survey error"))
+    if any(c.family != "physics" for c in shown):
+        made.append(Patch(facecolor=style.ASSUMED, label="another assumption"))
     made = made if any(c.refit for c in shown) else [made[0], *made[2:]]
     return [*made, Patch(facecolor=style.LINE, label=f"{COUNTS:g}: too little to count")]

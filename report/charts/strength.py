@@ -76,7 +76,7 @@ def draw_hidden(data: DiagnosisData, path: Path) -> Path | None:
     shown = [(p, bars) for p, bars in shown if bars and (p.strength or _matters(data, p, bars))]
     if not shown:
         return None
-    survey = {c.name for c in data.candidates if c.kind == "survey"}
+    assumed = {c.name for c in data.candidates if c.family != "physics"}
     figure, panels = style.chart(
         [BAR_ROW * len(bars) for _, bars in shown], above=ABOVE, left=BAR_LEFT
     )
@@ -88,8 +88,8 @@ def draw_hidden(data: DiagnosisData, path: Path) -> Path | None:
         ax.axvline(0, color=style.TEXT_COLOUR, linewidth=0.9, zorder=4)
         for place, (name, change) in enumerate(bars):
             colour = (
-                style.SURVEY
-                if name in survey
+                style.ASSUMED
+                if name in assumed
                 else style.PALE_AFTER
                 if abs(change) < sure
                 else style.AFTER

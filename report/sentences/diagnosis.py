@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from diagnosis.hypotheses.survey_errors import BOUNDARY
+from diagnosis.hypotheses.section import BOUNDARY
 from diagnosis.verdict.verdict import (
     CandidateVerdict,
     FittedModelSummary,

@@ -131,7 +131,7 @@ def groups_table(data: DiagnosisData) -> Table:
 def candidates_table(data: DiagnosisData) -> Table:
     """Every candidate with its score."""
     rows = [
-        [spoken(c.name), c.words, c.kind, _short(c.z), _short(c.expected_drop),
+        [spoken(c.name), c.words, c.family, _short(c.z), _short(c.expected_drop),
          None if c.p_family is None else chance(c.p_family),
          None if c.amplitude_by_score is None else with_unit(c.amplitude_by_score, c.unit),
          None if c.smallest_detectable is None else with_unit(c.smallest_detectable, c.unit),
@@ -139,7 +139,7 @@ def candidates_table(data: DiagnosisData) -> Table:
          {True: "yes", False: "no", None: None}[c.resolved]]
         for c in data.candidates
     ]  # fmt: skip
-    header = ["effect", "what it is", "kind", "z", "expected fall", "chance of noise",
+    header = ["effect", "what it is", "family", "z", "expected fall", "chance of noise",
               "amplitude by score", "smallest detectable", "visible", "resolved"]  # fmt: skip
     return Table(header, rows, "Scores")
 

@@ -37,23 +37,25 @@ def case(folder):
 def test_a_state_becomes_a_scene(case):
     model = case.model(RunStore(None, threads=1))
     assert isinstance(model, Model)
-    plain = model.scene(state((9.0, 33.0)))
+    plain = model.setup_of(state((9.0, 33.0))).scene
     assert plain == model.parameters.scene(case.scene, np.array([9.0, 33.0]))
     assert plain.materials["loose_sand"].cohesion_kpa == 9.0
-    jittered = model.scene(state((9.0, 33.0), seed=3))
+    jittered = model.setup_of(state((9.0, 33.0), seed=3)).scene
     assert (jittered.jitter, jittered.seed) == (0.5, 3) and plain.jitter == 0.0
     fine = State((9.0, 33.0), numerics="fine")
-    assert model.scene(fine).spacing == pytest.approx(2.0 / 1.5)
+    assert model.setup_of(fine).scene.spacing == pytest.approx(2.0 / 1.5)
     other = State((9.0, 33.0), numerics="transfer")
-    assert model.scene(other) == plain and model.settings(other).transfer == "flip"
-    assert model.settings(fine).transfer == "affine_flip"
-    soft = model.scene(state((9.0, 33.0), {"strain_softening": 1.0, "weak_base": 0.2}))
+    assert (
+        model.setup_of(other).scene == plain and model.setup_of(other).settings.transfer == "flip"
+    )
+    assert model.setup_of(fine).settings.transfer == "affine_flip"
+    soft = model.setup_of(state((9.0, 33.0), {"strain_softening": 1.0, "weak_base": 0.2})).scene
     assert soft.effects == {
         "strain_softening": {"amplitude": 1.0, "reference_strain": 0.7},
         "weak_base": 0.2,
     }
     # The boundary moves with the strengths in place, and brings no effect into the scene.
-    higher = model.scene(state((9.0, 33.0), {"boundary_top": 1.0}))
+    higher = model.setup_of(state((9.0, 33.0), {"boundary_top": 1.0})).scene
     assert (44.0, 6.0) in higher.zones[0].polygon and not higher.effects
     assert higher.materials["loose_sand"].cohesion_kpa == 9.0
 
@@ -90,7 +92,9 @@ def test_a_curve_is_one_entry_of_the_scene(case, kept_runs):
     assert 0.0 < low < high < 18.0 * 9.81 * 1.2
     assert 0.0 < curves["position"].knots[0] < curves["position"].knots[-1] < 44.0
     first, *_, last = curves["strain"].names
-    entry = model.scene(state((9.0, 33.0), {first: 0.3, last: -0.2})).effects["strength_curve"]
+    entry = model.setup_of(state((9.0, 33.0), {first: 0.3, last: -0.2})).scene.effects[
+        "strength_curve"
+    ]
     assert (entry["c0"], entry["c1"], entry["c4"], entry["knots"]) == (0.3, 0.0, -0.2, 5.0)
     assert entry["variable"] == 1.0 and entry["last_knot"] == 2.0
 

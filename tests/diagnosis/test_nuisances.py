@@ -7,7 +7,8 @@ import pytest
 import yaml
 
 from diagnosis.case import diagnosis_case
-from diagnosis.hypotheses.survey_errors import boundaries, survey_errors
+from diagnosis.hypotheses import section
+from diagnosis.hypotheses.survey import survey_errors
 from geometry.case import load_case
 from inversion.problem.question import ZoneBoundary
 from pipeline.cli import InputError
@@ -29,7 +30,7 @@ def test_a_shifted_datum_lifts_every_elevation_and_nothing_else(embankment):
     assert change["surface at x 40 m"] == change["surface at x -6.27 m"] == 1.0
     assert change["marker 1 dx"] == 0.0 and change["marker 1 dy"] == 1.0
     candidate = errors["datum_shift"].candidate
-    assert candidate.free and candidate.kind == "survey" and candidate.two_signed
+    assert candidate.free and candidate.family == "survey" and candidate.two_signed
     assert candidate.ladder == (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)  # the survey's std is 0.5 m
     assert (candidate.low, candidate.high) == (-2.0, 2.0)
 
@@ -67,33 +68,34 @@ def test_few_elevations_have_no_datum(root):
 
 
 def test_a_boundary_moves_in_standard_deviations(embankment):
-    scene = diagnosis_case(load_case(embankment)).scene
-    (place,), left_out = boundaries(scene, [ZoneBoundary(**TOP)])
+    setup = diagnosis_case(load_case(embankment)).setup
+    scene = setup.scene
+    (place,), left_out = section.assumptions(setup, [ZoneBoundary(**TOP)])
     candidate = place.candidate
     assert candidate.name == "boundary_top_of_the_sand" and not left_out
     assert (candidate.prior_mean, candidate.prior_std, candidate.free) == (0.0, 1.0, False)
     assert candidate.ladder == (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)
-    sand = place.scene(scene, 1.5).zones[0]
+    sand = place.change(setup, 1.5).scene.zones[0]
     assert (13.0, 6.5) in sand.polygon and (44.0, 6.5) in sand.polygon
     assert np.array_equal(scene.zones[0].polygon[2], (44.0, 5.0))
 
 
 def test_a_boundary_is_bounded_by_what_there_is_a_section_for(embankment):
-    scene = diagnosis_case(load_case(embankment)).scene
+    setup = diagnosis_case(load_case(embankment)).setup
     high = {**TOP, "vertices": [{"at": [44.0, 5.0], "move": [0.0, -3.0]}]}
-    (place,), _ = boundaries(scene, [ZoneBoundary(**high)])
+    (place,), _ = section.assumptions(setup, [ZoneBoundary(**high)])
     # At +2 the vertex lies below the ground, at -1 on the surface of the fill.
     assert place.candidate.ladder == (-0.5, 0.5, 1.0)
     assert (place.candidate.low, place.candidate.high) == (-0.5, 1.0)
     one_way = {**TOP, "sides": "minus"}
-    (place,), _ = boundaries(scene, [ZoneBoundary(**one_way)])
+    (place,), _ = section.assumptions(setup, [ZoneBoundary(**one_way)])
     assert place.candidate.ladder == (-2.0, -1.0, -0.5)
     assert (place.candidate.low, place.candidate.high) == (-2.0, 0.0)
     far = {**TOP, "vertices": [{"at": [44.0, 5.0], "move": [0.0, -99.0]}], "sides": "plus"}
-    assert boundaries(scene, [ZoneBoundary(**far)]) == (
+    assert section.assumptions(setup, [ZoneBoundary(**far)]) == (
         [],
         {"boundary_top_of_the_sand": "at 1 m spacing no section has it moved"},
     )
     wrong = {**TOP, "vertices": [{"at": [99.0, 5.0], "move": [0.0, 1.0]}]}
     with pytest.raises(InputError, match="no zone has a vertex at"):
-        boundaries(scene, [ZoneBoundary(**wrong)])
+        section.assumptions(setup, [ZoneBoundary(**wrong)])

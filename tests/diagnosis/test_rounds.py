@@ -17,6 +17,7 @@ from diagnosis.selection.decide import excess, still_failing
 from diagnosis.selection.forward_selection import (
     TriedModels,
     _accepted,
+    representatives,
     accepted,
     untried_doubles,
     wanted_models,
@@ -163,7 +164,7 @@ def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
     ranked = sorted(drops, key=lambda name: -drops[name])
     scores = SimpleNamespace(ranked=ranked, best=lambda name: SimpleNamespace(drop=drops[name]))
     now = SimpleNamespace(scores=scores, model=SimpleNamespace(names=("late",)))
-    explanation = SimpleNamespace(alike=lambda name, limit: ["twin", "faint"])
+    explanation = SimpleNamespace(alike=lambda name, limit: ["twin", "faint"], candidates=[])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             forward_selection, "best_pairs", lambda comparison, explanation, count: [("a", "b")]
@@ -217,10 +218,19 @@ def test_doubles_of_what_is_to_be_named_are_refitted_unless_they_were():
     tried_models = TriedModels({best.names: best, tried.names: tried})
     asked = []
     explanation = SimpleNamespace(
-        alike=lambda name, least: asked.append((name, least)) or ["pool", "drag"]
+        alike=lambda name, least: asked.append((name, least)) or ["pool", "drag"], candidates=[]
     )
     assert untried_doubles(tried_models, explanation, best, Options()) == [("drag",)]
     assert asked == [("side", 0.8)]
+
+
+def test_of_assumptions_that_look_alike_the_best_of_each_family_is_refitted():
+    family = {"density": "soil", "stiffness": "soil", "block": "strength", "layer": "strength"}
+    candidates = [SimpleNamespace(name=n, family=f, screened=True) for n, f in family.items()]
+    explanation = SimpleNamespace(candidates=candidates)
+    names = ["density", "shaking", "stiffness", "layer", "block"]
+    assert representatives(explanation, names, []) == ["density", "shaking", "layer"]
+    assert representatives(explanation, names, ["stiffness"]) == ["shaking", "layer"]
 
 
 def test_a_random_pattern_that_nobody_chose_names_nothing():

@@ -244,7 +244,7 @@ class Case:
         """`verdict.CandidateVerdict`, best score first, and one that was forbidden."""
         base, found = self.fit([]), []
         for rank, name in enumerate(self.order):
-            words, unit, *_, kind = EFFECTS[name]
+            words, unit, *_, family = EFFECTS[name]
             score, refit = self.scores[name], None
             if rank < refitted and score["z"] > 1:
                 made = self.fit([name])
@@ -258,7 +258,7 @@ class Case:
                     "held_out_chi2": made["held_out"], "accepted": not why, "why_not": why,
                 }  # fmt: skip
             found.append(
-                {"name": name, "kind": kind, "words": words, "unit": unit, "z": score["z"],
+                {"name": name, "family": family, "words": words, "unit": unit, "z": score["z"],
                  "expected_drop": max(score["z"], 0.0) ** 2,
                  "p_family": float(min(1.0, 10 * chi2_law.sf(max(score["z"], 0.0) ** 2, 1))),
                  "amplitude_by_score": score["amplitude"], "visible_fraction": score["visible"],
@@ -269,7 +269,7 @@ class Case:
         keys = ("z", "expected_drop", "p_family", "amplitude_by_score", "visible_fraction",
                 "smallest_detectable", "resolved", "refit")  # fmt: skip
         found.append(
-            {"name": FORBIDDEN, "kind": "physics", "words": "the sides of the slide hold it back",
+            {"name": FORBIDDEN, "family": "physics", "words": "the sides of the slide hold it back",
              "unit": "kPa", "strength_bias_if_missed": {}, "left_out": "ruled out by the engineer",
              **dict.fromkeys(keys)}
         )  # fmt: skip

@@ -142,6 +142,8 @@ class Effect:
         realisation: of a random effect, the parameter that says which of its patterns is meant.
         place: of an effect on a part of the soil, the parameters that bound the part; where a
             diagnosis knows none of them, it does not try the effect.
+        family: of the assumptions that a diagnosis puts on trial: physics, or what it doubts
+            (water, strength, ground, dimension).
     """
 
     name: str
@@ -155,6 +157,7 @@ class Effect:
     internal: bool = False
     realisation: str = ""
     place: tuple[str, ...] = ()
+    family: str = "physics"
     strength: Callable | None = None
     dilation: Callable | None = None
     acceleration: Callable | None = None

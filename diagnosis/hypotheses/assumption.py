@@ -1,0 +1,69 @@
+"""An assumption of the model on trial: what it is called, and how the model reads otherwise.
+
+Physical effects act in the solver (`diagnosis.hypotheses.physics`), errors of the survey on the
+prediction (`diagnosis.hypotheses.survey`). All else that was assumed, the water, the soils that are
+not calibrated, the section, the ground, is another setup of the same run. Each family of them is
+one module with
+
+    assumptions(setup, sensitivities) -> (list of Assumption, {name: why it is left out})
+
+which `diagnosis.hypotheses.registry` lists.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from diagnosis.hypotheses.model import Candidate
+from geometry.scenes.scene import Scene
+from inversion.engines.setup import Setup
+from inversion.problem.question import Sensitivity
+from pipeline.cli import InputError
+
+Sensitivities = Sequence[Sensitivity]
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """One assumption.
+
+    Attributes:
+        candidate: its name, words, bounds and ladder.
+        change: the setup with an amplitude of it; an `InputError` where there is no such section.
+    """
+
+    candidate: Candidate
+    change: Callable[[Setup, float], Setup]
+
+
+Found = tuple[list[Assumption], dict[str, str]]
+"""Assumptions of a family, and why others can do nothing here."""
+
+
+def with_scene(setup: Setup, scene: Scene) -> Setup:
+    """The setup of another section; the survey measured from its foot."""
+    own = setup.scene
+    # Where the foot moves, so does the zero of a runout.
+    foot = {side: x + scene.foot(side) - own.foot(side) for side, x in setup.foot.items()}
+    return replace(setup, scene=scene, foot=foot)
+
+
+def with_setting(setup: Setup, **changes: object) -> Setup:
+    """The setup with other settings of the simulation."""
+    return replace(setup, settings=setup.settings.model_copy(update=changes))
+
+
+def possible(assumption: Assumption, setup: Setup, amplitude: float) -> bool:
+    """There is a section with it."""
+    try:
+        assumption.change(setup, amplitude)
+    except InputError:
+        return False
+    return True
+
+
+def slug(text: str) -> str:
+    """A name that can be a key."""
+    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")

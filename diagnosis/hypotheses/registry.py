@@ -1,0 +1,81 @@
+"""The families of assumptions that a diagnosis puts on trial, in the order in which they act.
+
+A family is a module with `assumptions(setup, sensitivities)` (`diagnosis.hypotheses.assumption`)
+and a line in `FAMILIES`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import ModuleType
+
+from diagnosis.hypotheses import section, soil, strength, water
+from diagnosis.hypotheses.assumption import Found, Sensitivities
+from diagnosis.hypotheses.survey import survey_errors
+from inversion.engine_registry import Engine
+from inversion.engines.setup import Setup
+from mpm_taichi.effects import effects
+from pipeline.cli import InputError
+
+
+@dataclass(frozen=True)
+class FamilyModule:
+    """A family of assumptions.
+
+    Attributes:
+        module: that has them.
+        solver: only an engine that simulates water, soil and effects can say what they do.
+    """
+
+    module: ModuleType
+    solver: bool = True
+
+
+FAMILIES = (
+    FamilyModule(section, solver=False),
+    FamilyModule(water),
+    FamilyModule(soil),
+    FamilyModule(strength),
+)
+
+
+def assumptions_of(setup: Setup, sensitivities: Sensitivities, engine: Engine) -> Found:
+    """All assumptions that can be otherwise, and why others cannot."""
+    found, left_out = [], {}
+    for family in FAMILIES:
+        own, idle = family.module.assumptions(setup, sensitivities)
+        if family.solver and not engine.effects:
+            idle = {one.candidate.name: f"{engine.description} knows no other" for one in own}
+            own = []
+        found += own
+        left_out |= idle
+    return found, left_out
+
+
+def assumed_otherwise(
+    setup: Setup, sensitivities: Sensitivities, amplitudes: Mapping[str, float], source: str
+) -> Setup:
+    """The setup of a hypothesis that doubts assumptions; effects of the solver are in its scene.
+
+    Raises:
+        InputError: beginning with `source`: there is no such assumption, or no such section.
+    """
+    own = [family.module.assumptions(setup, sensitivities)[0] for family in FAMILIES]
+    known = {one.candidate.name: one for found in own for one in found}
+    errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
+    for name in amplitudes:
+        if name not in {*known, *errors, *effects()}:
+            raise InputError(
+                f"{source}: effects: no effect {name!r}; there are "
+                f"{', '.join([*effects(), *known, *errors])}"
+            )
+    for name, one in known.items():
+        if name in amplitudes:
+            setup = one.change(setup, amplitudes[name])
+    for name, error in errors.items():
+        if name in amplitudes:  # what is measured too high is predicted as it was measured
+            targets = setup.targets
+            measured = targets.measured - amplitudes[name] * error.direction
+            setup = replace(setup, targets=replace(targets, measured=measured))
+    return setup

@@ -1,0 +1,123 @@
+"""The other soils on trial: what is not calibrated was assumed.
+
+Strength, friction, density and stiffness of every material that no parameter has. How far each may
+be off is what the question lists among its sensitivities, else a quarter of a strength, 2 degrees,
+5 % of a density, a factor of 3 in stiffness, each one standard deviation.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import ValidationError
+
+from diagnosis.hypotheses.assumption import (
+    Assumption,
+    Found,
+    Sensitivities,
+    slug,
+    with_scene,
+)
+from diagnosis.hypotheses.model import Candidate
+from geometry.scenes.scene import Material, Scene, document_error
+from inversion.engines.setup import Setup
+from inversion.problem.question import FixedProperty, material_key
+from inversion.problem.scene_changes import with_properties
+from pipeline.cli import InputError
+
+#: One standard deviation where nothing is known: as shares of the value, and as it is.
+SHARES = {"cohesion_kpa": 0.25, "density": 0.05}
+FRICTION_STD_DEG = 2.0
+#: Of the logarithm of stiffness.
+STIFFNESS_STD = math.log(3.0)
+#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
+RUNGS = (0.5, 1.0, 2.5)
+
+WORDS = {
+    "cohesion_kpa": ("strength", "kPa"),
+    "friction_deg": ("friction", "deg"),
+    "density": ("density", "kg/m3"),
+    "youngs_modulus_mpa": ("stiffness", ""),
+}
+"""Property -> what it is called, and the unit of the amplitude: stiffness as a logarithm."""
+
+
+def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+    """Properties that are not calibrated, by material, and by what the sensitivities list."""
+    scene = setup.scene
+    calibrated = {
+        (zone, material_key(spec.property))
+        for spec in setup.parameters.specs
+        for zone in spec.zones
+    }
+    found, stated = [], set()
+    for one in sensitivities:
+        if isinstance(one, FixedProperty):
+            key = material_key(one.property)
+            stated |= {(zone, key) for zone in one.zones}
+            found.append(_assumption(scene, tuple(one.zones), key, one.std, one.name))
+    for material in scene.materials:
+        for key in WORDS:
+            zones = tuple(
+                zone.name
+                for zone in scene.zones
+                if zone.material == material and (zone.name, key) not in stated | calibrated
+            )
+            std = default_std(scene.materials[material], key)
+            if zones and std > 0.0:
+                found.append(_assumption(scene, zones, key, std, material))
+    return list({one.candidate.name: one for one in found}.values()), {}
+
+
+def default_std(soil: Material, key: str) -> float:
+    """How far a property may be off where nothing is known of it, in the amplitude's unit."""
+    if key in SHARES:
+        return SHARES[key] * getattr(soil, key)
+    if key == "friction_deg":
+        return FRICTION_STD_DEG if soil.friction_deg > 0.0 else 0.0
+    return STIFFNESS_STD
+
+
+def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: str) -> Assumption:
+    """Another value of one property of some zones; the amplitude is the difference.
+
+    It is called after its material, or the sensitivity that lists it (`of`).
+    """
+    word, unit = WORDS[key]
+    name = slug(of) if word in slug(of) else f"{word}_of_{slug(of)}"
+    values = [getattr(scene.materials[zone.material], key) for zone in scene.zones
+              if zone.name in zones]  # fmt: skip
+    # No soil has less than no strength.
+    lowest = -min(values) if key in ("cohesion_kpa", "friction_deg") else -math.inf
+    rungs = [sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS]
+    ladder = tuple(sorted({max(rung, lowest) for rung in rungs} - {0.0}))
+    where = f"zone{'s' if len(zones) > 1 else ''} {', '.join(zones)}"
+    factor = " (logarithm of the factor)" if key == "youngs_modulus_mpa" else ""
+    candidate = Candidate(
+        name=name,
+        family="soil",
+        words=f"the {word} of {where} is another{factor}",
+        unit=unit,
+        low=ladder[0],
+        high=ladder[-1],
+        ladder=ladder,
+        prior_mean=0.0,
+        prior_std=std,
+        screened=True,
+    )
+
+    def change(setup: Setup, amplitude: float) -> Setup:
+        soils = {zone.name: setup.scene.materials[zone.material] for zone in setup.scene.zones}
+        changes = []
+        for zone in zones:
+            value = getattr(soils[zone], key)
+            other = (
+                value * math.exp(amplitude) if key == "youngs_modulus_mpa" else value + amplitude
+            )
+            changes.append((zone, key, other if key == "density" else max(other, 0.0)))
+        try:
+            return with_scene(setup, with_properties(setup.scene, changes))
+        except ValidationError as error:
+            raise InputError(document_error(error, candidate.name)) from None
+
+    return Assumption(candidate, change)

@@ -1,0 +1,89 @@
+"""The survey on trial: a shifted datum, a tilted levelling line.
+
+The errors of a survey are not independent: its benchmark may be too high, its levelling line
+tilted. Both move what is measured in proportion to their size, so they act on the prediction and
+cost no run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.hypotheses.model import Candidate
+from inversion.estimation.data import Targets
+
+DATUM_SHIFT, DATUM_TILT = "datum_shift", "datum_tilt"
+
+#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
+RUNGS = (1.0, 2.0, 4.0)
+#: A levelling line needs this many elevations: the error of fewer is what their own std is for.
+LEAST_ELEVATIONS = 4
+
+
+@dataclass(frozen=True)
+class SurveyError:
+    """An error that moves what is measured in proportion to its amplitude.
+
+    Attributes:
+        candidate: its name, bounds, ladder.
+        direction: change of all numbers per unit of the amplitude, (m,).
+    """
+
+    candidate: Candidate
+    direction: np.ndarray
+
+
+def survey_errors(targets: Targets) -> list[SurveyError]:
+    """Shift and tilt of the datum, where a surface was levelled."""
+    height, place, std = _elevations(targets)
+    levelled = np.isfinite(place) & targets.shown
+    if np.count_nonzero(levelled) < LEAST_ELEVATIONS:
+        return []
+    ends = np.min(place[levelled]), np.max(place[levelled])
+    middle, half = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
+    # A crest or a marker beyond the levelled line has the error of its end.
+    share = np.clip((np.where(levelled, place, middle) - middle) / half, -1.0, 1.0)
+    ladder = tuple(sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS)
+    # A benchmark or a line that is off by more than the survey's own std is as rare as that.
+    wide = {
+        "low": -RUNGS[-1] * std,
+        "high": RUNGS[-1] * std,
+        "ladder": tuple(sorted(ladder)),
+        "prior_mean": 0.0,
+        "prior_std": std,
+    }
+    shift = Candidate(
+        name=DATUM_SHIFT,
+        family="survey",
+        words="all surveyed elevations are too high by the same amount",
+        unit="m",
+        free=True,
+        **wide,
+    )
+    tilt = Candidate(
+        name=DATUM_TILT,
+        family="survey",
+        words="the levelling line is tilted: too high at its right end and too low at its left",
+        unit="m",
+        free=True,
+        **wide,
+    )
+    return [SurveyError(shift, height), SurveyError(tilt, height * share)]
+
+
+def _elevations(targets: Targets) -> tuple[np.ndarray, np.ndarray, float]:
+    """Change of each number by a datum 1 m too high (m,), where it was levelled (m,) [m], std."""
+    rise, place, std = [], [], []
+    for entry in targets.entries:
+        datum = entry.datum
+        if datum is None:
+            rise.append(np.zeros(len(entry.values)))
+            place.append(np.full(len(entry.values), np.nan))
+            continue
+        rise.append(datum.rise)
+        place.append(datum.x)
+        if datum.line:
+            std.append(entry.std)
+    return np.concatenate(rise), np.concatenate(place), max(std, default=1.0)
