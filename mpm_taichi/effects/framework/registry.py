@@ -30,6 +30,7 @@ LIBRARY = (
     "late_liquefaction",
     "spreading_liquefaction",
     "strength_curve",
+    "remoulding",
     "bingham",
     "pore_pressure",
     "cracking",

@@ -1,0 +1,64 @@
+"""Remoulding: soil that did not liquefy loses cohesion as it shears, and the slide works back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
+
+
+def strength(effect, soil, here):  # noqa: ANN001, ANN201
+    """Cohesion c = c_0 (1 - a (1 - exp(-g / g_r))), with g_r for the current cell."""
+    if here.liquefied < 0.5:
+        scale = ti.pow(effect.reference_cell_m / here.cell, effect.cell_exponent)
+        remoulded = 1.0 - ti.exp(-here.strain / (effect.reference_strain * scale))
+        soil.cohesion *= 1.0 - effect.amplitude * remoulded
+    return soil
+
+
+def applies(scene: Scene) -> str:
+    """Needs soil with cohesion that has not liquefied."""
+    for zone in scene.zones:
+        material = scene.materials[zone.material]
+        if material.cohesion_kpa > 0.0 and not material.liquefied:
+            return ""
+    return "no soil that has not liquefied has cohesion"
+
+
+EFFECT = Effect(
+    name="remoulding",
+    words="the soil that did not liquefy loses cohesion as it shears, and the slide works its way "
+    "back",
+    equation="c = c_0 (1 - a (1 - exp(-g / g_r))), g_r = g_ref (h_ref / h)^n",
+    source=(
+        "undrained strength of clay falls to the remoulded one, c_0 over the sensitivity, which is "
+        "2-4 for most clays: Skempton and Northey (1952, recalled); slides that retrogress where "
+        "remoulded soil does not support the scarp: Bjerrum (1955, recalled); n as for "
+        "strain_softening"
+    ),
+    looks_like=(
+        "core and cohesive cover break off in slices along a steep scarp: the crest sinks far and "
+        "the scarp moves back, while what did not move stands as high as before; the toe goes a "
+        "little farther"
+    ),
+    amplitude=Amplitude(
+        unit="",
+        low=0.0,
+        high=1.0,
+        ladder=(0.2, 0.4, 0.7),
+        meaning="share of the cohesion that is lost, 1 - 1 / sensitivity",
+    ),
+    parameters=(
+        Parameter("reference_strain", "", 0.3, 0.001, 100.0,
+                  "g_ref, plastic shear strain at which 1/e of what is lost in the end is left"),
+        Parameter("reference_cell_m", "m", 2.0, 1e-3, 100.0,
+                  "h_ref, the cell for which g_ref is meant"),
+        Parameter("cell_exponent", "", 0.5, 0.0, 1.0,
+                  "n: 0 where a whole layer shears, 1 where all shear is in bands of a cell"),
+    ),
+    strength=strength,
+    applies=applies,
+)  # fmt: skip
