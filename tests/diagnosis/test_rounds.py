@@ -17,8 +17,8 @@ from diagnosis.selection.decide import excess, still_failing
 from diagnosis.selection.forward_selection import (
     TriedModels,
     _accepted,
-    representatives,
     accepted,
+    representatives,
     untried_doubles,
     wanted_models,
     why_not,
