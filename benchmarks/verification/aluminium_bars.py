@@ -13,10 +13,12 @@ The toe is wrong. One or two per cent of the mass, a layer of two or three point
 the body of the deposit, 16 to 19 % beyond the measured toe at 2 mm. The ground is not the cause:
 sheets of one to four points thrown along it stop within 1 to 6 % of v^2 / (2 g sin(phi)), on rough
 and on Coulomb ground. Smaller cells do not remove it, and bonded ground only hides it behind a drag
-that depends on the cell. The model lacks friction that rises where grains flow fast in a thin
-layer. If 19.8 degrees were the angle of a shear box, the angle of the model would be
-asin(tan 19.8) = 21.1 degrees (see `granular_column`), the surface would fit to 2.8 % and the toe to
-6 %; the published angle is used unchanged.
+that depends on the cell. What the model lacks is friction that rises where grains flow fast in a
+thin layer: with the effect `inertial_friction` (mu(I)) for bars of 1.25 mm, the mean of the two
+sizes, and the constants published for glass beads the toe is right and the surface fits more than
+twice as well. No value was varied to fit. If 19.8 degrees were the angle of a shear box, the angle
+of the model would be asin(tan 19.8) = 21.1 degrees (see `granular_column`), the surface would fit
+to 2.8 % and the toe to 6 % without that; the published angle is used unchanged.
 """
 
 from __future__ import annotations
@@ -44,6 +46,13 @@ SURFACE_TOLERANCE = 0.05
 TOE_TOLERANCE = 0.05
 FAILURE_TOLERANCE = 0.01
 """[m]"""
+INERTIAL = {
+    "inertial_friction": {
+        "amplitude": 0.26, "inertial_number": 0.279, "grain_size_mm": 1.25,
+        "grain_density_kg_m3": 2650.0,
+    }
+}  # fmt: skip
+"""Friction mu(I): glass beads of Jop, Forterre, Pouliquen (2006), recalled; the bars' own size."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +85,14 @@ def measured() -> Bars:
 
 
 def collapse(
-    bars: Bars, spacing: float, *, friction_deg: float | None = None, contact: str = "rough"
+    bars: Bars,
+    spacing: float,
+    *,
+    friction_deg: float | None = None,
+    contact: str = "rough",
+    effects: dict[str, dict[str, float]] | None = None,
 ) -> Run:
-    """Simulate the collapse until it rests; another friction angle or ground where asked."""
+    """Simulate the collapse until it rests; another friction angle, ground, or effects if asked."""
     soil = bars.soil
     reach = 3.0 * bars.width
     scene = column_scene(
@@ -96,7 +110,7 @@ def collapse(
         ground={"points": [[0.0, 0.0], [2.0 * reach, 0.0]], "contact": contact},
     )
     settings = SimulationSettings(duration_s=1.5, early_stop_hold_s=0.1)
-    run = simulate([scene], settings, threads=1)[0]
+    run = simulate([scene.changed(effects=effects or {})], settings, threads=1)[0]
     if run.status != "finished":
         raise RuntimeError(f"aluminium bars: {run.reason}")
     return run
@@ -136,31 +150,32 @@ def failure_line(run: Run, x: np.ndarray, moved: float = MOVED) -> np.ndarray:
     return np.array(line)
 
 
-def compare(bars: Bars, run: Run) -> list[Row]:
-    """The three comparisons."""
+def compare(bars: Bars, run: Run, model: str = "") -> list[Row]:
+    """The three comparisons; `model` says in words what was added to the model."""
     spacing = run.scene.spacing
     found = surface(run.positions[-1], bars.surface[:, 0], spacing=spacing)
     off = float(np.sqrt(np.mean((found - bars.surface[:, 1]) ** 2)))
     line = failure_line(run, bars.failure_line[:, 0])
     line_off = float(np.sqrt(np.mean((line - bars.failure_line[:, 1]) ** 2)))
     return [
-        Row(CASE, "surface, rms / height", off / bars.height, SURFACE_TOLERANCE, 0.0, bound=True),
-        Row(CASE, "toe, where 2.5 mm thick", toe(run), bars.toe, TOE_TOLERANCE, "m"),
-        Row(CASE, "failure line, rms", line_off, FAILURE_TOLERANCE, 0.0, "m", bound=True),
-    ]
+        Row(CASE, f"surface, rms / height{model}", off / bars.height, SURFACE_TOLERANCE, 0.0,
+            bound=True),
+        Row(CASE, f"toe, where 2.5 mm thick{model}", toe(run), bars.toe, TOE_TOLERANCE, "m"),
+        Row(CASE, f"failure line, rms{model}", line_off, FAILURE_TOLERANCE, 0.0, "m", bound=True),
+    ]  # fmt: skip
 
 
 def run(folder: Path | None, quick: bool = False) -> list[Row]:
     """Simulate, compare, draw."""
-    bars = measured()
-    result = collapse(bars, QUICK_SPACING if quick else SPACING)
-    rows = compare(bars, result)
+    bars, spacing = measured(), QUICK_SPACING if quick else SPACING
+    plain, inertial = collapse(bars, spacing), collapse(bars, spacing, effects=INERTIAL)
+    rows = compare(bars, plain)
     if folder is not None:
-        draw(folder / f"{CASE}.png", bars, result, rows)
-    return rows
+        draw(folder / f"{CASE}.png", bars, plain, inertial, rows)
+    return rows + compare(bars, inertial, ", with mu(I)")
 
 
-def draw(path: Path, bars: Bars, result: Run, rows: list[Row]) -> None:
+def draw(path: Path, bars: Bars, result: Run, inertial: Run, rows: list[Row]) -> None:
     """Points of the deposit with the measured and computed surface and failure line."""
     spacing = result.scene.spacing
     start, end = result.positions[0], result.positions[-1]
@@ -173,6 +188,8 @@ def draw(path: Path, bars: Bars, result: Run, rows: list[Row]) -> None:
     x = np.linspace(0.0, 1.08 * toe(result), 300)
     axes.plot(1e3 * x, 1e3 * surface(end, x, spacing=spacing), color="C0", linewidth=2,
               label=f"surface: rms {100 * rows[0].measured:.1f} % of the height")  # fmt: skip
+    axes.plot(1e3 * x, 1e3 * surface(inertial.positions[-1], x, spacing=spacing), color="C2",
+              linewidth=2, label="surface with friction mu(I)")  # fmt: skip
     axes.plot(*(1e3 * bars.surface.T), "o", color="k", markerfacecolor="white", markersize=6,
               label="surface, experiment")  # fmt: skip
     x = np.linspace(0.5 * spacing, bars.width - 0.5 * spacing, 120)

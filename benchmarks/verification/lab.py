@@ -13,6 +13,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from mpm_taichi import layout
+from mpm_taichi.effects import kernel_effects
 from mpm_taichi.materials.mohr_coulomb import material_constants
 from mpm_taichi.simulate import WATER_CHUNK
 from mpm_taichi.solver import runtime
@@ -53,6 +54,7 @@ class Lab:
             affine=self.settings.transfer in ("affine_flip", "apic"),
             averaged=self.settings.volumetric_averaging,
             corrected=self.settings.volume_correction,
+            effects=kernel_effects(self.scene),
         )
         self.prepared = prepare(self.scene, self.settings)
         self.count = len(self.prepared.order)

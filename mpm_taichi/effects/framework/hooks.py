@@ -7,11 +7,12 @@ scenes with any effects share a batch, and a scene's numbers depend only on the 
 A hook sees of a point (`here`): its place x, y and its place at the start x0, y0 [m]; velocity vx,
 vy and speed [m/s]; time since the start [s]; strain, the plastic shear strain so far [-];
 strain_rate, the rate of shear in the plane (largest minus smallest principal rate) [1/s]; opening,
-the volumetric strain by which it is open under the tension cap [-]; pressure, mean effective stress
-and vertical, the vertical one; overburden, vertical effective stress before failure, and
-mean_overburden, its mean over the liquefied points (all four in Pa, compression positive);
-liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of its material; cell [m]; memory and field,
-the effect's own numbers. Of a node (`node`): place x, y [m]; time [s]; cell [m].
+the volumetric strain by which it is open under the tension cap [-]; pressure, mean effective
+stress, plane_pressure, that of the two in the plane, and vertical, the vertical one; overburden,
+vertical effective stress before failure, and mean_overburden, its mean over the liquefied points
+(all five in Pa, compression positive); liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of
+its material; cell [m]; memory and field, the effect's own numbers. Of a node (`node`): place x,
+y [m]; time [s]; cell [m].
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -60,7 +61,8 @@ _F32 = ti.f32
 PointView = ti.types.struct(
     x=_F32, y=_F32, x0=_F32, y0=_F32, vx=_F32, vy=_F32, speed=_F32, time=_F32, strain=_F32,
     strain_rate=_F32, opening=_F32, pressure=_F32, overburden=_F32, mean_overburden=_F32,
-    liquefied=_F32, friction=_F32, cohesion=_F32, vertical=_F32, cell=_F32, memory=_F32, field=_F32,
+    liquefied=_F32, friction=_F32, cohesion=_F32, vertical=_F32, plane_pressure=_F32, cell=_F32,
+    memory=_F32, field=_F32,
 )  # fmt: skip
 NodeView = ti.types.struct(x=_F32, y=_F32, time=_F32, cell=_F32)
 Soil = ti.types.struct(friction=_F32, cohesion=_F32, cap=_F32)
@@ -103,6 +105,7 @@ def point_view(p, step: A, state: A):
         friction=points.facts[p, TANGENT],
         cohesion=points.facts[p, COHESION],
         vertical=-s[YY],
+        plane_pressure=-(s[XX] + s[YY]) * 0.5,
         cell=step.cell,
         memory=0.0,
         field=0.0,

@@ -33,6 +33,7 @@ LIBRARY = (
     "remoulding",
     "bingham",
     "pore_pressure",
+    "inertial_friction",
     "cracking",
     "dilatancy",
     "weak_base",
