@@ -30,6 +30,7 @@ LIBRARY = (
     "late_liquefaction",
     "spreading_liquefaction",
     "strength_curve",
+    "apparent_cohesion",
     "remoulding",
     "bingham",
     "pore_pressure",
