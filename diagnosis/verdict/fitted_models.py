@@ -9,7 +9,7 @@ outdated.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -67,11 +67,29 @@ def spread(fit: Fit, linear: System) -> np.ndarray:
 
 
 def stage(
-    data: Data, fit: Fit, adequacy: Adequacy, window: WorstWindow | None, targets: Targets
+    data: Data,
+    fit: Fit,
+    adequacy: Adequacy,
+    window: WorstWindow | None,
+    targets: Targets,
+    assumed: Mapping[str, np.ndarray] | None = None,
 ) -> verdict.FittedModelSummary:
-    """One model, calibrated and judged."""
+    """One model, calibrated and judged.
+
+    Args:
+        data: the measurements.
+        fit: the model at its fit.
+        adequacy: its tests.
+        window: where it fails worst.
+        targets: the measurements by their names.
+        assumed: change of all predictions (m,) by a standard deviation of each assumption of which
+            one is stated; None: not known.
+    """
     space, x = fit.space, fit.x
-    std = spread(fit, system(data, fit.space, fit.derivative, fit.x))
+    linear = system(data, fit.space, fit.derivative, fit.x)
+    std = spread(fit, linear)
+    free = [change for name, change in (assumed or {}).items() if name not in fit.names]
+    wider = spread(fit, linear.with_assumed(free))[: space.size]
     low = space.clipped(x - WIDE * std)
     high = space.clipped(x + WIDE * std)
     names = space.parameters.names
@@ -81,6 +99,7 @@ def stage(
         effects=space.amplitudes(x),
         values=_mapping(names, values),
         std=_mapping(names, outside),
+        std_assumed=_mapping(names, (wider * space.per_unit(x))[: space.p]) if free else {},
         interval_95={
             name: (float(a), float(b)) for name, a, b in zip(names, lows, highs, strict=True)
         },

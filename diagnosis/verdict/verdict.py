@@ -110,6 +110,11 @@ class FittedModelSummary(StrictDocument):
     effects: dict[str, float] = Field(description="amplitudes by name; empty: the base model")
     values: dict[str, float] = Field(description="parameters by name, outside units")
     std: dict[str, float] = Field(description="standard deviations of the same")
+    std_assumed: dict[str, float] = Field(
+        default_factory=dict,
+        description="the same with what is assumed of other soils, section, survey as uncertain as "
+        "it is stated to be; empty: not known",
+    )
     interval_95: dict[str, tuple[float, float]] = Field(description="cut at the bounds")
     chi2: float = Field(description="of the fitted data and the priors")
     dof: int = Field(description="degrees of freedom: the noise level of chi2")

@@ -138,8 +138,20 @@ def base_stage(
     """The base model; with an explanation the largest score is among its tests."""
     adequacy = comparison.adequacy if explanation is None else explanation.adequacy
     return stage(
-        comparison.base.data, comparison.base.fit, adequacy, comparison.window, model.targets
-    )
+        comparison.base.data, comparison.base.fit, adequacy, comparison.window, model.targets,
+        None if explanation is None else stated(explanation),
+    )  # fmt: skip
+
+
+def stated(explanation: Explanation) -> dict[str, np.ndarray]:
+    """Changes of all predictions by one standard deviation of what is assumed with one, by name."""
+    found = {}
+    for candidate in explanation.candidates:
+        changes = explanation.signatures[candidate.name].changes
+        if candidate.prior_std is not None:
+            rung = min(changes, key=lambda a: abs(abs(a) - candidate.prior_std))
+            found[candidate.name] = changes[rung] * (candidate.prior_std / rung)
+    return found
 
 
 def candidate_lines(
@@ -433,6 +445,7 @@ def _stage_of(found: Diagnosis, adopted: AdoptedModel) -> verdict.FittedModelSum
         adopted.adequacy,
         worst_window(adopted.judged, found.comparison.places),
         found.model.targets,
+        stated(found.explanation),
     )
 
 

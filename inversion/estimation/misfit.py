@@ -14,6 +14,7 @@ unknowns can take away, and V = (R' R)^-1 their covariance (`System`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -191,6 +192,20 @@ class System:
         full = np.zeros((len(self.moving), len(self.moving)))
         full[np.ix_(self.moving, self.moving)] = inner
         return full
+
+    def with_assumed(self, changes: Sequence[np.ndarray]) -> System:
+        """The system with more unknowns, each a standard deviation of something assumed.
+
+        Args:
+            changes: of all predictions (m,) by one standard deviation of each.
+        """
+        if not changes:
+            return self
+        more, (r, q) = len(changes), self.rows.shape
+        rows = np.zeros((r + more, q + more))
+        rows[:r, :q], rows[r:, q:] = self.rows, np.eye(more)
+        derivative = np.column_stack([self.derivative, *changes])
+        return System(self.data, derivative, rows, np.append(self.moving, np.ones(more, bool)))
 
     def project(self, rows: np.ndarray) -> np.ndarray:
         """(I - Q Q') of augmented vectors, (k + r, ...)."""

@@ -46,12 +46,17 @@ def _draw_parameter(
         ax.plot([value], [place], marker="o", color=colour, markersize=9, markeredgecolor="white",
                 zorder=4)  # fmt: skip
         style.tell(ax, value, place, plus_minus(value, std, parameter.unit), away=(0, 7))
-        ends += [value - 2 * std, value + 2 * std]
+        wide = max(std, stage.std_assumed.get(parameter.name, 0.0))
+        ax.plot([value - 2 * wide, value + 2 * wide], [place] * 2, color=colour, linewidth=1.2,
+                zorder=3)  # fmt: skip
+        ends += [value - 2 * wide, value + 2 * wide]
     room = 0.35 * (max(ends) - min(ends) or abs(ends[0]) or 1.0)
     ax.set_xlim(min(ends) - room, max(ends) + room)
     ax.set_ylim(len(stages) - 0.6, -0.75)
     style.title(ax, style.wrapped(parameter.words, 44, 1))
-    style.labels(ax, f"{unit_of(parameter.unit)} (bar: ± 2 std)".strip())
+    style.labels(
+        ax, f"{unit_of(parameter.unit)} (bar: ± 2 std; line: with what is assumed)".strip()
+    )
 
 
 def hidden_bars(data: DiagnosisData, name: str) -> list[tuple[str, float]]:

@@ -294,13 +294,22 @@ def strength_sentences(data: DiagnosisData) -> list[str]:
     """Each parameter before and after."""
     said = []
     for p in data.parameters:
-        before = plus_minus(data.base.values[p.name], data.base.std.get(p.name, 0.0), p.unit)
+        before = strength_words(data.base, p.name, p.unit)
         text = f"{p.words[:1].upper()}{p.words[1:]}: {before} with the base model"
         if data.final is not None and p.name in data.final.values:
-            after = plus_minus(data.final.values[p.name], data.final.std.get(p.name, 0.0), p.unit)
+            after = strength_words(data.final, p.name, p.unit)
             text += f", {after} with the effects of the answer"
         said.append(f"{text}.")
     return said
+
+
+def strength_words(stage: FittedModelSummary, name: str, unit: str) -> str:
+    """A parameter with its error, and its error with what is assumed where that is known."""
+    found = plus_minus(stage.values[name], stage.std.get(name, 0.0), unit)
+    wide = stage.std_assumed.get(name)
+    if wide is None:
+        return found
+    return f"{found} (std {number(wide, 2)} with what is assumed of soils, section and survey)"
 
 
 def hidden_sentence(data: DiagnosisData) -> str:

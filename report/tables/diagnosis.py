@@ -97,8 +97,15 @@ def _fall(name: str, before: float, after: float | None) -> tuple[str, str, str]
 
 def parameters_table(data: DiagnosisData) -> Table:
     """Calibrated values, one column for each model."""
-    rows = [[p.words, *(_value(stage, p.name, p.unit) for _, stage in data.stages)]
-            for p in data.parameters]  # fmt: skip
+    rows = []
+    for p in data.parameters:
+        rows.append([p.words, *(_value(stage, p.name, p.unit) for _, stage in data.stages)])
+        wide = [stage.std_assumed.get(p.name) for _, stage in data.stages]
+        if any(wide):
+            rows.append(
+                ["std with what is assumed of soils, section and survey",
+                 *(None if std is None else with_unit(std, p.unit, 2) for std in wide)]
+            )  # fmt: skip
     return Table(["parameter", *(name for name, _ in data.stages)], rows)
 
 

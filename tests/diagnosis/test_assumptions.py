@@ -19,9 +19,11 @@ from diagnosis.options import Options
 from geometry.case import load_case
 from inversion.engine_registry import engine_named
 from inversion.engines.setup import Setup
+from inversion.estimation.misfit import system
+from inversion.estimation.unknowns import Amplitude
 from inversion.problem.question import FixedProperty
 from pipeline.cli import InputError
-from tests.diagnosis.straight import straight
+from tests.diagnosis.straight import signatures, straight
 
 
 @pytest.fixture
@@ -185,6 +187,19 @@ def test_what_is_screened_out_costs_one_run():
     for one in quiet:
         first, second = one.amplitudes
         assert first == -second and np.array_equal(one.changes[first], -one.changes[second])
+
+
+def test_what_is_assumed_widens_a_strength_as_an_unknown_with_that_prior_would():
+    case = straight(2, {})
+    change = signatures()["late"]
+    plain, doubted = case.space([]), case.space([Amplitude("late", -9.0, 9.0, 1.0, 0.0, 0.7)])
+    x = plain.parameters.to_fitted(plain.parameters.start)
+    narrow = system(case.data, plain, case.slope(plain), x)
+    wide = narrow.with_assumed([0.7 * change])
+    joint = system(case.data, doubted, case.slope(doubted), np.append(x, 0.0))
+    assert np.allclose(wide.posterior[:2, :2], joint.posterior[:2, :2])
+    assert wide.posterior[0, 0] > 1.01 * narrow.posterior[0, 0]
+    assert narrow.with_assumed([]) is narrow
 
 
 def test_every_candidate_has_a_family_and_a_ladder_within_its_bounds(setup):
