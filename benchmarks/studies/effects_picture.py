@@ -36,6 +36,11 @@ SHOWN = (-60.0, 250.0)
 """Part of the section that is drawn and compared, x [m]; the downstream slope does not move."""
 BASE_LINE = "#8a8a8a"
 SHADES = ("#9ecae1", "#3182bd", "#08306b")
+STATED = {
+    "strength_contrast": ("the lower half", {"y_m": 6.0, "half_height_m": 4.0}),
+    "inertial_friction": ("rockfill of 0.3 m", {"grain_size_mm": 300.0}),
+}
+"""Effects that need a parameter to be seen here: in words, and as in a scene."""
 SEEDS = 6
 """Moved points whose spread is called noise."""
 
@@ -70,7 +75,7 @@ def main() -> None:
     x = np.arange(*SHOWN, 1.0)
     chosen = [one for one in effects().values() if not one.applies(section)]
     wanted = [(one, amplitude) for one in chosen for amplitude in signed_ladder(one)]
-    scenes = [section.changed(effects={one.name: amplitude}) for one, amplitude in wanted]
+    scenes = [section.changed(effects={one.name: entry(one, a)}) for one, a in wanted]
     moved = [section.changed(jitter=0.2, seed=seed) for seed in range(1, SEEDS + 1)]
     runs = simulated([section, *moved, *scenes], arguments.threads)
     deposits = [deposit(run, x) for run in runs]
@@ -86,6 +91,12 @@ def signed_ladder(one: Effect) -> Iterator[float]:
         yield amplitude
         if one.amplitude.two_signed:
             yield -amplitude
+
+
+def entry(one: Effect, amplitude: float) -> dict[str, float]:
+    """An effect as a scene has it."""
+    _, numbers = STATED.get(one.name, ("", {}))
+    return {"amplitude": amplitude, **numbers}
 
 
 def simulated(scenes: list[Scene], threads: int | None) -> list[Run]:
@@ -147,7 +158,8 @@ def draw(x, base, chosen, found, section, path: Path) -> None:  # noqa: ANN001
                 upper.plot(x, surface, color=shade, lw=1.2, ls=style,
                            label=label if sign > 0 else None)  # fmt: skip
                 lower.plot(x, surface - base.surface, color=shade, lw=1.2, ls=style)
-        upper.set_title(one.name, fontsize=11, loc="left", pad=3)
+        words, _ = STATED.get(one.name, ("", {}))
+        upper.set_title(f"{one.name}{words and f': {words}'}", fontsize=11, loc="left", pad=3)
         upper.legend(fontsize=7.5, loc="upper left", frameon=False, ncols=2, handlelength=1.4)
         upper.set(xlim=SHOWN, ylim=(0.0, 54.0), ylabel="y (m)")
         lower.set_ylabel("change (m)")
