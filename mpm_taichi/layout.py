@@ -102,16 +102,17 @@ class NodeState(NamedTuple):
     """State of the grid nodes: one row per node."""
 
     kind: INDEX  # bits of `boundary` and `splines`
-    surroundings: VEC8  # NORMAL_X ... PER_COVER: ground, water (`boundary.node_tables`)
+    surroundings: VEC8  # NORMAL_X ... ROWS: ground, water (`boundary.node_tables`)
     load: VEC8  # MOMENTUM_X ... NODE_FRICTION: sums over the points around the node
     velocity: VEC4  # VX, VY after the step and their CHANGE_X, CHANGE_Y over it [m/s]
     cell_mean: VEC4  # DIVERGENCE ... CLOSED_POINTS: sums, then means, over the points of a cell
     resistance: REAL  # with effects: force against the motion of the node [N/m]
 
 
-# `surroundings`: normal out of the ground; Coulomb COEFFICIENT; AREA of rough ground [m2 per m];
-# force of water per volume [N/m3]; PER_COVER, 1 / volume at full contact [1/m2].
-NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, PER_COVER = range(7)
+# `surroundings`: normal out of the ground; Coulomb COEFFICIENT; AREA of the ground [m2 per m];
+# force of water per volume [N/m3]; PER_COVER, 1 / volume at full contact [1/m2]; ROWS of the column
+# whose lowest node this is (`boundary.LOWEST`).
+NORMAL_X, NORMAL_Y, COEFFICIENT, AREA, WATER_X, WATER_Y, PER_COVER, ROWS = range(8)
 # `load`: momentum [kg m/s per m]; internal force [N/m]; mass [kg/m]; where asked for, volume
 # [m2] and volume x strength of soil in simple shear: adhesion [Pa m2], friction coefficient [m2].
 MOMENTUM_X, MOMENTUM_Y, FORCE_X, FORCE_Y, NODE_MASS = range(5)

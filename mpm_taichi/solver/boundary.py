@@ -5,6 +5,13 @@
 
 The floor acts on the velocity of a node before the points take it over, so that its impulse
 reaches the points (zeroing the acceleration alone would leave them their speed).
+
+Ground on a line of nodes acts at its own nodes. Where it crosses the cells, no node lies on it: if
+those below it alone kept the soil out, the soil would sink to them, up to a cell below the ground,
+and run farther the deeper it sinks. There the nodes of a column whose splines touch the ground act
+together: the ground acts on the mean velocity of the soil along it, sum(a v) with the nodes' shares
+a of its area, and its impulse reaches each node in proportion to a (a Lagrange multiplier per
+column, lumped).
 """
 
 from __future__ import annotations
@@ -21,6 +28,7 @@ from mpm_taichi.layout import (
     NORMAL_X,
     NORMAL_Y,
     PER_COVER,
+    ROWS,
     WATER_X,
     WATER_Y,
     vec2,
@@ -41,6 +49,16 @@ RESISTING = ROUGH | TRACTION
 """Ground whose traction is the strength of the soil next to it."""
 BARRING = SLIDE | ROUGH
 """Ground that soil cannot enter."""
+
+COLUMN, LOWEST = 2048, 4096
+"""Bits of a node's type, next to those of `splines`: one of the nodes of a column on which the
+ground acts together, and the lowest of them."""
+STEEPEST = 1.0
+"""Slope of the ground up to which the nodes of a column act together; at a steeper face they act
+one by one."""
+
+CONTACT = {"no_slip": STICK, "coulomb": SLIDE, "rough": ROUGH}
+"""Bit of each contact of the ground."""
 
 FULL_CONTACT = 0.5
 """Share of soil around a node of the base at which the base counts as fully covered."""
@@ -106,25 +124,32 @@ def node_tables(
     tolerance = 1e-6 * grid.cell
 
     below = y <= scene.ground.height(x) + tolerance
-    kind[below] |= {"no_slip": STICK, "coulomb": SLIDE, "rough": ROUGH}[scene.ground.contact]
+    kind[below] |= CONTACT[scene.ground.contact]
     normal = ground_normal(scene, x)
     surroundings[..., NORMAL_X], surroundings[..., NORMAL_Y] = normal[..., 0], normal[..., 1]
     surroundings[..., COEFFICIENT] = scene.ground.friction_coefficient or 0.0
     edges = edge_bits(scene, grid)
     kind |= edges
+    area, volume = ground_shares(scene, grid)
+    rows = rows_of_columns(scene, grid, area, edges)
+    together = column_nodes(rows)
+    kind[together] = CONTACT[scene.ground.contact] | COLUMN | edges[together]
+    kind[rows > 0] |= LOWEST
+    surroundings[..., ROWS] = rows
     if scene.ground.contact == "rough":
-        area, volume = ground_shares(scene, grid)
         kind[area > 0] |= TRACTION
-        surroundings[..., AREA] = area
-        surroundings[..., PER_COVER] = np.where(
-            area > 0, 1.0 / np.maximum(FULL_CONTACT * volume, tolerance), 0
-        )
+    touched = (kind & (TRACTION | COLUMN)) > 0
+    surroundings[..., AREA] = np.where(touched, area, 0.0)
+    surroundings[..., PER_COVER] = np.where(
+        touched, 1.0 / np.maximum(FULL_CONTACT * volume, tolerance), 0
+    )
 
     # An open domain is enlarged before anything comes near, so its grid has the same three rows.
     last_x, last_y = grid.shape[0] - 1 - MARGIN, grid.shape[1] - 1 - MARGIN
     if wall_contact == "no_slip":
-        kind[: MARGIN + 1] |= STICK
-        kind[last_x:] |= STICK
+        for wall in (kind[: MARGIN + 1], kind[last_x:]):
+            wall &= ~COLUMN
+            wall |= STICK
     kind[: MARGIN + 1] |= LEFT
     kind[last_x:] |= RIGHT
     kind[:, last_y:] |= TOP
@@ -138,7 +163,7 @@ def node_tables(
         )
         highest = level if water_face == "fixed" else np.maximum(level, scene.water_level)
         wet = y < highest + 0.5 * grid.cell
-    kind[beside((kind & (TRACTION | ROUGH) > 0) | wet)] |= NEAR
+    kind[beside((kind & (TRACTION | ROUGH | COLUMN) > 0) | wet)] |= NEAR
     return kind.ravel(), surroundings.reshape(-1, 8)
 
 
@@ -181,6 +206,38 @@ def ground_shares(scene: Scene, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     volume = node_weight(grid, space, np.full(len(space), fine**2), edges)
     area[area < 1e-6 * grid.cell] = 0.0
     return area, volume
+
+
+def rows_of_columns(scene: Scene, grid: Grid, area: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Number of nodes on which the ground acts together, at the lowest of each column, else 0.
+
+    A column has none where the ground lies on its own nodes or is steeper than `STEEPEST`.
+
+    Args:
+        scene: the scene.
+        grid: its grid.
+        area: `ground_shares`.
+        edges: `edge_bits`.
+
+    Returns:
+        (grid.shape) int32.
+    """
+    x, _ = grid.coordinates()
+    reach = 1.5 * grid.cell
+    heights = scene.ground.height(x[:, 0] + np.linspace(-reach, reach, 13)[:, None])
+    gentle = np.abs(np.diff(heights, axis=0)).max(axis=0) <= STEEPEST * reach / 6
+    crossed = gentle & ~((edges & BASE_EDGE) > 0).any(axis=1)
+    touched = (area > 0) & crossed[:, None]
+    rows = np.zeros(grid.shape, np.int32)
+    some = touched.any(axis=1)
+    rows[some, touched.argmax(axis=1)[some]] = touched.sum(axis=1)[some]
+    return rows
+
+
+def column_nodes(rows: np.ndarray) -> np.ndarray:
+    """Nodes of the columns that `rows_of_columns` counts, same shape, bool."""
+    lowest = np.maximum.accumulate(np.where(rows > 0, np.arange(rows.shape[1]), -1), axis=1)
+    return (lowest >= 0) & (np.arange(rows.shape[1]) < lowest + rows.max(axis=1, keepdims=True))
 
 
 def beside(chosen: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.law import CONSTANTS, MaterialLaw
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, NO_CAP
 from mpm_taichi.solver.boundary import (
+    LOWEST,
     STICK,
     Grid,
     fixed_by_bodies,
@@ -165,7 +166,8 @@ def nodes_of(
     )
     fixed = points.kinematic
     held = fixed_by_bodies(grid, points.position[~fixed], points.position[fixed], kind)
-    return np.where(held, STICK | (kind & EDGES), kind).astype(np.int32), surroundings
+    kept = kind & (EDGES | LOWEST)
+    return np.where(held, STICK | kept, kind).astype(np.int32), surroundings
 
 
 def material_rows(

@@ -33,7 +33,6 @@ from mpm_taichi.layout import (
     LAST_SETTLED,
     MEAN_OVERBURDEN,
     MOVING,
-    NODE_MASS,
     PHASE,
     PIC_RATE,
     RELIEF,
@@ -140,9 +139,9 @@ def point_schedule(
         for n in range(slots * nodes):
             slot = n // nodes
             if integers[slot, PHASE] == SETTLING and n < integers[slot, LAST_NODE]:
-                if state.nodes.load[n][NODE_MASS] > 0.0:
-                    step = ti.static(relaxation_of(slot, state.slots))
-                    force, own = settle_node(n, step, state.nodes)
+                step = ti.static(relaxation_of(slot, state.slots))
+                force, own = settle_node(n, step, state.nodes)
+                if own != 0.0:
                     ti.atomic_add(sums[slot, 0, 0], ti.cast(force, ti.f64))
                     ti.atomic_add(sums[slot, 0, 1], ti.cast(own, ti.f64))
 
@@ -212,16 +211,15 @@ def point_schedule(
         for n in range(slots * nodes):
             slot = n // nodes
             if turn < integers[slot, SUBSTEPS] and n < integers[slot, LAST_NODE]:
-                if state.nodes.load[n][NODE_MASS] > 0.0:
-                    now = ti.static(step_of(slot, turn, state.slots))
-                    lost, work, given = update_node(n, now, state.nodes, state.slots)
-                    if ti.static(acted):
-                        if given != 0.0:
-                            ti.atomic_add(sums[slot, frame, EFFECT_WORK], ti.cast(given, ti.f64))
-                    if lost != 0.0:
-                        ti.atomic_add(sums[slot, frame, CONTACT_LOSS], ti.cast(lost, ti.f64))
-                    if work != 0.0:
-                        ti.atomic_add(sums[slot, frame, WATER_WORK], ti.cast(work, ti.f64))
+                now = ti.static(step_of(slot, turn, state.slots))
+                work = update_node(n, now, state.nodes, state.slots)
+                if ti.static(acted):
+                    if work[2] != 0.0:
+                        ti.atomic_add(sums[slot, frame, EFFECT_WORK], ti.cast(work[2], ti.f64))
+                if work[0] != 0.0:
+                    ti.atomic_add(sums[slot, frame, CONTACT_LOSS], ti.cast(work[0], ti.f64))
+                if work[1] != 0.0:
+                    ti.atomic_add(sums[slot, frame, WATER_WORK], ti.cast(work[1], ti.f64))
         for p in range(slots * points):
             slot = p // points
             if turn < integers[slot, SUBSTEPS] and p < integers[slot, LAST_POINT]:

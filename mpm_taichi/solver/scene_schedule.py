@@ -32,7 +32,6 @@ from mpm_taichi.layout import (
     LAST_SETTLED,
     MEAN_OVERBURDEN,
     MOVING,
-    NODE_MASS,
     PHASE,
     PIC_RATE,
     RELIEF,
@@ -122,10 +121,9 @@ def scene_schedule(
             unbalanced = ti.cast(0.0, ti.f64)
             weight = ti.cast(0.0, ti.f64)
             for n in range(first_node, last_node):
-                if nodes.load[n][NODE_MASS] > 0.0:
-                    force, own = settle_node(n, relaxation, nodes)
-                    unbalanced += ti.cast(force, ti.f64)
-                    weight += ti.cast(own, ti.f64)
+                force, own = settle_node(n, relaxation, nodes)
+                unbalanced += ti.cast(force, ti.f64)
+                weight += ti.cast(own, ti.f64)
             if step > 20:
                 ratio = ti.cast(unbalanced / weight, ti.f32)
             step += 1
@@ -231,12 +229,11 @@ def scene_schedule(
                                 for p in range(first, last):
                                     effects.resist(p, step, state, False)
                         for n in range(first_node, last_node):
-                            if nodes.load[n][NODE_MASS] > 0.0:
-                                lost, work, given = update_node(n, step, nodes, state.slots)
-                                contact_loss += ti.cast(lost, ti.f64)
-                                water_work += ti.cast(work, ti.f64)
-                                if ti.static(acted):
-                                    effect_work += ti.cast(given, ti.f64)
+                            work = update_node(n, step, nodes, state.slots)
+                            contact_loss += ti.cast(work[0], ti.f64)
+                            water_work += ti.cast(work[1], ti.f64)
+                            if ti.static(acted):
+                                effect_work += ti.cast(work[2], ti.f64)
                         for tile in range(tiles):
                             alarm |= gather_tile(first + tile * TILE, last, step, state, scratch)
                         for n in range(first_node, last_node):

@@ -12,7 +12,9 @@ from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi import layout
 from mpm_taichi.layout import vec2, vec8
 from mpm_taichi.solver.boundary import (
+    COLUMN,
     LEFT,
+    LOWEST,
     MARGIN,
     RIGHT,
     ROUGH,
@@ -175,6 +177,34 @@ def test_splines_end_on_level_ground_that_lies_on_a_line_of_nodes_and_on_walls()
     assert not (edge_bits(between, make_grid(between)) & BASE_EDGE)[MARGIN + 5 : -MARGIN - 5].any()
 
 
+# --- ground that crosses the cells ---
+
+
+def test_ground_acts_on_a_column_together_only_where_it_crosses_the_cells():
+    chosen = scene([[0, 2], [10, 2], [14, 4.5], [24, 4.5], [24.5, 9], [40, 9]])
+    grid, kind, table = tables(chosen)
+    x, y = grid.coordinates()
+    together = (kind & COLUMN) > 0
+    level = x[:, 0] <= 8.5  # further on a spline reaches the slope
+    assert not together[level].any(), "on a line its own nodes act"
+    between = (x[:, 0] > 15.5) & (x[:, 0] < 22.5)
+    assert y[between][together[between]].reshape(-1, 2).tolist() == [[4.0, 5.0]] * between.sum()
+    face = (x[:, 0] >= 23.5) & (x[:, 0] <= 25.5)
+    assert not together[face].any(), "at a steep face nodes act one by one"
+    lowest = (kind & LOWEST) > 0
+    assert (lowest.sum(axis=1) == together.any(axis=1)).all()
+    assert table[lowest][:, layout.ROWS] == pytest.approx(together.sum(axis=1)[lowest.any(axis=1)])
+    assert (table[together][:, layout.PER_COVER] > 0).all()
+
+
+def test_no_slip_walls_and_fixed_bodies_hold_their_nodes_of_a_column():
+    chosen = scene(LINES["sloped"])
+    grid, kind, _ = tables(chosen, wall_contact="no_slip")
+    held = (kind & STICK) > 0
+    assert held[: MARGIN + 1].all() and not (kind[held] & COLUMN).any()
+    assert (kind & COLUMN).any()
+
+
 # --- types and tables ---
 
 
@@ -186,7 +216,7 @@ def test_nodes_on_and_below_the_ground_are_of_its_type(name, bit):
     grid, kind, table = tables(chosen)
     x, y = grid.coordinates()
     below = y <= chosen.ground.height(x) + 1e-6
-    assert ((kind & bit > 0) == below).all()
+    assert ((kind & bit > 0) == below | (kind & COLUMN > 0)).all()
     others = (ROUGH | STICK | SLIDE) & ~bit
     assert not (kind & others).any()
     expected = 0.4 if name == "coulomb" else 0.0

@@ -113,8 +113,8 @@ def update_nodes(dt: A, gravity: A, damping: A, work: A, state: A):
                 gravity=gravity, damping=damping,
             )
         )  # fmt: skip
-        lost, water, _ = update_node(n, step, state.nodes, state.slots)
-        work[n] = vec2(lost, water)
+        done = update_node(n, step, state.nodes, state.slots)
+        work[n] = vec2(done[0], done[1])
 
 
 node_of = state_kernel(update_nodes, dt=ti.f32, gravity=ti.f32, damping=ti.f32, work=VEC2)
