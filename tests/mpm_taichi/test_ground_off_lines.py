@@ -34,7 +34,7 @@ def block(contact, friction_deg, cohesion_kpa):
 
 @pytest.fixture
 def slide(monkeypatch):
-    """(mean way along x, elevation of the lowest hundredth [m]) of a scene whose grid lies `offset` cells lower."""
+    """Mean way along x and elevation of the lowest 1 % [m] with the grid `offset` cells lower."""
 
     def run(scene, offset):
         def make_grid(of):
