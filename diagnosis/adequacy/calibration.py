@@ -75,8 +75,9 @@ def calibrate(model: Model, options: Options) -> Base:
     free = {candidate.name for candidate in model.candidates if candidate.free}
     runs = Runs(model, options.allowance, free)
     targets = model.targets
-    parts = split(targets, options.hold_out)
     space = Unknowns(model.parameters)
+    scanned = runs.predict([space.state(x) for x in _scan(space)])
+    parts = split(targets, options.hold_out, scanned)
     first = targets.data(split=parts)
     fit = _first_fit(runs, first, space, options)
     base = fit.x

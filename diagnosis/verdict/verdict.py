@@ -102,6 +102,12 @@ class HeldOut(StrictDocument):
     chi2: float = Field(description="misfit of the prediction conditional on the fitted residuals")
     n: int = Field(description="held-out numbers")
     p: float | None = Field(description="of noise; null: nothing was held out")
+    mover: str = Field("", description="the hypothesis that moves them most; empty: not known")
+    moved: float | None = Field(
+        None,
+        description="by how much, in standard deviations, once the parameters have met it; null: "
+        "not known. Below 1 the held-out data can tell nothing",
+    )
 
 
 class FittedModelSummary(StrictDocument):

@@ -21,6 +21,7 @@ from diagnosis.selection.forward_selection import AdoptedModel
 from diagnosis.selection.next_measurement import Suggestion
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.unknown_curve import FoundCurve
+from diagnosis.signatures.confounding import representative
 from diagnosis.verdict import verdict
 from diagnosis.verdict.fitted_models import (
     effect_answers,
@@ -136,11 +137,40 @@ def base_stage(
     model: Model, comparison: Comparison, explanation: Explanation | None = None
 ) -> verdict.FittedModelSummary:
     """The base model; with an explanation the largest score is among its tests."""
-    adequacy = comparison.adequacy if explanation is None else explanation.adequacy
-    return stage(
-        comparison.base.data, comparison.base.fit, adequacy, comparison.window, model.targets,
-        None if explanation is None else stated(explanation),
+    if explanation is None:
+        return stage(
+            comparison.base.data, comparison.base.fit, comparison.adequacy, comparison.window,
+            model.targets,
+        )  # fmt: skip
+    found = stage(
+        comparison.base.data, comparison.base.fit, explanation.adequacy, comparison.window,
+        model.targets, stated(explanation),
     )  # fmt: skip
+    mover, moved = moved_most(comparison, explanation)
+    held_out = found.held_out.model_copy(update={"mover": mover, "moved": moved})
+    return found.model_copy(update={"held_out": held_out})
+
+
+def moved_most(comparison: Comparison, explanation: Explanation) -> tuple[str, float | None]:
+    """The candidate that moves the held-out numbers most, and by how many standard deviations.
+
+    Of each the representative amplitude, the parameters moved to meet what was fitted.
+    """
+    base, linear = comparison.base, comparison.judged.system
+    held = np.flatnonzero(base.split.held_out)
+    moved: dict[str, float] = {}
+    own = np.linalg.cholesky(base.data.covariance[np.ix_(held, held)])
+    for name in explanation.names if held.size else ():
+        rung = representative(explanation.scores, name).rung
+        change = explanation.signatures[name].changes[rung]
+        met = change - base.fit.derivative @ linear.imitating(linear.augmented(change))
+        size = float(np.linalg.norm(np.linalg.solve(own, met[held])))
+        if np.isfinite(size):
+            moved[name] = size
+    if not moved:
+        return "", None
+    mover = max(moved, key=lambda name: moved[name])
+    return mover, moved[mover]
 
 
 def stated(explanation: Explanation) -> dict[str, np.ndarray]:

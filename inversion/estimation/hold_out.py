@@ -3,6 +3,10 @@
 A contiguous block of a series and a whole measurement, or what the file names. Every fifth point of
 a profile would be merely interpolated by its neighbours. Where little was measured nothing is held
 out: two numbers less of four would be half of what is known.
+
+A block where nothing moves tells nothing: no model predicts it better than another. So what is held
+out lies where the parameters move the numbers, which predictions alone decide, never the measured
+values.
 """
 
 from __future__ import annotations
@@ -19,6 +23,8 @@ from pipeline.cli import InputError
 LEAST_SERIES, SHARE = 8, 0.2
 #: Where the block begins, as a share of the series: past the middle, so that both ends are fitted.
 BEGIN = 0.6
+#: A block elsewhere is taken where the usual one moves by less than this share of the most mobile.
+MOBILE = 0.5
 #: A whole measurement is held out where at least this many of its kind were made.
 LEAST_ALIKE = 4
 
@@ -37,13 +43,15 @@ class HoldOut:
     blocks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def split(targets: Targets, wanted: HoldOut | None) -> Split:
+def split(targets: Targets, wanted: HoldOut | None, predictions: np.ndarray | None = None) -> Split:
     """Decide what is held out.
 
     Args:
         targets: the measurements with their roles.
         wanted: what the case names; None: what the measurement file holds out, or, where it holds
             out nothing, a block of each long series and one of several measurements of a kind.
+        predictions: by different parameters, (n, m), which show where the numbers move; None: not
+            known.
 
     Raises:
         InputError: a name that does not exist, a block without numbers, or nothing left to fit.
@@ -55,7 +63,7 @@ def split(targets: Targets, wanted: HoldOut | None) -> Split:
     elif by_file.any():
         extra, words = np.zeros_like(may), "as the measurement file says"
     else:
-        extra, words = _automatic(targets, may), "automatically"
+        extra, words = _automatic(targets, may, mobility(targets, predictions)), "automatically"
     held = (extra & may) | by_file
     fitted = may & ~held
     if not fitted.any():
@@ -83,19 +91,43 @@ def _named(targets: Targets, wanted: HoldOut) -> np.ndarray:
     return chosen
 
 
-def _automatic(targets: Targets, may: np.ndarray) -> np.ndarray:
+def mobility(targets: Targets, predictions: np.ndarray | None) -> np.ndarray:
+    """How far parameters move each number, in the survey's standard deviations, (m,).
+
+    Args:
+        targets: the measurements.
+        predictions: by different parameters, (n, m); rows of NaN are left out. With fewer than two
+            that were read all numbers count as equally mobile.
+    """
+    rows = np.zeros((0, len(targets.names))) if predictions is None else predictions
+    rows = rows[np.all(np.isfinite(rows), axis=1)]
+    if len(rows) < 2:
+        return np.ones(len(targets.names))
+    return np.std(rows, axis=0) / np.sqrt(np.diag(targets.covariance))
+
+
+def _automatic(targets: Targets, may: np.ndarray, mobile: np.ndarray) -> np.ndarray:
     chosen = np.zeros(len(targets.names), dtype=bool)
     for place in places_of(targets):
         index = place.index[may[place.index]]
         if place.series and len(index) >= LEAST_SERIES:
             n = max(round(SHARE * len(index)), 2)
-            begin = round(BEGIN * len(index))
-            chosen[index[begin : begin + n]] = True
+            windows = [index[begin : begin + n] for begin in range(1, len(index) - n)]
+            usual = round(BEGIN * len(index)) - 1
+            chosen[_mobile_one(windows, usual, mobile)] = True
     for alike in _of_a_kind(targets, may):
         if len(alike) >= LEAST_ALIKE:
             # Not the first or the last: those are extrapolated rather than predicted.
-            chosen[alike[len(alike) // 2].index] = True
+            inner = [place.index for place in alike[1:-1]]
+            chosen[_mobile_one(inner, len(alike) // 2 - 1, mobile)] = True
     return chosen
+
+
+def _mobile_one(windows: Sequence[np.ndarray], usual: int, mobile: np.ndarray) -> np.ndarray:
+    """The usual one of some windows, or the nearest to it that moves enough."""
+    size = np.array([np.linalg.norm(mobile[window]) for window in windows])
+    enough = np.flatnonzero(size >= MOBILE * size.max())
+    return windows[int(min(enough, key=lambda place: abs(place - usual)))]
 
 
 def _of_a_kind(targets: Targets, may: np.ndarray) -> Sequence[list[Places]]:

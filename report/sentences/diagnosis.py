@@ -215,6 +215,13 @@ def role_sentence(data: DiagnosisData) -> str:
     said = []
     if held := _of_role(data, "held out"):
         said.append(f"Held out, not fitted: {held}.")
+        block = data.base.held_out
+        if block.moved is not None:
+            verb = "can tell nothing" if block.moved < 1.0 else "can tell"
+            said.append(
+                f"They {verb}: of the hypotheses {spoken(block.mover)} moves them most, by "
+                f"{number(block.moved, 2)} standard deviations."
+            )
     if drawn := _of_role(data, "constructed"):
         said.append(f"Constructed, not surveyed: {drawn}; shown only, not part of a fit or score.")
     return " ".join(said)
