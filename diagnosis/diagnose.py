@@ -82,7 +82,7 @@ def diagnose(
     tried_models = run_rounds(comparison, explanation, options)
     for adopted in tried_models.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
-    decision = decide(tried_models, explanation.by_chance, options)
+    decision = decide(tried_models, explanation, options)
     found = Diagnosis(model, options, comparison, explanation, tried_models, decision)
     if decision.verdict == "unknown_effect" and model.curves:
         say("nothing in the list explains it: seeking a strength curve that would")

@@ -37,8 +37,11 @@ class Options:
         spare: degrees of freedom that must be left to contradict an answer.
         alarm: combined p below which the model is inadequate.
         suspect: combined p below which it is suspect.
-        still_failing: combined p of an accepted model below which its answer does not stand,
-        left_over: unless no more than this share of the base model's excess misfit is left.
+        still_failing: combined p of an accepted model, with the error of its effects, below which
+            its answer does not stand.
+        held_out_left: share of the base model's excess misfit on held-out data that an answer may
+            leave, where these still fail with
+        held_out_failing: a p below this.
         refitted: candidates that are refitted by their score.
         inseparable: |cosine| from which two signatures are the same to these data.
         hardly_separable: |cosine| from which an effect is refitted before its double is named.
@@ -58,7 +61,7 @@ class Options:
     forbidden: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    allowance: int = 400
+    allowance: int = 500
     replicates: int = 8
     second_scheme: bool = True
     resolution_factor: float = 2.5
@@ -72,7 +75,8 @@ class Options:
     alarm: float = 0.05
     suspect: float = 0.20
     still_failing: float = 0.05
-    left_over: float = 0.2
+    held_out_left: float = 0.5
+    held_out_failing: float = 0.01
     refitted: int = 4
     inseparable: float = 0.95
     hardly_separable: float = 0.8

@@ -118,9 +118,9 @@ def _out(arguments: argparse.Namespace, config: Config) -> Path:
 
 def _water(arguments: argparse.Namespace) -> str:
     """Form of the water that the plan of the benchmark asks for."""
-    from benchmarks.hidden_effects.making.benchmark import load_benchmark
+    from benchmarks.hidden_effects.making.benchmark import load_plan
 
-    return load_benchmark(arguments.benchmark).plan.water
+    return load_plan(arguments.benchmark).water
 
 
 def _workshop(arguments: argparse.Namespace, config: Config) -> tuple[Benchmark, Laboratory]:

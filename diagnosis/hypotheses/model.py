@@ -24,14 +24,14 @@ Family = Literal[
 FAMILIES: tuple[Family, ...] = get_args(Family)
 FAMILY_WORDS: dict[Family, str] = {
     "physics": "a physical effect",
-    "water": "the water",
-    "soil": "the soil that is not calibrated",
+    "water": "another water",
+    "soil": "another soil where it is not calibrated",
     "strength": "strength that differs within the liquefied soil",
-    "ground": "the ground below",
-    "section": "the section as it was drawn",
-    "survey": "the survey",
-    "start": "how the slide began",
-    "dimension": "the third dimension",
+    "ground": "another ground below",
+    "section": "another section than was drawn",
+    "survey": "an error of the survey",
+    "start": "another start of the slide",
+    "dimension": "flanks that hold the slide back",
 }
 
 #: Coefficients of an unknown strength curve stand in `State.effects` under this name.

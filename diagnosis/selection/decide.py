@@ -1,12 +1,14 @@
 """Step 9: the verdict.
 
 - *adequate*: the base model passes its tests (combined p at least 0.20). Effects may still hide.
-- *identified*: an explanation was accepted, and alone it has 90 % of the probability.
+- *identified*: an explanation was accepted, and alone it has 90 % of the probability; or all that
+  share the 90 % are members of one family, which is then the answer.
 - *ambiguous*: an explanation was accepted, but it takes several to reach 90 %, or the runs that
   were allowed did not suffice to try its rivals.
-- *unknown_effect*: the base model fails its tests and nothing passes, or what passes still fails
-  and leaves much of the misfit, more than the error of its own effects; or a random pattern passes
-  that is one of many (`Candidate.by_chance`). It fits by chance, and is a clue, not a name.
+- *unknown_effect*: the base model fails its tests and nothing passes, or what passes is not enough:
+  a test still fails, the error of its own effects granted, or held-out data stay as bad as they
+  were (`not_enough`); or a random pattern passes that is one of many (`Candidate.by_chance`). It
+  fits by chance, and is a clue, not a name.
 - *suspect*: p between 0.05 and 0.20, and nothing passes.
 
 Probabilities are those of ln Z among all models that were tried. A model that adds to another an
@@ -15,12 +17,15 @@ effect which was not accepted is counted with the smaller one: what it has beyon
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from diagnosis.adequacy.adequacy import Adequacy
+from diagnosis.hypotheses.model import Family
 from diagnosis.options import Options
 from diagnosis.selection.evidence import credible_set, probabilities
+from diagnosis.selection.explain import Explanation
 from diagnosis.selection.forward_selection import AdoptedModel, TriedModels, why_not
 
 Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
@@ -37,6 +42,9 @@ class Decision:
         probability: of every explanation that was tried.
         untried: rivals of the answer that were wanted and could not be had.
         by_chance: random patterns that were accepted and name nothing; the final model is without.
+        not_enough: why what was accepted does not explain; empty: it does.
+        families: of the answer, where its members cannot be told apart.
+        members: of these families, candidates that would do as well, the answer's own first.
     """
 
     verdict: Verdicts
@@ -45,16 +53,20 @@ class Decision:
     probability: dict[tuple[str, ...], float]
     untried: tuple[tuple[str, ...], ...] = ()
     by_chance: tuple[str, ...] = ()
+    not_enough: str = ""
+    families: tuple[Family, ...] = ()
+    members: tuple[str, ...] = ()
 
 
-def decide(tried_models: TriedModels, by_chance: frozenset[str], options: Options) -> Decision:
+def decide(tried_models: TriedModels, explanation: Explanation, options: Options) -> Decision:
     """The verdict on a finished selection.
 
     Args:
         tried_models: all models that were tried.
-        by_chance: candidates that are one random pattern of many.
+        explanation: the candidates, and which of them look alike.
         options: settings of the diagnosis.
     """
+    by_chance = explanation.by_chance
     final = tried_models.current
     p_base = tried_models.way[0].adequacy.p_combined
     probability = probabilities(explanations(tried_models, options))
@@ -71,31 +83,72 @@ def decide(tried_models: TriedModels, by_chance: frozenset[str], options: Option
         return Decision(
             "unknown_effect", named[-1], sets, probability, by_chance=tuple(sorted(drawn))
         )
-    failing = still_failing(tried_models.way[0].adequacy, final.adequacy, options)
-    if failing and not tried_models.within_error:
-        return Decision("unknown_effect", final, sets, probability)
+    if reason := not_enough(tried_models.way[0].adequacy, final.adequacy, tried_models.doubted,
+                            options):  # fmt: skip
+        return Decision("unknown_effect", final, sets, probability, not_enough=reason)
     # A model that extends the answer does not compete with it.
     own = set(final.model.names)
     untried = tuple(dict.fromkeys(key for key in tried_models.untried if not own <= set(key)))
-    one = len(sets) == 1 and next(iter(sets)) == final.model.names and not untried
-    return Decision("identified" if one else "ambiguous", final, sets, probability, untried)
+    families, members = family_of(sets, final.model.names, explanation, options)
+    one = len(sets) == 1 and next(iter(sets)) == final.model.names
+    named = (one or families) and not untried
+    return Decision("identified" if named else "ambiguous", final, sets, probability, untried,
+                    families=families, members=members)  # fmt: skip
 
 
-def still_failing(base: Adequacy, final: Adequacy, options: Options) -> bool:
-    """The accepted model is inadequate: it fails the tests and leaves much of the misfit.
+def not_enough(base: Adequacy, final: Adequacy, doubted: float | None, options: Options) -> str:
+    """Why an accepted model does not explain the measurements; empty: it does.
 
-    An effect that takes nearly all of a large misfit away is not doubted for what is left of it:
-    the larger an effect, the more is left by what no model has exactly.
+    What is named must explain, not only improve.
+
+    Args:
+        base: the base model.
+        final: the accepted model.
+        doubted: its combined p with the error that its effects bring (the larger an effect, the
+            more is left by what no model has exactly); None: that error is not known.
+        options: settings of the diagnosis.
     """
-    if final.p_combined >= options.still_failing:
-        return False
-    return excess(final) > options.left_over * excess(base)
+    p = max(final.p_combined, doubted or 0.0)
+    if p < options.still_failing:
+        return f"its tests still fail (p {p:.2g})"
+    before, after = base.held_out, final.held_out
+    if after.p is not None and after.p < options.held_out_failing:
+        left = (after.chi2 - after.n) / max(before.chi2 - before.n, 1e-9)
+        if left > options.held_out_left:
+            return f"{100 * left:.0f} % of the excess misfit of the held-out data are left"
+    return ""
 
 
-def excess(found: Adequacy) -> float:
-    """Sum of squares beyond that of noise, of fitted and held-out numbers."""
-    held_out = found.held_out
-    return max(found.chi2 - found.dof, 0.0) + max(held_out.chi2 - held_out.n, 0.0)
+def family_of(
+    sets: Mapping[tuple[str, ...], float],
+    answer: tuple[str, ...],
+    explanation: Explanation,
+    options: Options,
+) -> tuple[tuple[Family, ...], tuple[str, ...]]:
+    """The families of an answer whose members cannot be told apart, and these members.
+
+    That is so where all explanations of the 90 % are of the same families, or where a part of the
+    answer has doubles in its family that were not refitted because the data cannot separate them.
+
+    Returns:
+        families and members; nothing where the answer is a name, or has rivals of other families.
+    """
+    family = {one.name: one.family for one in explanation.candidates}
+    screened = {one.name for one in explanation.candidates if one.screened}
+
+    def of(names: tuple[str, ...]) -> tuple[Family, ...]:
+        return tuple(sorted(family[name] for name in names))
+
+    if any(of(names) != of(answer) for names in sets):
+        return (), ()
+    members = [*answer, *(name for names in sets for name in names)]
+    for name in answer:
+        doubles = explanation.alike(name, options.inseparable) if name in screened else []
+        members += [n for n in doubles if n in screened and family[n] == family[name]]
+    members = list(dict.fromkeys(members))
+    if set(members) == set(answer):
+        return (), ()
+    return of(answer), tuple(members)
 
 
 def explanations(tried_models: TriedModels, options: Options) -> dict[tuple[str, ...], float]:

@@ -29,7 +29,7 @@ FACTOR = 1.0
 
 def doubting(
     context: RefitContext, base: Base, model: FittedModel, options: Options
-) -> RefitContext:
+) -> RefitContext | None:
     """The context at which what is added to a model is judged: with C' in place of C.
 
     Args:
@@ -39,8 +39,8 @@ def doubting(
         options: which parts of the model's own error there are.
 
     Returns:
-        the context with C'; with C where the allowance does not cover the runs, or nothing is
-        asked.
+        the context with C'; with C where nothing is asked; None where the allowance does not cover
+        the runs.
     """
     ends = (model.fit.space.state(model.fit.x), base.fit.space.state(base.surface.x))
     kinds = list(paired(ends[0], options))
@@ -48,7 +48,7 @@ def doubting(
         return context
     states = [state for own in ends for state in (own, *paired(own, options).values())]
     if not context.runs.affords(states, f"the error of {' + '.join(model.names)}"):
-        return context
+        return None
     with_effects, without = np.split(context.runs.predict(states), 2)
     grown = (with_effects - with_effects[0]) - (without - without[0])
     change = dict(zip(kinds, grown[1:], strict=True))

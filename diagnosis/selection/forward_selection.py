@@ -73,7 +73,8 @@ class TriedModels:
         first: refits of the first round, by candidate, with the condition each failed.
         untried: requested models that were not fitted: no runs were left, or all failed.
         context: at which models are compared; once effects were adopted, with the error they bring.
-        within_error: the remaining misfit is within the model error of the adopted effects.
+        doubted: combined p of the current model with the error that its effects bring, C'; None:
+            it has no effects, or the runs for it were not allowed.
     """
 
     models: dict[tuple[str, ...], FittedModel] = field(default_factory=dict)
@@ -81,7 +82,7 @@ class TriedModels:
     first: dict[str, tuple[FittedModel, str]] = field(default_factory=dict)
     untried: list[tuple[str, ...]] = field(default_factory=list)
     context: RefitContext | None = None
-    within_error: bool = False
+    doubted: float | None = None
 
     @property
     def current(self) -> AdoptedModel:
@@ -158,14 +159,20 @@ def _accepted(
         left = [other for other in left if other.names != best.names]
 
 
-def _within_its_error(
-    tried_models: TriedModels, comparison: Comparison, now: AdoptedModel, options: Options
+def _doubt(
+    tried_models: TriedModels, comparison: Comparison, explanation: Explanation, options: Options
 ) -> bool:
-    """What a model with effects leaves is no more than these effects err."""
-    assert tried_models.context is not None
+    """Find C' of the current model and its combined p there; False: the runs are not allowed."""
+    now = tried_models.current
+    context = doubting(explanation.context, comparison.base, now.model, options)
+    tried_models.doubted = None
+    if context is None:
+        return False
+    tried_models.context = context
     fit = tried_models.weighed(now.model).fit
-    found = judged(tried_models.context.data, fit, draws=options.draws, seed=options.seed)
-    return assess(found, comparison.places).p_combined >= options.suspect
+    found = judged(context.data, fit, draws=options.draws, seed=options.seed)
+    tried_models.doubted = assess(found, comparison.places).p_combined
+    return True
 
 
 def run_rounds(comparison: Comparison, explanation: Explanation, options: Options) -> TriedModels:
@@ -190,11 +197,9 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         if now.adequacy.p_combined >= options.suspect:
             break
         runs.reserve = kept if number == 0 else 0
-        if now.model.names:
-            tried_models.context = doubting(
-                explanation.context, comparison.base, now.model, options
-            )
-            tried_models.within_error = _within_its_error(tried_models, comparison, now, options)
+        # What the cells make of a large effect asks for a second one: without C' none is added.
+        if now.model.names and not _doubt(tried_models, comparison, explanation, options):
+            break
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
         tried = _try(tried_models, comparison, explanation, ground, now, names)
@@ -220,8 +225,10 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
             break
         _adopt(tried_models, comparison, explanation, best, signatures, options)
         _drop(tried_models, comparison, explanation, ground, signatures, options)
-        tried_models.within_error = False  # it was found for the previous model
     runs.reserve = 0
+    final = tried_models.current
+    if final.model.names and final.adequacy.p_combined < options.still_failing:
+        _doubt(tried_models, comparison, explanation, options)
     return tried_models
 
 

@@ -62,6 +62,16 @@ class Answer(StrictDocument):
     set_90: list[NamedSet] = Field(
         description="most probable explanations, together 90 % at least; ascending in rank"
     )
+    families: list[Family] = Field(
+        default_factory=list,
+        description="of the answer, where the data cannot tell their members apart; empty: a name",
+    )
+    members: list[str] = Field(
+        default_factory=list, description="of these families, the best first; each would do as well"
+    )
+    not_enough: str = Field(
+        "", description="why what was accepted does not explain the measurements; empty: it does"
+    )
 
 
 class Check(StrictDocument):

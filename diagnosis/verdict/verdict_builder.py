@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.adequacy.windows import worst_window
 from diagnosis.diagnose import Diagnosis
-from diagnosis.hypotheses.model import Candidate, Model
+from diagnosis.hypotheses.model import FAMILY_WORDS, Candidate, Model
 from diagnosis.options import Options
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.forward_selection import AdoptedModel
@@ -418,13 +418,21 @@ def sentence(found: Diagnosis) -> str:
             )
         case "unknown_effect" if final.model.names:
             return (
-                f"With {_joined(final.model.names)} the model still fails: something else is "
-                f"missing that is not {among}."
+                f"{_joined(final.model.names).capitalize()} improves the model and does not "
+                f"explain the measurements: {decision.not_enough}. Something else is missing, or "
+                f"it is something else {among}; no name is given."
             )
         case "unknown_effect":
             return (
                 f"The base model does not explain the measurements (p {p:.2g}), and no effect "
                 f"{among} does."
+            )
+        case "identified" if decision.families:
+            doubted = " and ".join(FAMILY_WORDS[family] for family in decision.families)
+            members = _joined(decision.members, " or ")
+            return (
+                f"The measurements ask for {doubted}, {among}; these data cannot tell which: "
+                f"{members}. With {_joined(final.model.names)} {_fall(found)}."
             )
         case "identified":
             return (
@@ -452,8 +460,8 @@ def _fall(found: Diagnosis) -> str:
     return text
 
 
-def _joined(names: Sequence[str]) -> str:
-    return " and ".join(name.replace("_", " ") for name in names)
+def _joined(names: Sequence[str], word: str = " and ") -> str:
+    return word.join(name.replace("_", " ") for name in names)
 
 
 def _answer(found: Diagnosis) -> verdict.Answer:
@@ -465,6 +473,9 @@ def _answer(found: Diagnosis) -> verdict.Answer:
             verdict.NamedSet(names=list(names), probability=share)
             for names, share in found.decision.sets.items()
         ],
+        families=list(found.decision.families),
+        members=list(found.decision.members),
+        not_enough=found.decision.not_enough,
     )
 
 

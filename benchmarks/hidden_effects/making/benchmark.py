@@ -105,6 +105,16 @@ def benchmark_file(text: str | Path) -> Path:
     return path / FILE_NAME if path.is_dir() else path
 
 
+def load_plan(text: str | Path) -> BenchmarkPlan:
+    """Read what is planned alone: whoever judges must not know effects outside the library.
+
+    Raises:
+        InputError: no such file, or it does not hold together; one line.
+    """
+    path = benchmark_file(text)
+    return checked_document(BenchmarkPlan, read_yaml(path), path)
+
+
 def load_benchmark(text: str | Path) -> Benchmark:
     """Read a benchmark; effects outside the library are loaded from the file that it names.
 
@@ -116,7 +126,7 @@ def load_benchmark(text: str | Path) -> Benchmark:
     """
     path = benchmark_file(text)
     folder = path.parent
-    wanted = checked_document(BenchmarkPlan, read_yaml(path), path)
+    wanted = load_plan(text)
     for survey in wanted.surveys:
         if survey not in SURVEYS:
             raise InputError(f"{path}: surveys: {survey!r}: allowed are {', '.join(SURVEYS)}")
