@@ -194,7 +194,11 @@ class Source:
 
 _HERE = "benchmarks.hidden_effects.foreign"
 SOURCES: Mapping[str, Source] = {
-    one.name: one for one in (Source("own", "the judge's own solver", f"{_HERE}.own"),)
+    one.name: one
+    for one in (
+        Source("own", "the judge's own solver", f"{_HERE}.own"),
+        Source("smoothed_particles", "smoothed particles", f"{_HERE}.smoothed_particles"),
+    )
 }
 
 
