@@ -91,7 +91,9 @@ class EngineModel:
         self._errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
         doubted, certain = assumptions_of(setup, sensitivities, self.engine)
         self._assumptions = {one.candidate.name: one for one in doubted}
-        physics, idle = acting_candidates(setup.scene, self.numbers)
+        physics, idle = acting_candidates(
+            setup.scene, self.numbers, duration=setup.settings.duration_s
+        )
         if not self.engine.effects:
             idle |= {one.name: f"{self.engine.description} has no such effect" for one in physics}
             physics = []

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Scene
-from mpm_taichi.effects import Effect, effects
+from mpm_taichi.effects import Active, Effect, effects
+
+#: Share of the duration of a run within which an effect must have ended: the slide has to rest.
+LATEST = 0.8
 
 
 def acting_candidates(
-    scene: Scene, numbers: Mapping[str, Mapping[str, float]] | None = None
+    scene: Scene,
+    numbers: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    duration: float = math.inf,
 ) -> tuple[list[Candidate], dict[str, str]]:
     """Effects that can act on a section, and why the others cannot.
 
     Args:
         scene: the section.
         numbers: effect -> further numbers of it that are known.
+        duration: of a run [s].
     """
     found, left_out = [], {}
     for name, effect in effects().items():
@@ -27,9 +36,37 @@ def acting_candidates(
             reason = f"no place is stated: {' or '.join(effect.place)}"
         if reason:
             left_out[name] = reason
+            continue
+        candidate = candidate_of(effect, (numbers or {}).get(name, {}))
+        ends = _within(effect, scene, candidate, (numbers or {}).get(name, {}), LATEST * duration)
+        if ends is None:
+            left_out[name] = f"it goes on for longer than the run of {duration:g} s"
         else:
-            found.append(candidate_of(effect, (numbers or {}).get(name, {})))
+            found.append(ends)
     return found, left_out
+
+
+def _within(
+    effect: Effect, scene: Scene, candidate: Candidate, numbers: Mapping[str, float], time: float
+) -> Candidate | None:
+    """The candidate with the amplitudes that have ended by a time [s]; None where none has."""
+    if effect.until is None or math.isinf(time):
+        return candidate
+    parameters = {**{one.name: one.default for one in effect.parameters}, **numbers}
+
+    def ended(amplitude: float) -> bool:
+        return Active(effect, amplitude, parameters).until(scene) <= time
+
+    ladder = tuple(rung for rung in candidate.ladder if ended(rung))
+    if not ladder:
+        return None
+    bounds = []
+    for within, bound in ((ladder[0], candidate.low), (ladder[-1], candidate.high)):
+        for _ in range(30 if bound and not ended(bound) else 0):
+            middle = 0.5 * (within + bound)
+            within, bound = (middle, bound) if ended(middle) else (within, middle)
+        bounds.append(bound if not bound or ended(bound) else within)
+    return replace(candidate, ladder=ladder, low=bounds[0], high=bounds[1])
 
 
 def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:

@@ -156,6 +156,8 @@ def explanations(tried_models: TriedModels, options: Options) -> dict[tuple[str,
     kept = {}
     weighed = {names: tried_models.weighed(model) for names, model in tried_models.models.items()}
     for names, model in tried_models.models.items():
+        if model.unread:
+            continue
         smaller = [
             key
             for key in weighed

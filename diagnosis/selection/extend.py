@@ -105,4 +105,7 @@ def _fitted(
             f"{' + '.join(names)}: no run of the refit could be read, or the allowance of "
             f"{context.runs.allowance} runs does not cover it (diagnosis.max_runs)"
         )
-    return with_own_derivative(context, judge(context, found))
+    found = judge(context, found)
+    if found.unread:
+        raise WorkFailed(f"{' + '.join(names)}: no run at its fit could be read")
+    return with_own_derivative(context, found)

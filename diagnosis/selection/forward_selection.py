@@ -105,6 +105,8 @@ def why_not(
         options: settings of the diagnosis.
         together: ln evidence of all that were tried, in place of that of this model alone.
     """
+    if after.unread:
+        return "none of its runs could be read"
     gain = after.ln_evidence - before.ln_evidence
     drop = before.fit.total - after.fit.total
     if drop <= options.least_drop:
@@ -128,7 +130,7 @@ def accepted(
     although together they leave no doubt that something is missing. Then the question "is there
     anything?" is put to their sum, and "what is it?" has several answers.
     """
-    order = sorted(tried, key=lambda after: -after.ln_evidence)
+    order = sorted((m for m in tried if not m.unread), key=lambda after: -after.ln_evidence)
     for after in order:
         if not why_not(now, after, options):
             return after
@@ -349,7 +351,7 @@ def _near_the_best(
     tried_models: TriedModels, now: FittedModel, tried: Sequence[FittedModel], options: Options
 ) -> list[tuple[str, ...]]:
     """Models near the best of those tried and not far below what is asked for, best first."""
-    evidence = {model.names: tried_models.weighed(model).ln_evidence for model in tried}
+    evidence = {m.names: tried_models.weighed(m).ln_evidence for m in tried if not m.unread}
     bar = tried_models.weighed(now).ln_evidence + options.least_gain
     least = max([*evidence.values(), bar]) - NEAR_BEST
     near = [names for names in evidence if evidence[names] >= least]

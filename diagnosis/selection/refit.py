@@ -85,6 +85,7 @@ class FittedModel:
         surrogate: that its search has taught; None where there was none.
         judged: by jitters that it was not fitted with.
         sloped: its derivative is its own, by central differences.
+        unread: no run at its fit could be read, so that it explains nothing.
     """
 
     fit: Fit
@@ -94,6 +95,7 @@ class FittedModel:
     surrogate: Surrogate | None = None
     judged: bool = False
     sloped: bool = False
+    unread: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -228,7 +230,8 @@ def judge(context: RefitContext, model: FittedModel) -> FittedModel:
     """A refit judged by jitters of the points that it was not fitted with.
 
     A search ends where surrogate and noise agree with the data; fresh noise does not. Where it
-    moves the fit, it is judged there once more.
+    moves the fit, it is judged there once more. Where none of its runs can be read (a slide that
+    does not rest in time) the surrogate knows nothing: the model is no explanation.
     """
     surrogate, fit = model.surrogate, model.fit
     if surrogate is None or model.judged:
@@ -237,7 +240,10 @@ def judge(context: RefitContext, model: FittedModel) -> FittedModel:
         states = [fit.space.state(fit.x, seed=seed) for seed in jitters]
         if not context.runs.affords(states, f"fresh jitters for {' + '.join(fit.names)}"):
             break
-        for row in context.runs.predict(states):
+        rows = context.runs.predict(states)
+        if not np.any(np.all(np.isfinite(rows), axis=1)):
+            return replace(model, judged=True, unread=True)
+        for row in rows:
             surrogate.learn(fit.x, row)
         before, fit = fit.x, settled(context.data, surrogate, [fit.x, *surrogate.points])
         if np.max(np.abs(fit.x - before)) < SEEN:

@@ -14,6 +14,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.hypotheses import soil, strength, water
 from diagnosis.hypotheses.assumption import Assumption
 from diagnosis.hypotheses.model import Candidate, amplitude_of, switch_of
+from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.registry import FAMILIES, assumed_otherwise, assumptions_of
 from diagnosis.options import Options
 from geometry.case import load_case
@@ -200,6 +201,15 @@ def test_what_is_assumed_widens_a_strength_as_an_unknown_with_that_prior_would()
     assert np.allclose(wide.posterior[:2, :2], joint.posterior[:2, :2])
     assert wide.posterior[0, 0] > 1.01 * narrow.posterior[0, 0]
     assert narrow.with_assumed([]) is narrow
+
+
+def test_an_effect_that_outlasts_the_run_is_tried_as_far_as_it_ends(setup):
+    known = {"late_liquefaction": {}}
+    found, left_out = acting_candidates(setup.scene, known, duration=20.0)
+    late = next(one for one in found if one.name == "late_liquefaction")
+    assert late.ladder == (5.0, 15.0) and late.high == pytest.approx(16.0)
+    found, left_out = acting_candidates(setup.scene, known, duration=5.0)
+    assert left_out["late_liquefaction"] == "it goes on for longer than the run of 5 s"
 
 
 def test_every_candidate_has_a_family_and_a_ladder_within_its_bounds(setup):

@@ -12,7 +12,8 @@ from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
 from diagnosis.selection.explain import Explanation, explain
-from diagnosis.selection.refit import ANCHORED, FittedModel, refit
+from diagnosis.selection.forward_selection import accepted, why_not
+from diagnosis.selection.refit import ANCHORED, FittedModel, judge, refit, weighed
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
@@ -106,3 +107,17 @@ def test_no_second_effect_for_what_the_cells_make_of_the_first():
             len(verdict_document(diagnose(exact, options), case="c", title="t").answer.effects) > 1
         )
     assert needless <= 1 and wanted >= 5
+
+
+def test_a_fit_whose_runs_cannot_be_read_explains_nothing():
+    model = straight(3, {"late": 2.0})
+    comparison, explanation = looked_at(model)
+    after = refitted(comparison, explanation, "late")
+    model.broken = {"late": 0.1}  # from now on every run with it fails
+    model._kept.clear()
+    comparison.base.runs._known.clear()
+    found = judge(explanation.context, replace(after, judged=False))
+    assert found.unread
+    base = weighed(explanation.context, comparison.base.fit, comparison.base.surface)
+    assert why_not(base, found, OPTIONS) == "none of its runs could be read"
+    assert accepted(base, [found], OPTIONS) is None
