@@ -156,6 +156,13 @@ class SimulationSettings(Settings):
         "settled",
         description="stress at t = 0: settled elastically, from K0 alone, or gravity at once",
     )
+    k0: float | None = Field(
+        None,
+        gt=0,
+        le=3,
+        description="ratio of horizontal to vertical effective stress that settled and k0 start "
+        "from; null: nu / (1 - nu) of each material",
+    )
     water: Literal["buoyant", "pore_pressure"] = Field(
         "pore_pressure",
         description="pool and groundwater as pressure in and on the soil, or as reduced weight "

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import ModuleType
 
-from diagnosis.hypotheses import section, soil, strength, water
+from diagnosis.hypotheses import ground, section, soil, start, strength, water
 from diagnosis.hypotheses.assumption import Found, Sensitivities
 from diagnosis.hypotheses.survey import survey_errors
 from inversion.engine_registry import Engine
@@ -34,9 +34,11 @@ class FamilyModule:
 
 FAMILIES = (
     FamilyModule(section, solver=False),
+    FamilyModule(ground),
     FamilyModule(water),
     FamilyModule(soil),
     FamilyModule(strength),
+    FamilyModule(start),
 )
 
 

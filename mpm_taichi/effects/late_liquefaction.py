@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+import shapely
+
 from mpm_taichi.effects.framework.base import (
     DEGREE,
     Amplitude,
@@ -20,12 +23,26 @@ if TYPE_CHECKING:
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
     """S = S_r + q (S_p - S_r), tan(phi) = q tan(phi_p), q from 1 to 0 between h T and T."""
-    if here.liquefied > 0.5:
+    if here.liquefied > 0.5 and here.field > 0.5:
         left = (effect.amplitude - here.time) / ((1.0 - effect.hold) * effect.amplitude)
         left = ti.min(ti.max(left, 0.0), 1.0)
         soil.cohesion *= 1.0 + (effect.peak_ratio - 1.0) * left
         soil.friction += ti.tan(effect.peak_friction_deg) * left
     return soil
+
+
+def of_zone(
+    scene: Scene, position: np.ndarray, amplitude: float, parameters: Numbers
+) -> np.ndarray:
+    """1 where a point lies in the zone that liquefied late before the slide, else 0, (N,)."""
+    number = round(parameters["zone"])
+    if number == 0:
+        return np.ones(len(position))
+    if number > len(scene.zones):
+        return np.zeros(len(position))
+    outline = shapely.Polygon(scene.zones[number - 1].polygon)
+    # Points at rest lie half a spacing from a border; those of a jittered scene may cross it.
+    return shapely.intersects_xy(outline, position).astype(float)
 
 
 def until(scene: Scene, amplitude: float, parameters: Numbers) -> float:
@@ -62,8 +79,11 @@ EFFECT = Effect(
                   "phi_p, friction angle before it liquefied, of soil that was drained", DEGREE),
         Parameter("hold", "", 0.0, 0.0, 0.99,
                   "h, share of T in which the peak holds; 0: it falls from the start"),
+        Parameter("zone", "", 0.0, 0.0, 1e3,
+                  "number of the zone that was late, 1 for the first of the scene; 0: all of them"),
     ),
     strength=strength,
+    field=of_zone,
     until=until,
     applies=needs_liquefied_soil,
 )  # fmt: skip

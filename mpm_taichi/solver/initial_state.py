@@ -118,7 +118,7 @@ def prepare(
     motion[:, 2:] = points.velocity[order]
     stress = np.zeros((len(order), 4), np.float32)
     if settings.initial_stress != "gravity_on":
-        lateral = np.array([_k0(material) for material in rows])[row]
+        lateral = np.array([settings.k0 or _k0(material) for material in rows])[row]
         at_rest = k0_stress(scene, points, mass_of_row[row], lateral, settings.gravity_m_per_s2)
         stress[:] = np.where(resting[order, None], at_rest[order], 0.0)
     moduli = [m.youngs_modulus_pa * (1 - m.poisson_ratio) / (

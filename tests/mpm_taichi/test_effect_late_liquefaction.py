@@ -17,6 +17,8 @@ DEFAULT = {"from_x_m": 1e6, "front_length_m": 2.0, "peak_ratio": 3.0, "peak_fric
 
 def strength_at(name, amplitude, time, soil=SOIL, **numbers):
     """sin(phi) and undrained strength [Pa] of a point."""
+    if name == "late_liquefaction":
+        numbers = {"field": 1.0} | numbers  # of the zone that is late
     path = lead(name, amplitude, soil, pure_shear(1.0, 1), 1e-6, start_time=time, **numbers)
     return path.strength[-1, 0], 0.5 * path.strength[-1, 1]
 
@@ -159,3 +161,43 @@ def test_what_holds_at_its_peak_waits_and_then_runs_less_far():
     early = np.searchsorted(front.time, 4.0)
     assert way[2][early, x > 38.0].max() > 1.0
     assert way[2][early, x < 26.0].max() < 0.3 < way[2][-1, x < 22.0].max()
+
+
+# --- one zone late ---
+
+
+def test_soil_of_other_zones_has_its_residual_strength_from_the_start():
+    _, found = strength_at("late_liquefaction", 10.0, 1.0, peak_ratio=4.0, field=0.0)
+    assert found == pytest.approx(10e3, rel=1e-5)
+
+
+def test_one_zone_may_be_late_alone():
+    """Two blocks side by side, far apart: the late one stands until it has liquefied."""
+    outlines = {"early": (10, 20), "late": (60, 70)}
+    scene = scene_from_mapping(
+        {
+            "name": "two blocks",
+            "domain": {"x_min": 0, "x_max": 100, "y_max": 20},
+            "ground": {"points": [[0, 0], [100, 0]]},
+            "zones": [
+                {"name": name, "material": "soft", "polygon": [[a, 0], [b, 0], [b, 8], [a, 8]]}
+                for name, (a, b) in outlines.items()
+            ],
+            "materials": {
+                "soft": {"friction_deg": 0, "cohesion_kpa": 10, "density": 1800,
+                         "youngs_modulus_mpa": 20, "liquefied": True}
+            },
+            "spacing": 1.0,
+            "effects": {"late_liquefaction": {"amplitude": 4.0, "hold": 0.75, "peak_ratio": 8.0,
+                                              "zone": 2.0}},
+        }
+    )  # fmt: skip
+    settings = SimulationSettings(duration_s=8.0, early_stop=False)
+    run, plain = simulate([scene, scene.changed(effects={})], settings, threads=1)
+    assert run.status == plain.status == "finished"
+    late = run.positions[0, :, 0] > 40.0
+    then = np.searchsorted(run.time, 2.5)
+    sunk = run.positions[0, :, 1] - run.positions[..., 1]
+    assert sunk[then, late].max() < 0.1 < 1.0 < sunk[then, ~late].max()
+    assert sunk[-1, late].max() > 1.0
+    assert run.positions[:, ~late] == pytest.approx(plain.positions[:, ~late], abs=0.01)

@@ -287,3 +287,32 @@ def test_gravity_on_starts_free_of_stress():
     settings = SETTLED.model_copy(update={"initial_stress": "gravity_on"})
     prepared = prepare(scene(), settings)
     assert (prepared.stress == 0).all() and prepared.settled == 0
+
+
+# --- another K0 ---
+
+
+@pytest.mark.parametrize("start", ["k0", "settled"])
+def test_a_stated_k0_is_the_ratio_before_the_slide(start):
+    settings = SimulationSettings(initial_stress=start, k0=0.8, duration_s=0.1, early_stop=False)
+    position, stress = stress_at_start(scene(), settings)
+    assert stress[:, 0] == pytest.approx(0.8 * stress[:, 1])
+    (run,) = simulate([scene()], settings, threads=1)
+    assert run.status == "finished", run.reason
+    middle = np.abs(run.positions[0, :, 0] - 20.0) < 5.0
+    before = run.initial_stress[middle]
+    # Elastic relaxation of a level layer in balance leaves the ratio as it is.
+    assert before[:, 0].sum() == pytest.approx(0.8 * before[:, 1].sum(), rel=0.01)
+
+
+def test_a_stated_k0_moves_a_slope_that_liquefies():
+    """The stress that the liquefied soil loses is released, and sets it in motion."""
+    slope = scene(
+        zones=[{"name": "a", "polygon": [[0, 0], [30, 0], [15, 10], [0, 10]], "material": "soil"}],
+        materials={"soil": {"friction_deg": 0, "cohesion_kpa": 20, "liquefied": True}},
+    )
+    ways = []
+    for k0 in (None, 0.43, 1.0):
+        (run,) = simulate([slope], SimulationSettings(k0=k0, duration_s=5.0), threads=1)
+        ways.append(float((run.positions[-1] - run.positions[0])[:, 0].mean()))
+    assert abs(ways[2] - ways[1]) > 3.0 * abs(ways[1] - ways[0])

@@ -1,0 +1,283 @@
+"""The ground on trial: how soil and base meet, and where the base and the foreland lie.
+
+A base is drawn through few borings, a foreland often level for want of a map, and an obstacle that
+the slide has buried is on no plan. The base below the section moves between the feet only, where
+nobody sees it; the zones that stand on it reach down, or end, where it then lies. A base that is
+weaker than the soil on it is an effect of the library (`weak_base`, by a share), of the same
+family.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+import shapely
+
+from diagnosis.hypotheses.assumption import (
+    Assumption,
+    Found,
+    Sensitivities,
+    possible,
+    with_scene,
+)
+from diagnosis.hypotheses.model import Candidate, switch_of
+from geometry.scenes.scene import Point, Scene, scene_from_mapping
+from inversion.engines.setup import Setup
+
+Side = Literal["left", "right"]
+
+BONDED, ROUGH, FRICTION, COEFFICIENT = (
+    "bonded_base", "rough_base", "base_of_friction", "base_friction",
+)  # fmt: skip
+LEVEL, TILT, FORELAND, BUMP = "base_level", "base_tilt", "foreland", "bump"
+
+#: Coulomb coefficient from which `base_of_friction` takes its share: a rough base under dry sand.
+STRONGEST = 0.6
+#: Shares of it that are tried.
+SHARES = (0.3, 0.6, 0.85)
+#: One standard deviation where nothing is known: of the base's level and of its rise between the
+#: feet, as shares of the height of the section; of the slope of a foreland; of a coefficient.
+LEVEL_STD, TILT_STD, FORELAND_STD, COEFFICIENT_STD = 0.08, 0.1, 0.03, 0.25
+#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
+RUNGS = (0.5, 1.0, 2.0)
+#: The base takes up its new place over this share of the section's length from either foot.
+FADE = 0.15
+#: A foreland slopes over this many heights of the section, and is level beyond.
+FORELAND_LENGTH = 6.0
+#: Where the top of a bump lies beyond the foot, in heights; its heights that are tried; run of its
+#: faces over their rise.
+BUMP_PLACES = {"near": 1.0, "far_from": 2.0}
+BUMP_HEIGHTS, BUMP_FACE = (0.1, 0.2, 0.35), 2.0
+#: A vertex so near to the base stands on it [m].
+ON_BASE_M = 1e-3
+
+
+def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+    """What the ground may have been."""
+    scene = setup.scene
+    found = [*_contacts(scene), *_below(scene)]
+    for side in _sides(setup):
+        found += _beyond(scene, side)
+    kept, left_out = [], {}
+    for one in found:
+        candidate = one.candidate
+        rungs = tuple(rung for rung in candidate.ladder if possible(one, setup, rung))
+        if not rungs:
+            left_out[candidate.name] = f"at {scene.spacing:g} m spacing no section has it"
+            continue
+        if rungs != candidate.ladder:  # the base would cut through a layer, say
+            low, high = min(0.0, *rungs, 0.0), max(0.0, *rungs, 0.0)
+            candidate = replace(candidate, ladder=rungs, low=low, high=high)
+        kept.append(replace(one, candidate=candidate))
+    return kept, left_out
+
+
+def _contacts(scene: Scene) -> list[Assumption]:
+    """Other contacts of soil and ground than the scene's."""
+    bonded = switch_of(BONDED, "ground", "the soil was bonded to its base")
+    rough = switch_of(ROUGH, "ground", "the soil slipped on its base by its own strength")
+    contact = scene.ground.contact
+    if contact == "coulomb":
+        own = float(scene.ground.friction_coefficient or 0.0)
+        found = [_contact(bonded, "no_slip"), _contact(rough, "rough")]
+        return [*found, _coefficient(own)] if own > 0.0 else found
+    friction = Candidate(
+        name=FRICTION,
+        family="ground",
+        words=f"the base resisted by friction alone, with a coefficient of {STRONGEST:g} (1 - a)",
+        unit="",
+        low=0.0,
+        high=1.0,
+        ladder=SHARES,
+        screened=True,
+    )
+    other = _contact(bonded, "no_slip") if contact == "rough" else _contact(rough, "rough")
+    return [
+        other,
+        Assumption(friction, lambda s, a: _touching(s, "coulomb", STRONGEST * (1.0 - a))),
+    ]
+
+
+def _contact(candidate: Candidate, contact: str) -> Assumption:
+    return Assumption(candidate, lambda setup, _: _touching(setup, contact))
+
+
+def _coefficient(own: float) -> Assumption:
+    """Another coefficient of a Coulomb base; the amplitude is the difference."""
+    std = COEFFICIENT_STD * own
+    candidate = Candidate(
+        name=COEFFICIENT,
+        family="ground",
+        words="the friction of the base is another",
+        unit="",
+        low=-own,
+        high=2.0 * own,
+        ladder=_both_signs(std),
+        prior_mean=0.0,
+        prior_std=std,
+        screened=True,
+    )
+    return Assumption(candidate, lambda s, a: _touching(s, "coulomb", max(own + a, 0.0)))
+
+
+def _touching(setup: Setup, contact: str, coefficient: float | None = None) -> Setup:
+    changes = {"contact": contact, "friction_coefficient": coefficient}
+    scene = setup.scene.changed(ground=setup.scene.ground.model_dump() | changes)
+    return with_scene(setup, scene)
+
+
+def _below(scene: Scene) -> list[Assumption]:
+    """The base between the feet, higher or lower, or tilted."""
+    height = scene.extent[1] - scene.extent[0]
+    shapes = {
+        LEVEL: (LEVEL_STD, (1.0, 1.0), "the base below the section lies higher (below 0: lower)"),
+        TILT: (TILT_STD, (-0.5, 0.5), "the base below the section rises to the right "
+               "(below 0: to the left), by the amplitude from foot to foot"),
+    }  # fmt: skip
+    found = []
+    for name, (share, ends, words) in shapes.items():
+        std = share * height
+        candidate = Candidate(
+            name=name,
+            family="ground",
+            words=words,
+            unit="m",
+            low=-RUNGS[-1] * std,
+            high=RUNGS[-1] * std,
+            ladder=_both_signs(std),
+            prior_mean=0.0,
+            prior_std=std,
+            screened=True,
+        )
+        found.append(Assumption(candidate, _moved_base(candidate.name, ends)))
+    return found
+
+
+def _moved_base(name: str, ends: tuple[float, float]) -> Callable[[Setup, float], Setup]:
+    """The base between the feet moved by the amplitude times `ends`, from left to right [m]."""
+
+    def change(setup: Setup, amplitude: float) -> Setup:
+        left, right = setup.scene.foot("left"), setup.scene.foot("right")
+        fade = FADE * (right - left)
+        knots = [
+            (left, 0.0),
+            (left + fade, ends[0] * amplitude),
+            (right - fade, ends[1] * amplitude),
+            (right, 0.0),
+        ]
+        return with_scene(setup, with_base(setup.scene, knots, name))
+
+    return change
+
+
+def _beyond(scene: Scene, side: Side) -> list[Assumption]:
+    """The ground beyond a foot: sloped, or with a bump."""
+    height = scene.extent[1] - scene.extent[0]
+    foot, outward = scene.foot(side), -1.0 if side == "left" else 1.0
+
+    def sloped(setup: Setup, slope: float) -> Setup:
+        length = FORELAND_LENGTH * height
+        knots = [(foot, 0.0), (foot + outward * length, slope * length)]
+        return with_scene(setup, with_base(setup.scene, sorted(knots), FORELAND))
+
+    found = [
+        Assumption(
+            Candidate(
+                name=f"{FORELAND}_on_the_{side}",
+                family="ground",
+                words=f"the ground before the {side} foot rises outwards (below 0: falls)",
+                unit="",
+                low=-2.0 * RUNGS[-1] * FORELAND_STD,
+                high=2.0 * RUNGS[-1] * FORELAND_STD,
+                ladder=_both_signs(FORELAND_STD),
+                prior_mean=0.0,
+                prior_std=FORELAND_STD,
+                screened=True,
+            ),
+            sloped,
+        )
+    ]
+    for where, heights in BUMP_PLACES.items():
+        top = foot + outward * heights * height
+
+        def raised(setup: Setup, rise: float, top: float = top) -> Setup:
+            half = BUMP_FACE * rise
+            knots = [(top - half, 0.0), (top, rise), (top + half, 0.0)]
+            return with_scene(setup, with_base(setup.scene, knots, BUMP))
+
+        ladder = tuple(share * height for share in BUMP_HEIGHTS)
+        candidate = Candidate(
+            name=f"{BUMP}_{where}_the_{side}_foot",
+            family="ground",
+            words=f"a ridge or a buttress stood {heights * height:.0f} m before the {side} foot",
+            unit="m",
+            low=0.0,
+            high=heights * height / BUMP_FACE,
+            ladder=ladder,
+            screened=True,
+        )
+        found.append(Assumption(candidate, raised))
+    return found
+
+
+def _sides(setup: Setup) -> tuple[Side, ...]:
+    """Sides to which the slide ran, as far as the measurements say; else both."""
+    named = {getattr(entry, "side", None) for entry in setup.targets.entries}
+    sides = tuple(side for side in ("left", "right") if side in named)
+    return sides or ("left", "right")
+
+
+def _both_signs(std: float) -> tuple[float, ...]:
+    return tuple(sorted(sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS))
+
+
+def with_base(scene: Scene, knots: Sequence[Point], name: str) -> Scene:
+    """The scene with its ground line higher by `knots`, (x, rise) [m], linear between them.
+
+    Zones that stand on the ground reach down to where it then lies; what lies below it is cut off.
+
+    Raises:
+        InputError: there is no such section.
+    """
+    place, rise = np.array(knots).T
+    x = np.unique([*place, *(x for x, _ in scene.ground.points)])
+    y = scene.ground.height(x) + np.interp(x, place, rise)
+    line = list(zip(x.tolist(), y.tolist(), strict=True))
+    document = scene.model_dump()
+    document["ground"]["points"] = line
+    left, right = scene.foot("left"), scene.foot("right")
+    if np.any((x > left) & (x < right) & (np.abs(y - scene.ground.height(x)) > 0.0)):
+        rock = _rock(scene, line)
+        for zone in document["zones"]:
+            zone["polygon"] = _standing(scene, zone, rock)
+    return scene_from_mapping(document, name)
+
+
+def _rock(scene: Scene, line: Sequence[Point]) -> shapely.Polygon:
+    """What lies below a ground line, far enough down and out."""
+    far = 10.0 * (scene.foot("right") - scene.foot("left"))
+    ends = [(line[0][0] - far, line[0][1]), *line, (line[-1][0] + far, line[-1][1])]
+    deep = min(y for _, y in line) - far
+    return shapely.Polygon([*ends, (ends[-1][0], deep), (ends[0][0], deep)])
+
+
+def _standing(scene: Scene, zone: dict[str, Any], rock: shapely.Polygon) -> list[Point]:
+    """The polygon of a zone on new ground."""
+    corners = [tuple(corner) for corner in zone["polygon"]]
+    deep = rock.bounds[1]
+    parts = [shapely.Polygon(corners)]
+    for begin, end in zip(corners, [*corners[1:], corners[0]], strict=True):
+        middle = (0.5 * (begin[0] + end[0]), 0.5 * (begin[1] + end[1]))
+        on_base = [
+            abs(y - float(scene.ground.height(x))) < ON_BASE_M for x, y in (begin, middle, end)
+        ]
+        if all(on_base) and begin[0] != end[0]:
+            parts.append(shapely.Polygon([begin, end, (end[0], deep), (begin[0], deep)]))
+    above = shapely.set_precision(shapely.union_all(parts).difference(rock), 1e-6)
+    largest = max(shapely.get_parts(above), key=lambda part: part.area, default=None)
+    if largest is None or largest.is_empty:
+        return corners  # refused: it lies below the ground
+    return [(float(x), float(y)) for x, y in largest.exterior.coords[:-1]]

@@ -1,0 +1,131 @@
+"""Ground and start on trial: what they change, and that a slide made so is diagnosed so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from diagnosis.case import diagnosis_case
+from diagnosis.hypotheses import ground, start
+from diagnosis.hypotheses.assumption import Assumption
+from geometry.case import load_case
+from geometry.scenes.scene import Scene
+from inversion.engines.setup import Setup
+from pipeline.cli import InputError
+
+
+@pytest.fixture
+def setup(embankment) -> Setup:
+    return diagnosis_case(load_case(embankment), spacing_m=2.0).setup
+
+
+def by_name(found: list[Assumption]) -> dict[str, Assumption]:
+    return {one.candidate.name: one for one in found}
+
+
+def with_contact(setup: Setup, contact: str, coefficient: float | None = None) -> Setup:
+    changes = {"contact": contact, "friction_coefficient": coefficient}
+    scene = setup.scene.changed(ground=setup.scene.ground.model_dump() | changes)
+    return replace(setup, scene=scene)
+
+
+def area(scene: Scene) -> float:
+    """Of all zones, each point counted once [m2]."""
+    return shapely.union_all([shapely.Polygon(zone.polygon) for zone in scene.zones]).area
+
+
+# --- ground ---
+
+
+def test_every_other_contact_is_on_trial(setup):
+    rough = by_name(ground.assumptions(setup, [])[0])
+    assert rough["bonded_base"].candidate.switch
+    assert rough["bonded_base"].change(setup, 1.0).scene.ground.contact == "no_slip"
+    weak = rough["base_of_friction"].change(setup, 0.6).scene.ground
+    assert (weak.contact, weak.friction_coefficient) == ("coulomb", pytest.approx(0.24))
+    bonded = by_name(ground.assumptions(with_contact(setup, "no_slip"), [])[0])
+    assert "bonded_base" not in bonded and "rough_base" in bonded
+    sliding = with_contact(setup, "coulomb", 0.4)
+    coulomb = by_name(ground.assumptions(sliding, [])[0])
+    assert {"bonded_base", "rough_base", "base_friction"} <= set(coulomb)
+    other = coulomb["base_friction"].change(sliding, -0.1).scene.ground
+    assert other.friction_coefficient == pytest.approx(0.3)
+    assert coulomb["rough_base"].change(sliding, 1.0).scene.ground.friction_coefficient is None
+
+
+@pytest.mark.parametrize("rise", [-1.5, 1.5])
+def test_zones_reach_down_or_end_where_the_base_then_lies(setup, rise):
+    known = by_name(ground.assumptions(setup, [])[0])
+    moved = known["base_level"].change(setup, rise).scene
+    # 64 m from foot to foot, and 15 % at either end in which the base takes up its place.
+    assert area(setup.scene) - area(moved) == pytest.approx(rise * 64.0 * 0.85, rel=1e-6)
+    assert moved.ground.height(32.0) == rise and moved.ground.height(-5.0) == 0.0
+    assert (moved.foot("left"), moved.foot("right")) == (0.0, 64.0)
+    for zone, old in zip(moved.zones, setup.scene.zones, strict=True):
+        assert zone.name == old.name
+        above = [y for x, y in old.polygon if y > 2.0]
+        assert all(y in [b for _, b in zone.polygon] for y in above), "the rest stays as drawn"
+
+
+def test_a_tilted_base_keeps_its_mean_level(setup):
+    known = by_name(ground.assumptions(setup, [])[0])
+    tilted = known["base_tilt"].change(setup, 2.0).scene
+    assert tilted.ground.height(np.array([9.6, 32.0, 54.4])) == pytest.approx([-1.0, 0.0, 1.0])
+    assert area(tilted) == pytest.approx(area(setup.scene))
+
+
+def test_the_ground_before_a_foot_may_slope_or_have_a_bump(setup):
+    known = by_name(ground.assumptions(setup, [])[0])
+    assert not any("right" in name for name in known), "the slide ran to the left"
+    sloped = known["foreland_on_the_left"].change(setup, 0.05).scene
+    assert sloped.ground.height(np.array([-20.0, -72.0, -90.0])) == pytest.approx([1.0, 3.6, 3.6])
+    bump = known["bump_near_the_left_foot"].change(setup, 3.0).scene
+    assert bump.ground.height(np.array([-6.0, -12.0, -15.0])) == pytest.approx([0.0, 3.0, 1.5])
+    assert [zone.polygon for zone in bump.zones] == [zone.polygon for zone in setup.scene.zones]
+
+
+def test_a_base_that_would_cut_through_a_layer_is_not_tried(setup):
+    thin = setup.scene.model_dump()
+    sand = thin["zones"][0]
+    sand["polygon"] = [[5.2, 2.6], [44.0, 2.6], [44.0, 5.0], [10.0, 5.0]]
+    lowest = [[0.0, 0.0], [44.0, 0.0], [44.0, 2.6], [5.2, 2.6]]
+    thin["zones"].append({"name": "lowest", "material": "loose_sand", "polygon": lowest})
+    low = replace(setup, scene=Scene.model_validate(thin))
+    candidate = by_name(ground.assumptions(low, [])[0])["base_level"].candidate
+    assert max(candidate.ladder) == candidate.high < 1.92
+    assert min(candidate.ladder) == -1.92
+
+
+# --- start ---
+
+
+def test_a_start_that_was_settled_may_have_been_sudden(setup):
+    known = by_name(start.assumptions(setup, [])[0])
+    assert set(known) == {"sudden_start", "lateral_stress"}
+    assert known["sudden_start"].change(setup, 1.0).settings.initial_stress == "gravity_on"
+    # nu of all soils is 0.3.
+    other = known["lateral_stress"].change(setup, 0.5).settings
+    assert other.k0 == pytest.approx(0.3 / 0.7 + 0.5) and other.initial_stress == "settled"
+    sudden = replace(
+        setup, settings=setup.settings.model_copy(update={"initial_stress": "gravity_on"})
+    )
+    found, left_out = start.assumptions(sudden, [])
+    assert set(by_name(found)) == {"settled_start"}
+    assert "no stress before" in left_out["lateral_stress"]
+
+
+def test_one_zone_may_have_liquefied_after_the_rest(setup):
+    document = setup.scene.model_dump()
+    document["materials"]["compacted_fill"]["liquefied"] = True
+    both = replace(setup, scene=Scene.model_validate(document))
+    known = by_name(start.assumptions(both, [])[0])
+    late = known["late_fill"].change(both, 6.0)
+    entry = late.scene.effects["late_liquefaction"]
+    assert entry["amplitude"] == 6.0 and entry["zone"] == 2.0
+    with pytest.raises(InputError, match="another zone liquefied late"):
+        known["late_sand"].change(late, 2.0)
+    found, left_out = start.assumptions(late, [])
+    assert "late_sand" not in by_name(found) and "already" in left_out["late"]
