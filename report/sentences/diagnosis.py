@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from diagnosis.hypotheses.model import FAMILIES
 from diagnosis.hypotheses.section import BOUNDARY
 from diagnosis.verdict.verdict import (
     CandidateVerdict,
@@ -35,6 +36,8 @@ VERDICTS = {
     "unknown_effect": "unknown effect",
 }
 AMONG = "among the effects tested"
+#: Members of a family that are named in a sentence.
+FEW = 5
 NOT_SEPARABLE, WEAKLY = 0.95, 0.80
 BY_HAND = "by hand"
 """Start of the note of a step taken by a person."""
@@ -76,7 +79,16 @@ def tested_sentence(data: DiagnosisData) -> str:
     if data.verdict is None or not data.verdict.tested:
         return ""
     tested = data.verdict.tested
-    said = f"The {len(tested)} effects tested: {', '.join(map(spoken, tested))}."
+    family = {one.name: one.family for one in data.candidates}
+    names: dict[str, list[str]] = {}
+    for name in tested:
+        names.setdefault(family.get(name, "physics"), []).append(spoken(name))
+    groups = [
+        f"{name} ({', '.join(names[name])})" if len(names[name]) <= FEW else
+        f"{name} ({len(names[name])})"
+        for name in FAMILIES if name in names
+    ]  # fmt: skip
+    said = f"{len(tested)} tested, by family: {', '.join(groups)}; all under Scores."
     if data.verdict.forbidden:
         said += f" Excluded beforehand: {', '.join(map(spoken, data.verdict.forbidden))}."
     return said
