@@ -50,6 +50,10 @@ class Digest(StrictDocument):
     verdict: Verdicts = Field(description="one of five")
     effects: dict[str, float] = Field(description="amplitudes of the answer, by name")
     set_90: list[list[str]] = Field(description="explanations of the 90 % set, best first")
+    families: list[str] = Field(
+        default_factory=list, description="of the answer, where its members look alike; else empty"
+    )
+    members: list[str] = Field(default_factory=list, description="of these families, best first")
     base: StageDigest = Field(description="the base model")
     final: StageDigest = Field(description="the model of the answer")
     nearest: dict[str, float] = Field(description="candidate -> its largest |cosine| to a rival")
@@ -75,6 +79,8 @@ def digest_of(verdict: Verdict) -> Digest:
         verdict=verdict.verdict,
         effects={one.name: _short(one.amplitude) for one in verdict.answer.effects},
         set_90=[one.names for one in verdict.answer.set_90],
+        families=list(verdict.answer.families),
+        members=verdict.answer.members,
         base=_stage(verdict.base),
         final=_stage(verdict.final),
         nearest={name: _short(value) for name, value in nearest.items()},

@@ -64,9 +64,10 @@ class Judged:
 
     @property
     def named(self) -> str | None:
-        """The single effect that the verdict names, or None."""
+        """The single effect that the verdict names, or None; a family is no name."""
         names = list(self.digest.effects)
-        return names[0] if self.digest.verdict == "identified" and len(names) == 1 else None
+        one = self.digest.verdict == "identified" and len(names) == 1 and not self.digest.families
+        return names[0] if one else None
 
     @property
     def right(self) -> bool:
