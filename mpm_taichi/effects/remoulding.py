@@ -34,8 +34,8 @@ EFFECT = Effect(
     "back",
     equation="c = c_0 (1 - a (1 - exp(-g / g_r))), g_r = g_ref (h_ref / h)^n",
     source=(
-        "undrained strength of clay falls to the remoulded one, c_0 over the sensitivity, which is "
-        "2-4 for most clays: Skempton and Northey (1952, recalled); slides that retrogress where "
+        "undrained strength of clay falls to the remoulded one, which is a half to a quarter of it "
+        "in most clays: Skempton and Northey (1952, recalled); slides that retrogress where "
         "remoulded soil does not support the scarp: Bjerrum (1955, recalled); n as for "
         "strain_softening"
     ),
@@ -49,7 +49,7 @@ EFFECT = Effect(
         low=0.0,
         high=1.0,
         ladder=(0.2, 0.4, 0.7),
-        meaning="share of the cohesion that is lost, 1 - 1 / sensitivity",
+        meaning="share of the cohesion that is lost, 1 - remoulded / undisturbed",
     ),
     parameters=(
         Parameter("reference_strain", "", 0.3, 0.001, 100.0,
