@@ -21,6 +21,15 @@ PINS = {
     if line and not line.startswith("#")
 }
 
+#: Extras that `make` leaves out: what needs them skips without.
+BY_HAND = ("foreign",)
+
+
+def installed_extras() -> list[str]:
+    """Extras that `make` installs, as pyproject.toml lists them."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    return [name for name in project["optional-dependencies"] if name not in BY_HAND]
+
 
 def required(name: str, extras: tuple[str, ...] = (), seen: set | None = None) -> set[str]:
     """All distributions that `name` needs, directly or not, on this Python."""
@@ -38,17 +47,23 @@ def required(name: str, extras: tuple[str, ...] = (), seen: set | None = None) -
 
 
 def test_everything_that_is_installed_is_pinned():
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    needed = required("flowslide", tuple(extras["optional-dependencies"])) - {"flowslide"}
+    needed = required("flowslide", tuple(installed_extras())) - {"flowslide"}
     # What torch brings with it for NVIDIA's GPUs follows from torch itself.
     needed = {name for name in needed if not name.startswith(("nvidia-", "cuda-", "triton"))}
     assert needed | {"setuptools"} <= set(PINS)
 
 
 def test_make_installs_every_extra():
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     listed = re.search(r"^EXTRAS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    assert listed[1].split(",") == list(extras["optional-dependencies"])
+    assert listed[1].split(",") == installed_extras()
+
+
+def test_extras_that_are_installed_by_hand_are_pinned():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    for name in BY_HAND:
+        needs = [Requirement(text) for text in project["optional-dependencies"][name]]
+        for need in needs:
+            assert str(need.specifier) == f"=={PINS[canonicalize_name(need.name)]}"
 
 
 def recipe(target):

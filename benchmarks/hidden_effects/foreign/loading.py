@@ -17,7 +17,7 @@ from geometry.scenes.fill import MaterialPoints, fill
 from geometry.scenes.overburden import WATER_DENSITY, vertical_effective_stress
 from geometry.scenes.scene import Scene
 
-#: Points are moved by up to this many spacings before the slide, in x and in y together.
+#: Points are moved by up to half of this many spacings before the slide, in x and in y.
 JITTER = 0.5
 
 
@@ -55,13 +55,15 @@ class Loading:
     gravity: float = 9.81
 
     @classmethod
-    def of(cls, scene: Scene, hidden: Sequence[Hidden], *, seed: int) -> Loading:
+    def of(
+        cls, scene: Scene, hidden: Sequence[Hidden], *, seed: int, jitter: float = JITTER
+    ) -> Loading:
         """Put what is hidden into a scene.
 
         Raises:
             InputError: something cannot be hidden in this scene; one line.
         """
-        true = scene.changed(effects={}, jitter=JITTER, seed=seed)
+        true = scene.changed(effects={}, jitter=jitter, seed=seed)
         for one in hidden:
             check(one, scene)
             true = THINGS[one.name].scene(true, one)

@@ -197,6 +197,7 @@ SOURCES: Mapping[str, Source] = {
     one.name: one
     for one in (
         Source("own", "the judge's own solver", f"{_HERE}.own"),
+        Source("newton", "newton 1.8, implicit MPM", f"{_HERE}.newton_mpm", "newton"),
         Source("smoothed_particles", "smoothed particles", f"{_HERE}.smoothed_particles"),
     )
 }
