@@ -203,7 +203,7 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         if now.model.names and not _doubt(tried_models, comparison, explanation, options):
             break
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
-        names = [key for key in names if explanation.adequacy.dof - len(key) >= options.spare]
+        names = [key for key in names if _leaves_spare(explanation, key, options)]
         tried = _try(tried_models, comparison, explanation, ground, now, names)
         runs.reserve = 0
         tried = _judge_best(tried_models, explanation, now.model, tried, options)
@@ -223,6 +223,8 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
             for after in (tried_models.models[model.names] for model in tried):
                 reason = "" if after is best else why_not(now.model, after, options)
                 tried_models.first[after.names[0]] = (after, reason)
+        if best is None and number == 0:
+            best = _best_pair(tried_models, comparison, explanation, ground, now, options)
         if best is None:
             break
         _adopt(tried_models, comparison, explanation, best, signatures, options)
@@ -232,6 +234,31 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
     if final.model.names and final.adequacy.p_combined < options.still_failing:
         _doubt(tried_models, comparison, explanation, options)
     return tried_models
+
+
+def _leaves_spare(explanation: Explanation, names: Sequence[str], options: Options) -> bool:
+    """A model leaves degrees of freedom that could contradict it; a switch takes none."""
+    fitted = [name for name in names if not explanation.context.amplitudes[name].held]
+    return explanation.adequacy.dof - len(fitted) >= options.spare
+
+
+def _best_pair(
+    tried_models: TriedModels,
+    comparison: Comparison,
+    explanation: Explanation,
+    ground: Surface,
+    now: AdoptedModel,
+    options: Options,
+) -> FittedModel | None:
+    """Two effects that explain together what neither does alone, where one hides the other."""
+    pairs = best_pairs(comparison, explanation, PAIRS)
+    pairs = [key for key in pairs if _leaves_spare(explanation, key, options)]
+    tried = _try(tried_models, comparison, explanation, ground, now, pairs)
+    tried = _judge_best(tried_models, explanation, now.model, tried, options)
+    if _accepted(tried_models, now.model, tried, options) is None:
+        return None
+    tried = _on_equal_terms(tried_models, explanation, now.model, tried, options)
+    return _accepted(tried_models, now.model, tried, options)
 
 
 def wanted_models(
@@ -421,7 +448,8 @@ def _adopt(
     again = [c for c in others if c.name in best]
     test = Test("score", scores.largest, scores.p_largest) if known else None
     adequacy = assess(found, comparison.places, score=test)
-    spare = explanation.adequacy.dof - len(model.names) - 1 >= options.spare
+    fitted = [effect for effect in model.fit.space.effects if not effect.held]
+    spare = explanation.adequacy.dof - len(fitted) - 1 >= options.spare
     if adequacy.p_combined < options.suspect and again and spare:
         fresh = take_signatures(
             context.runs, model.surface, found.system, again,

@@ -30,7 +30,7 @@ from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Amplitude
-from tests.diagnosis.straight import straight
+from tests.diagnosis.straight import X, signatures, straight
 
 
 def verdict_on(seed: int, effects: dict[str, float], **options) -> Verdict:
@@ -291,3 +291,17 @@ def test_beside_a_random_pattern_only_what_was_found_before_it_stays():
     assert found.tried_models.current.model.names == ("late", "step")
     assert found.decision.verdict == "unknown_effect"
     assert found.decision.final.model.names == ("late",)
+
+
+def test_two_effects_that_hide_each_other_are_found_together(monkeypatch):
+    """What they do together is small against what each does, so that neither helps alone."""
+    kept = signatures()
+    large, small = kept["bend"] * 0.0, kept["bend"] * 0.0
+    large[1:25], small[1:25] = 6.0 * np.sin(X / 2.0), 1.3 * (np.abs(X - 22.0) < 7.0)
+    changed = {"up": large + small, "down": small - large, "late": kept["late"]}
+    monkeypatch.setattr("tests.diagnosis.straight.signatures", lambda: changed)
+    model = straight(5, {"up": 1.0, "down": 1.0})
+    found = diagnose(model, Options(draws=400, replicates=3, seed=5))
+    assert all(reason for _, reason in found.tried_models.first.values()), "alone none passes"
+    assert found.decision.verdict == "identified"
+    assert found.decision.final.model.names == ("down", "up")
