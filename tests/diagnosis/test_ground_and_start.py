@@ -9,11 +9,16 @@ import pytest
 import shapely
 
 from diagnosis.case import diagnosis_case
+from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.hypotheses import ground, start
 from diagnosis.hypotheses.assumption import Assumption
+from diagnosis.hypotheses.engine_model import EngineModel
+from diagnosis.options import Options
 from geometry.case import load_case
 from geometry.scenes.scene import Scene
+from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
+from inversion.problem.forward import State
 from pipeline.cli import InputError
 
 
@@ -129,3 +134,47 @@ def test_one_zone_may_have_liquefied_after_the_rest(setup):
         known["late_sand"].change(late, 2.0)
     found, left_out = start.assumptions(late, [])
     assert "late_sand" not in by_name(found) and "already" in left_out["late"]
+
+
+# --- a slide that was made so ---
+
+TRIED = (
+    "bump_near_the_left_foot", "base_tilt", "foreland_on_the_left", "weak_base", "sudden_start",
+    "pool", "strain_softening",
+)  # fmt: skip
+STRENGTH_KPA, FRICTION_DEG = 10.0, 33.0
+
+
+def diagnosed(setup: Setup, store: RunStore, effects: tuple[tuple[str, float], ...]) -> Diagnosis:
+    """The diagnosis of a slide made with `effects`, by the same cells, surveyed with errors."""
+    truth = State((STRENGTH_KPA, FRICTION_DEG), effects=effects, seed=77)
+    (made,) = EngineModel(setup, store).predict([truth])
+    random = np.random.default_rng(3)
+    targets = setup.targets
+    measured = random.multivariate_normal(made, targets.covariance)
+    model = EngineModel(replace(setup, targets=replace(targets, measured=measured)), store)
+    options = Options(
+        seed=1, draws=1000, replicates=6, synthetic=True, effects=TRIED, second_scheme=False,
+        resolution_factor=0.0,
+    )  # fmt: skip
+    return diagnose(model, options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "amplitude"),
+    [("weak_base", 0.6), ("base_tilt", -2.4), ("bump_near_the_left_foot", 4.2)],
+)
+def test_a_slide_on_another_ground_is_diagnosed_as_that(setup, kept_runs, name, amplitude):
+    found = diagnosed(setup, kept_runs, ((name, amplitude),))
+    assert found.comparison.adequacy.p_combined < 0.01
+    assert found.decision.verdict == "identified"
+    fit = found.decision.final.model.fit
+    assert fit.names == (name,)
+    assert fit.space.amplitudes(fit.x)[name] == pytest.approx(amplitude, rel=0.25)
+
+
+@pytest.mark.slow
+def test_a_slide_on_the_ground_as_drawn_is_not_accused(setup, kept_runs):
+    found = diagnosed(setup, kept_runs, ())
+    assert found.decision.verdict == "adequate"
