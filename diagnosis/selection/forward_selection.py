@@ -34,6 +34,8 @@ from inversion.estimation.response_surface import Surface
 #: Share of the drop that is asked for which a further effect has to promise before it is refitted:
 #: next to a first, promises are good to a fifth or 3, while a refit takes ten runs.
 PROMISING = 0.5
+#: Share of the best promise that a look-alike must promise itself to be refitted for that alone.
+RIVAL = 0.1
 #: Pairs that are refitted in a round.
 PAIRS = 2
 #: Runs that are kept for an unknown strength curve, at most.
@@ -302,8 +304,11 @@ def representatives(
 
     All but those that are screened, and of these the best of each family: its members differ by
     place or by property, and where the data cannot separate them a refit of each would say the
-    same.
+    same. What promises next to nothing looks alike with the wrong sign, or cannot be as large.
     """
+    promised = {name: explanation.scores.best(name).drop for name in names}
+    least = RIVAL * explanation.scores.largest**2
+    names = [name for name in names if promised[name] >= least]
     family = {one.name: one.family for one in explanation.candidates if one.screened}
     there = {family[name] for name in tried if name in family}
     found = []

@@ -49,7 +49,7 @@ def test_what_an_engineer_knows_reaches_the_statistics(embankment):
         "priors": {"weak_base": {"mean": 0.3, "std": 0.1}, "pool_level": {"mean": 0, "std": 1}},
         "parameters": {"strain_softening": {"reference_strain": 0.5}},
         "hold_out": {"groups": ["toe"], "blocks": {"surface": [10.0, 25.0]}},
-        "spacing_m": 2.0, "duration_s": 12.0, "replicates": 4,
+        "spacing_m": 2.0, "duration_s": 30.0, "replicates": 4,
         "second_scheme": False,
         "resolution_factor": 0.0, "synthetic": True,
     })  # fmt: skip
@@ -63,7 +63,7 @@ def test_what_an_engineer_knows_reaches_the_statistics(embankment):
     assert options.hold_out == HoldOut(("toe",), {"surface": (10.0, 25.0)})
     assert (options.replicates, options.second_scheme, options.resolution_factor) == (4, False, 0.0)
     assert options.synthetic
-    assert case.scene.spacing == 2.0 and case.setup.settings.duration_s == 12.0
+    assert case.scene.spacing == 2.0 and case.setup.settings.duration_s == 30.0
     assert model.numbers == {"strain_softening": {"reference_strain": 0.5}}
     left_out = case.left_out(model)
     assert left_out["shaking"] == "ruled out by the engineer: there was no earthquake"

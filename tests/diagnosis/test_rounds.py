@@ -193,12 +193,21 @@ def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch)
     assert len(alone.tried_models.current.model.names) == 1
 
 
+def promises(largest: float, other: dict[str, float]) -> SimpleNamespace:
+    """Scores of candidates that promise the same, but for some others."""
+    return SimpleNamespace(
+        best=lambda name: SimpleNamespace(drop=other.get(name, largest)), largest=largest**0.5
+    )
+
+
 def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
     """Models refitted with an adopted effect when candidates promise these falls of chi2."""
     ranked = sorted(drops, key=lambda name: -drops[name])
     scores = SimpleNamespace(ranked=ranked, best=lambda name: SimpleNamespace(drop=drops[name]))
     now = SimpleNamespace(scores=scores, model=SimpleNamespace(names=("late",)))
-    explanation = SimpleNamespace(alike=lambda name, limit: ["twin", "faint"], candidates=[])
+    explanation = SimpleNamespace(
+        alike=lambda name, limit: ["twin", "faint"], candidates=[], scores=promises(10.0, {})
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             forward_selection, "best_pairs", lambda comparison, explanation, count: [("a", "b")]
@@ -252,7 +261,9 @@ def test_doubles_of_what_is_to_be_named_are_refitted_unless_they_were():
     tried_models = TriedModels({best.names: best, tried.names: tried})
     asked = []
     explanation = SimpleNamespace(
-        alike=lambda name, least: asked.append((name, least)) or ["pool", "drag"], candidates=[]
+        alike=lambda name, least: asked.append((name, least)) or ["pool", "drag"],
+        candidates=[],
+        scores=promises(10.0, {}),
     )
     assert untried_doubles(tried_models, explanation, best, Options()) == [("drag",)]
     assert asked == [("side", 0.8)]
@@ -261,10 +272,11 @@ def test_doubles_of_what_is_to_be_named_are_refitted_unless_they_were():
 def test_of_assumptions_that_look_alike_the_best_of_each_family_is_refitted():
     family = {"density": "soil", "stiffness": "soil", "block": "strength", "layer": "strength"}
     candidates = [SimpleNamespace(name=n, family=f, screened=True) for n, f in family.items()]
-    explanation = SimpleNamespace(candidates=candidates)
+    explanation = SimpleNamespace(candidates=candidates, scores=promises(10.0, {"drag": 0.9}))
     names = ["density", "shaking", "stiffness", "layer", "block"]
     assert representatives(explanation, names, []) == ["density", "shaking", "layer"]
     assert representatives(explanation, names, ["stiffness"]) == ["shaking", "layer"]
+    assert representatives(explanation, ["drag"], []) == [], "a tenth of what the best promises"
 
 
 def test_a_random_pattern_that_nobody_chose_names_nothing():
