@@ -1,7 +1,5 @@
 """Smoothed particles: momentum, rest, contact with the ground, strength, and slides of others."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -30,8 +28,7 @@ def _scene(polygon, soil, *, x=(0.0, 12.0), walls="closed", ground=None, **conta
 
 def _body(scene, *, settled=True):
     smoothed_particles.start()
-    loading = Loading.of(scene, [], seed=1)
-    loading = replace(loading, scene=loading.scene.changed(jitter=smoothed_particles.JITTER))
+    loading = Loading.of(scene, [], seed=1, jitter=smoothed_particles.JITTER)
     body = Body(loading)
     body.load(loading, loading.still)
     if settled:
@@ -165,8 +162,11 @@ def test_a_slide_runs_as_far_as_that_of_the_judge_and_hidden_things_act():
 @pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 3.0])
 def test_dry_columns_fall_as_in_the_laboratory(ratio):
-    """Lube et al. (2005): dL / L0 = 1.2 a below 1.8, 1.9 a^(2/3) above 2.8; within 25 %."""
-    height, width = (20.0, 20.0) if ratio == 1.0 else (36.0, 12.0)
+    """Lube et al. (2005): dL / L0 = 1.2 a below 1.8, 1.9 a^(2/3) above 2.8; within 20 %.
+
+    Sand with an angle of repose of 31 degrees has asin(tan 31) = 36.9 degrees in plane shear.
+    """
+    height, width = (30.0, 30.0) if ratio == 1.0 else (36.0, 12.0)
     soil = {"friction_deg": 36.9, "cohesion_kpa": 0.0, "density": DENSITY,
             "youngs_modulus_mpa": 1e-4 * DENSITY * GRAVITY * height}  # fmt: skip
     scene = _scene([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]], soil,
@@ -174,4 +174,5 @@ def test_dry_columns_fall_as_in_the_laboratory(ratio):
     slide = source("smoothed_particles").simulate(scene, [], duration_s=18.0, frames=18, seed=1)
     far = toe(slide.final, 1.0, spacing=1.0, side="right", anchor_x=3.0)
     law = 1.2 * ratio if ratio < 1.8 else 1.9 * ratio ** (2.0 / 3.0)
-    assert (far - width) / width == pytest.approx(law, rel=0.25)
+    assert (far - width) / width == pytest.approx(law, rel=0.20)
+    assert slide.area_kept > 0.95

@@ -167,13 +167,14 @@ def strain_of(
     velocity: Array, stress: Array, density: Array, opened: Array, strain: Array, rate: Array,
     mass: Array, bulk: Array, shear: Array, friction: Array, cohesion: Array, cap: Array,
     start_of: Array, neighbour: Array, ground_y: Array, normal: Array, carried: Array,
-    gradient: Array, flux: Array, tension: Array,
+    gradient: Array, flux: Array, tension: Array, shift: Array, spreading: real,
 ):  # fmt: skip
-    """Velocity gradient, exact for linear fields; stress, strain and density after the step."""
+    """Velocity gradient, exact for linear fields; stress and strain after the step."""
     x, v = position[i], velocity[i]
     distance, n = level_and_normal(x, spacing, ground_x0, ground_y, normal)
     by_wall, wall = near_wall(x, support, left, right)
     moment, change = ti.Matrix.zero(ti.f64, 2, 2), ti.Matrix.zero(ti.f64, 2, 2)
+    crowded = vec(0.0, 0.0)
     for at in range(start_of[i], start_of[i + 1]):
         j = neighbour[at]
         room = mass[j] / density[j]
@@ -183,6 +184,7 @@ def strain_of(
                 slope = room * slope_of_kernel(x - place, support)
                 moment += (place - x).outer_product(slope)
                 change += (turn @ velocity[j] - v).outer_product(slope)
+                crowded += slope
     if distance < TOUCH * spacing:
         middle = ti.cast(ti.round((x[0] - ground_x0) / spacing), ti.i32)
         for k in range(middle - 1, middle + 2):
@@ -203,9 +205,12 @@ def strain_of(
         )
         opened[i] = gap
         strain[i] += plastic
-        density[i] *= 1.0 - volume
     stress[i] = s
     rate[i] = ti.sqrt((g[0, 0] - g[1, 1]) ** 2 + (g[0, 1] + g[1, 0]) ** 2)
+    # Particles of soil that is drawn out would gather in chains: they move to where there is room,
+    # inside the soil, in proportion to its strain (after Lind et al. 2012).
+    inside = ti.max(0.0, ti.min(1.0, 4.0 * moment.determinant() - 2.5))
+    shift[i] = -spreading * inside * dt * rate[i] * 0.25 * support * support * crowded
     flux[i] = mat([[s[0], s[3]], [s[3], s[1]]]) @ inverse.transpose()
     tension[i] = artificial(s, against_tension)
 
@@ -303,7 +308,7 @@ def advance(
     friction: Scalars, cohesion: Scalars, cap: Scalars, body: Vectors,
     start_of: Integers, neighbour: Integers, ground_y: Scalars, normal: Vectors,
     carried: Scalars, pressed: Scalars, gradient: Matrices, flux: Matrices, tension: Matrices,
-    force: Vectors,
+    force: Vectors, shift: Vectors, spreading: real,
 ):  # fmt: skip
     """Take particles through `steps` steps. N particles.
 
@@ -314,7 +319,8 @@ def advance(
     `base_friction` its coefficient; negative: the soil's own strength. The ground is given at
     columns a spacing apart from `ground_x0` on, with `carried`, the weights of the particles on
     each, and `pressed`, its force on them. `body` is force per mass, `start_of` the first neighbour
-    of each particle, (N + 1,); `gradient` and what follows is work space.
+    of each particle, (N + 1,); `gradient` to `shift` are work space; `spreading` is how far strain
+    makes particles go to where there is room.
     """
     ti.loop_config(serialize=True)
     for _step in range(steps):
@@ -325,7 +331,7 @@ def advance(
                 i, dt, spacing, support, against_tension, settling, left, right, ground_x0,
                 position, velocity, stress, density, opened, strain, rate, mass, bulk, shear,
                 friction, cohesion, cap, start_of, neighbour, ground_y, normal, carried,
-                gradient, flux, tension,
+                gradient, flux, tension, shift, spreading,
             )  # fmt: skip
         for i in range(position.shape[0]):
             force[i] = body[i] + force_of(
@@ -341,7 +347,7 @@ def advance(
             )  # fmt: skip
             velocity[i] = v
             if not settling:
-                x = position[i] + dt * v
+                x = position[i] + dt * v + shift[i]
                 position[i] = vec(ti.max(left, ti.min(right, x[0])), x[1])
 
 
