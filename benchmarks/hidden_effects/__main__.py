@@ -9,7 +9,7 @@ import argparse
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.generated_pages import around, renew, table
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
@@ -137,6 +137,8 @@ def _plan(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.make import reach_of
 
     benchmark, laboratory = _workshop(arguments, config)
+    if benchmark.plan.sources:
+        raise InputError("plan: amplitudes of slides by other codes are drawn; `make` makes them")
     total = len(benchmark.sections) * len((*benchmark.library, *benchmark.outside))
     with Progress(total, "looking at effects", quiet=arguments.quiet) as progress:
         reach_of(
@@ -150,13 +152,15 @@ def _plan(arguments: argparse.Namespace, config: Config) -> int:
 
 def _make(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.benchmark import Places
+    from benchmarks.hidden_effects.making.by_other_codes import make_by_codes
     from benchmarks.hidden_effects.making.make import make
 
     benchmark, laboratory = _workshop(arguments, config)
     part = part_of(arguments.part)
     total = len(range(part.k, benchmark.plan.cases, part.n))
+    make_all = make_by_codes if benchmark.plan.sources else make
     with Progress(total, "making hidden effects", quiet=arguments.quiet) as progress:
-        make(
+        make_all(
             benchmark,
             Places(_out(arguments, config)),
             laboratory,
@@ -233,6 +237,10 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
     if not rows:
         raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
     benchmark = load_benchmark(arguments.benchmark)
+    if benchmark.plan.sources:
+        if arguments.page is not None:
+            raise InputError("--page: a set by other codes has no page of its own")
+        return _score_by_codes(rows, benchmark, out, record if fresh else None)
     by_variant = {name: judged(rows, benchmark, name) for name in variants}
     scores = {name: score(cases) for name, cases in by_variant.items() if cases}
     if arguments.page is not None:
@@ -254,6 +262,34 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         ablations = {name: score(cases) for name, cases in shared(by_variant).items() if cases}
         text = generated(method, ablations, by_variant[METHOD], f"../images/{page.stem}")
         renew(page, **{SCORE: text})
+    return 0
+
+
+def _score_by_codes(
+    rows: list[dict[str, Any]], benchmark: Benchmark, out: Path, record: Path | None
+) -> int:
+    """Score a set by other codes; write the record where it is new."""
+    from benchmarks.hidden_effects.scoring.by_other_codes import (
+        ASKED,
+        ByCode,
+        score_by_codes,
+        shares_of,
+    )
+    from benchmarks.hidden_effects.scoring.opened import judged, save_rows
+    from pipeline.files import write_json
+
+    cases = judged(rows, benchmark, METHOD)
+    if record is not None:
+        save_rows(rows, record)
+    document = score_by_codes(cases)
+    write_json(out / "score.json", document)
+    shares = shares_of([ByCode(one) for one in cases])
+    print(table(("figure", "measured", "asked"),
+                [(one.words, shares[one.name].words, one.bound) for one in ASKED]))  # fmt: skip
+    print()
+    print(table(("family", "right", "of"),
+                [(name, share["hits"], share["n"])
+                 for name, share in document["families"].items()]))  # fmt: skip
     return 0
 
 

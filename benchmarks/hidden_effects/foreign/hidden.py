@@ -2,9 +2,9 @@
 
 A thing has an amplitude and perhaps further numbers; it acts through one or more of: the scene, the
 cohesion of the particles, a force on them, the contact with the ground, the start, or the survey.
-A verdict is right if it names one of the thing's `right` candidates or one of its `families`; a
-stranger has no family. `alike` are candidates with the stranger's own law, which explain it in
-other words.
+A verdict is right if it names one of the thing's `right` candidates or one of its `families` (of
+physical effects the name: each is a law of its own); a stranger has no family. `alike` are
+candidates with the stranger's own law, which explain it in other words.
 """
 
 from __future__ import annotations
@@ -417,7 +417,7 @@ THINGS: dict[str, Thing] = {
                   "duration_s": stream.uniform(6.0, 12.0)},
               acceleration=_pulse),
         Thing("spreading_liquefaction", "liquefaction spreads from the foot", "s", [(4.0, 15.0)],
-              _right(), _right("physics", "start"),
+              _right("late_liquefaction", "spreading_liquefaction"), _right("physics", "start"),
               numbers=lambda scene, stream: {"excess": stream.uniform(1.5, 4.0)},
               cohesion=_spreads, changes=True),
         Thing("pool", "a pool and a table where the section has none", "of the height",
@@ -431,9 +431,11 @@ THINGS: dict[str, Thing] = {
               [(0.75, 0.85), (1.15, 1.25)], _right(), _right("soil"),
               numbers=_some_zone, applies=_no_other_zone, scene=_soil_density),
         Thing("strong_block", "a block of the liquefied soil is strong", "times", [(2.5, 6.0)],
-              _right(), _right("strength"), numbers=_block_place, cohesion=_block),
+              _right("strength_contrast"), _right("strength"), numbers=_block_place,
+              cohesion=_block),
         Thing("weak_block", "a block of the liquefied soil is weak", "times", [(0.15, 0.45)],
-              _right(), _right("strength"), numbers=_block_place, cohesion=_block),
+              _right("strength_contrast"), _right("strength"), numbers=_block_place,
+              cohesion=_block),
         Thing("depth", "strength grows with depth", "", [(0.5, 1.0)],
               _right("overburden_strength"), _right("strength"), cohesion=_depth),
         Thing("two_layers", "a strong layer lies under a weak one", "", [(0.3, 0.8)],

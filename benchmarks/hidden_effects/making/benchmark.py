@@ -8,12 +8,13 @@ Under one folder: `sealed.json`, before any diagnosis (name, section, survey, ha
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from benchmarks.hidden_effects.foreign.slide import source
 from benchmarks.hidden_effects.making.plan import ROUND, Kind, Planned, Reach, plan
 from benchmarks.hidden_effects.making.sections import Section, load_section
 from benchmarks.hidden_effects.making.surveys import SURVEYS
@@ -51,6 +52,13 @@ class BenchmarkPlan(Document):
     duration_s: float = Field(40.0, gt=0, description="longest slide [s]")
     water: Literal["buoyant", "pore_pressure"] = Field(
         "pore_pressure", description="simulation.water of the truths and of the judge"
+    )
+    sources: list[str] = Field(
+        default_factory=list,
+        description="other codes that make the truths (`foreign`); empty: the judge's solver",
+    )
+    contact: Literal["rough", "no_slip"] | None = Field(
+        None, description="contact of the ground of every section; null: as drawn"
     )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
 
@@ -130,6 +138,8 @@ def load_benchmark(text: str | Path) -> Benchmark:
     for survey in wanted.surveys:
         if survey not in SURVEYS:
             raise InputError(f"{path}: surveys: {survey!r}: allowed are {', '.join(SURVEYS)}")
+    for code in wanted.sources:
+        source(code)
     library = list(effects())
     for name in wanted.effects or ():
         if name not in library:
@@ -141,12 +151,21 @@ def load_benchmark(text: str | Path) -> Benchmark:
         if name not in wanted.laws:
             raise InputError(f"{path}: laws: {name}: missing; a variable, or null")
     sections = {
-        name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor, str(path))
+        name: _wanted(load_section(folder / "sections" / name), wanted, str(path))
         for name in wanted.sections
     }
     everywhere = [name for name, one in effects().items() if not one.place]
     inside = [name for name in wanted.effects or everywhere if name not in outside]
     return Benchmark(wanted, sections, inside, outside)
+
+
+def _wanted(section: Section, wanted: BenchmarkPlan, source: str) -> Section:
+    """The section at the judge's spacing, on the ground that the plan asks for."""
+    section = coarser(section, wanted.spacing_factor, source)
+    if wanted.contact is None:
+        return section
+    ground = section.scene.ground.model_dump() | {"contact": wanted.contact}
+    return replace(section, scene=section.scene.changed(ground=ground))
 
 
 def coarser(section: Section, factor: float, source: str) -> Section:

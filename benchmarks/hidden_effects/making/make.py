@@ -138,14 +138,19 @@ def _make_one(maker: Maker, planned: Planned, section: Section, places: Places) 
     made = maker.make(planned, section)
     cost = f"{maker.laboratory.runs - runs} runs, {time.perf_counter() - began:.1f} s"
     if made is None:
-        write_json(places.truth(planned.name), {
-            "name": planned.name, "kind": planned.kind, "effects": list(planned.effects),
-            "section": planned.section, "survey": planned.survey, "skipped": True,
-        })  # fmt: skip
+        skip(planned, places)
         return f"skipped, it cannot be seen or sees no end: {cost}"
     write_case(section, planned, made, places, maker.laboratory.settings.duration_s)
     write_json(places.truth(planned.name), made.truth)
     return f"made at {made.truth['spacing_factor']:.2f} spacings: {cost}"
+
+
+def skip(planned: Planned, places: Places) -> None:
+    """Say in place of the truth that a case could not be made."""
+    write_json(places.truth(planned.name), {
+        "name": planned.name, "kind": planned.kind, "effects": list(planned.effects),
+        "section": planned.section, "survey": planned.survey, "skipped": True,
+    })  # fmt: skip
 
 
 def write_case(

@@ -54,6 +54,9 @@ class Digest(StrictDocument):
         default_factory=list, description="of the answer, where its members look alike; else empty"
     )
     members: list[str] = Field(default_factory=list, description="of these families, best first")
+    family_of: dict[str, str] = Field(
+        default_factory=dict, description="effect of the answer -> its family"
+    )
     base: StageDigest = Field(description="the base model")
     final: StageDigest = Field(description="the model of the answer")
     nearest: dict[str, float] = Field(description="candidate -> its largest |cosine| to a rival")
@@ -81,6 +84,11 @@ def digest_of(verdict: Verdict) -> Digest:
         set_90=[one.names for one in verdict.answer.set_90],
         families=list(verdict.answer.families),
         members=verdict.answer.members,
+        family_of={
+            one.name: one.family
+            for one in verdict.candidates
+            if one.name in {effect.name for effect in verdict.answer.effects}
+        },
         base=_stage(verdict.base),
         final=_stage(verdict.final),
         nearest={name: _short(value) for name, value in nearest.items()},

@@ -99,7 +99,7 @@ def _law(
 
     The first is None where there is no law.
     """
-    if truth["kind"] != "outside":
+    if truth["kind"] != "outside" or "source" in truth:
         return None, False
     (name,) = truth["effects"]
     law = benchmark.plan.laws.get(name)

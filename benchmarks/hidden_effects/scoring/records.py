@@ -54,6 +54,7 @@ class _Truth(_Named):
     )
     lambda_: float = Field(ge=0, alias="lambda", description="how well it can be seen")
     beside: float | None = Field(None, ge=0, description="lambda of the fainter of two")
+    source: str = Field("own", description="name of the code that made the slide")
     spacing_factor: float = Field(gt=0, description="of the slide")
     jitter_seed: int = Field(ge=0, description="of the slide")
 

@@ -1,0 +1,228 @@
+"""Making cases whose truth is another code's slide (`benchmarks.hidden_effects.foreign`).
+
+Each code gets as many cases as the others, and of each kind; families and the things of a family
+are dealt in turn. Amplitudes are drawn, not chosen by how well they can be seen: that is measured
+afterwards, as chi2 that the best base model leaves of the slide, the code's own error included.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
+from benchmarks.hidden_effects.foreign.slide import Slide, source
+from benchmarks.hidden_effects.making import surveys
+from benchmarks.hidden_effects.making.base_model import BaseModel
+from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
+from benchmarks.hidden_effects.making.detectability import refit
+from benchmarks.hidden_effects.making.laboratory import Laboratory
+from benchmarks.hidden_effects.making.make import (
+    OnCase,
+    base_models,
+    seal_all,
+    skip,
+    write_case,
+)
+from benchmarks.hidden_effects.making.plan import Deck, Kind, Planned
+from benchmarks.hidden_effects.making.seal import SALT, salt_of
+from benchmarks.hidden_effects.making.sections import Section, normal
+from benchmarks.hidden_effects.making.sight import is_slide
+from benchmarks.hidden_effects.making.truth import Made
+from geometry.survey.measured import Measured
+from pipeline.cli import InputError, WorkFailed
+from pipeline.files import write_json
+from pipeline.random_numbers import Stream, number_of
+
+#: Spacing of a slide over that of the judge, between these.
+FINER = (0.55, 0.65)
+#: Frames per second of a slide; drawings of a case before it is given up.
+FRAMES_PER_S, DRAWS = 2.0, 4
+
+
+@dataclass(frozen=True)
+class PlannedByCode(Planned):
+    """A case to be made by another code; its bin has no meaning.
+
+    Attributes:
+        source: name of the code.
+    """
+
+    source: str = ""
+
+
+def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
+    """The row of cases; any prefix of it is balanced."""
+    wanted = benchmark.plan
+    stream = Stream(wanted.seed, number_of("plan by codes"))
+    kinds = Deck(wanted.kinds, stream)
+    codes = {kind: Deck(wanted.sources, stream) for kind in ("null", "single", "outside")}
+    families = Deck(FAMILIES, stream)
+    decks: dict[Any, Deck] = {}
+
+    def dealt(key: Any, cards: Sequence[Any]) -> Any:
+        return decks.setdefault(key, Deck(cards, stream)).deal()
+
+    found = []
+    for k in range(wanted.cases):
+        kind: Kind = kinds.deal()
+        code = codes[kind].deal()
+        effects: tuple[str, ...] = ()
+        able = [name for name in source(code).hides if _places(benchmark, name)]
+        if kind == "single":
+            family = families.deal()
+            while not (members := [n for n in able if family in THINGS[n].families]):
+                family = families.deal()
+            effects = (dealt((code, family), members),)
+        elif kind == "outside":
+            effects = (dealt((code, "stranger"), [n for n in able if THINGS[n].stranger]),)
+        where = _places(benchmark, effects[0]) if effects else list(benchmark.sections)
+        section = dealt((kind, tuple(where)), where)
+        survey = dealt((kind, "survey"), wanted.surveys)
+        found.append(PlannedByCode(f"case_{k + 1:04d}", kind, effects, section, survey, 0, code))
+    return found
+
+
+def _places(benchmark: Benchmark, name: str) -> list[str]:
+    """Sections on which a thing can act."""
+    return [s for s, one in benchmark.sections.items() if not THINGS[name].applies(one.scene)]
+
+
+def make_by_codes(
+    benchmark: Benchmark,
+    places: Places,
+    laboratory: Laboratory,
+    *,
+    part: tuple[int, int] = (0, 1),
+    on_case: OnCase = lambda done, total, words: None,
+) -> None:
+    """Make the cases that are not there yet; seal them when all are.
+
+    Args:
+        benchmark: what to make.
+        places: where to.
+        laboratory: of the judge's solver, that measures how well a slide can be imitated.
+        part: (k, n): every n-th case from the k-th on, for several jobs side by side.
+        on_case: called for each case.
+
+    Raises:
+        InputError: a code is not installed.
+    """
+    for name in benchmark.plan.sources:
+        if source(name).missing:
+            raise InputError(source(name).missing)
+    row = plan_by_codes(benchmark)
+    base = base_models(laboratory)
+    mine = row[part[0] :: part[1]]
+    for number, planned in enumerate(mine, start=1):
+        words = "was there"
+        if not places.truth(planned.name).is_file():
+            began = time.perf_counter()
+            section = benchmark.sections[planned.section]
+            made, words = _make(benchmark, planned, section, base, laboratory.threads)
+            if made is None:
+                skip(planned, places)
+            else:
+                write_case(section, planned, made, places, benchmark.plan.duration_s)
+                write_json(places.truth(planned.name), made.truth)
+            words = f"{words}: {time.perf_counter() - began:.1f} s"
+        on_case(number, len(mine), f"{planned.name}: {words}")
+    if all(places.truth(planned.name).is_file() for planned in row):
+        seal_all(row, places)
+
+
+def _make(
+    benchmark: Benchmark,
+    planned: PlannedByCode,
+    section: Section,
+    base: Callable[[Section], BaseModel],
+    threads: int | None,
+) -> tuple[Made | None, str]:
+    """A case and what was done; None where no drawing gave a slide that can be surveyed."""
+    stream = Stream(benchmark.plan.seed, number_of(planned.name))
+    duration = benchmark.plan.duration_s
+    words = ""
+    for _ in range(DRAWS):
+        values = np.round(section.draw(stream), 6)  # as they are written down
+        hidden = [THINGS[name].draw(section.scene, stream) for name in planned.effects]
+        factor, seed = round(stream.uniform(*FINER), 3), stream.seed()
+        scene = section.parameters.scene(section.scene, values)
+        scene = scene.changed(spacing=round(factor * section.scene.spacing, 4))
+        try:
+            slide = source(planned.source).simulate(
+                scene, hidden, duration_s=duration, frames=int(FRAMES_PER_S * duration),
+                seed=seed, threads=threads,
+            )  # fmt: skip
+            deposit = slide.deposit(scene)
+            if not slide.at_rest or not is_slide(section, deposit):
+                words = "no flow slide that comes to rest"
+                continue
+            where = surveys.profile_places(
+                section, planned.survey, surveys.toe_of(section, deposit)
+            )
+            entries = surveys.with_values(section, planned.survey, where, None)
+            exact = surveys.reading(entries, deposit) + survey_error(hidden, entries)
+        except (WorkFailed, InputError, ValueError) as error:
+            words = str(error)
+            continue
+        lower = np.linalg.cholesky(surveys.covariance_of(entries))
+        error = lower @ np.array([normal(stream) for _ in exact])
+        measured = np.round(exact + error, 3)
+        truth = {
+            "name": planned.name, "kind": planned.kind, "source": planned.source,
+            "section": planned.section, "survey": planned.survey,
+            "effects": {one.name: one.entry for one in hidden},
+            "parameters": dict(zip(section.parameters.names, values.tolist(), strict=True)),
+            "lambda": _left(base(section), planned.survey, section, slide, scene, values, hidden),
+            "area_kept": round(slide.area_kept, 4),
+            "spacing_factor": factor, "jitter_seed": seed,
+            "measured": measured.tolist(), "places": where.tolist(),
+            SALT: salt_of(benchmark.plan.seed, planned.name),
+        }  # fmt: skip
+        documents = surveys.documents(section, planned.survey, measured, where)
+        profile = np.column_stack([where, measured[: len(where)]])
+        return Made(truth, documents, profile), f"made by {planned.source}"
+    return None, f"skipped: {words}"
+
+
+def survey_error(hidden: Sequence[Hidden], entries: Sequence[Measured]) -> np.ndarray:
+    """What errors of the survey that are hidden add to the numbers, (m,), in their units."""
+    rise = np.concatenate([
+        np.zeros(len(one.values)) if one.datum is None else one.datum.rise for one in entries
+    ])  # fmt: skip
+    place = np.concatenate([
+        np.full(len(one.values), np.nan) if one.datum is None else one.datum.x for one in entries
+    ])  # fmt: skip
+    levelled = np.isfinite(place)
+    total = np.zeros(len(rise))
+    if not levelled.any():
+        return total
+    first, last = place[levelled].min(), place[levelled].max()
+    middle, half = 0.5 * (first + last), 0.5 * (last - first)
+    share = np.clip((np.where(levelled, place, middle) - middle) / half, -1.0, 1.0)
+    for one in hidden:
+        act = THINGS[one.name].survey
+        if act is not None:
+            total = total + rise * act(one, share)
+    return total
+
+
+def _left(
+    base: BaseModel, survey: str, section: Section, slide: Slide, scene: Any, values: np.ndarray,
+    hidden: Sequence[Hidden],
+) -> float:  # fmt: skip
+    """Chi2 that the refitted base model leaves of the slide without the survey's random error."""
+    deposit = slide.deposit(scene)
+    toe = surveys.toe_of(section, deposit)
+    where = base.places(survey, toe)
+    entries = surveys.with_values(section, survey, where, None)
+    try:
+        read = surveys.reading(entries, deposit) + survey_error(hidden, entries)
+        curve = base.curve(survey, toe)
+    except ValueError:
+        return 0.0
+    return round(refit(np.array([read, read]), curve, *base.split(values)).seen, 3)

@@ -1,0 +1,181 @@
+"""The score of a set whose truths are other codes' slides: names or families, family by family.
+
+In: truths with a `source` and digests of verdicts. Out: shares with their intervals, and what
+happened to S_r. A single is right if the verdict names a candidate or a family that stands for what
+was hidden (`benchmarks.hidden_effects.foreign.hidden.THINGS`).
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Thing
+from benchmarks.hidden_effects.scoring.asked import Asked
+from benchmarks.hidden_effects.scoring.intervals import Share
+from benchmarks.hidden_effects.scoring.score import Judged
+
+ASKED = (
+    Asked("nulls_attributed", "nulls to which something is attributed", 0.05, least=False),
+    Asked("nulls_alarmed", "nulls with an alarm", None),
+    Asked("right", "right name or family, of all single things", None),
+    Asked("right_of_named", "right, when a name or a family is given (singles and nulls)", 0.85),
+    Asked("held_out_falls", "held-out error falls, where the name is right", 0.90),
+    Asked("strength_within_2_std", "S_r within two standard deviations, where right", 0.90),
+    Asked("strength_within_2_std_null", "the same of nulls", None),
+    Asked("explained_away", "strangers explained away", 0.15, least=False),
+    Asked("explained_unlike", "the same without names that have the stranger's own law", None),
+)
+
+
+@dataclass(frozen=True)
+class ByCode:
+    """A case of such a set.
+
+    Attributes:
+        judged: truth and digest.
+    """
+
+    judged: Judged
+
+    @property
+    def thing(self) -> Thing | None:
+        """What was hidden; None: nothing."""
+        names = list(self.judged.truth["effects"])
+        return THINGS[names[0]] if names else None
+
+    @property
+    def families(self) -> frozenset[str]:
+        """Families that the verdict gives, or those of the effects that it names."""
+        digest = self.judged.digest
+        named = digest.families or [digest.family_of.get(name, "") for name in digest.effects]
+        return frozenset(named)
+
+    @property
+    def answers(self) -> bool:
+        """The verdict gives one name, or a family."""
+        digest = self.judged.digest
+        one = len(digest.effects) == 1 or bool(digest.families)
+        return digest.verdict == "identified" and one
+
+    @property
+    def right(self) -> bool:
+        """What it gives stands for what was hidden, and nothing else is given.
+
+        Physical effects are laws of their own: there the family alone says nothing, and one of its
+        members that cannot be told apart must be right.
+        """
+        thing = self.thing
+        if thing is None or thing.stranger or not self.answers:
+            return False
+        named = set(self.judged.digest.effects)
+        if named and named <= thing.right:
+            return True
+        if not self.families or not self.families <= thing.families:
+            return False
+        members = {*named, *self.judged.digest.members}
+        return "physics" not in self.families or bool(members & thing.right)
+
+    @property
+    def unlike(self) -> bool:
+        """Of a stranger: it is explained by something whose law is not the stranger's."""
+        named = set(self.judged.digest.effects)
+        alike = self.thing.alike if self.thing is not None else frozenset()
+        return self.judged.attributed and not (named and named <= alike)
+
+
+def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
+    """Every figure of a set: `shares`, `families`, `things` and `strength`, as JSON has it."""
+    cases = [ByCode(one) for one in judged]
+    shares = shares_of(cases)
+    kinds = {kind: [one for one in cases if one.judged.truth["kind"] == kind] for kind in
+             ("null", "single", "outside")}  # fmt: skip
+    families = {
+        family: Share.of(
+            one.right for one in kinds["single"] if one.thing and family in one.thing.families
+        ).document
+        for family in FAMILIES
+    }
+    sources = sorted({one.judged.truth["source"] for one in cases})
+    by_source = {
+        name: {
+            key: share.document
+            for key, share in shares_of(
+                [one for one in cases if one.judged.truth["source"] == name]
+            ).items()
+        }
+        for name in sources
+    }
+    strength = {
+        name: {
+            stage: _median(abs(one.judged.strength_error(stage)) for one in members)
+            for stage in ("base", "final")
+        }
+        for name, members in {**kinds, "right": [c for c in cases if c.right]}.items()
+    }
+    return {
+        "counts": {kind: len(members) for kind, members in kinds.items()},
+        "shares": {name: share.document for name, share in shares.items()},
+        "families": families,
+        "sources": by_source,
+        "strength_error": strength,
+        "cases": [_line(one) for one in cases],
+    }
+
+
+def shares_of(cases: Sequence[ByCode]) -> dict[str, Share]:
+    """The figures of `ASKED`."""
+
+    def of(kind: str) -> list[ByCode]:
+        return [one for one in cases if one.judged.truth["kind"] == kind]
+
+    def share(members: Sequence[ByCode], test: Callable[[ByCode], bool]) -> Share:
+        return Share.of(test(one) for one in members)
+
+    nulls, singles, strangers = of("null"), of("single"), of("outside")
+    right = [one for one in singles if one.right]
+    named = [one for one in (*singles, *nulls) if one.answers]
+    return {
+        "nulls_attributed": share(nulls, lambda one: one.judged.attributed),
+        "nulls_alarmed": share(nulls, lambda one: one.judged.alarmed),
+        "right": share(singles, lambda one: one.right),
+        "right_of_named": share(named, lambda one: one.right),
+        "held_out_falls": share(
+            right,
+            lambda one: (
+                one.judged.digest.final.held_out_chi2 < one.judged.digest.base.held_out_chi2
+            ),
+        ),
+        "strength_within_2_std": share(right, lambda one: one.judged.strength_within),
+        "strength_within_2_std_null": share(nulls, lambda one: one.judged.strength_within),
+        "explained_away": share(strangers, lambda one: one.judged.attributed),
+        "explained_unlike": share(strangers, lambda one: one.unlike),
+    }
+
+
+def _line(one: ByCode) -> dict[str, Any]:
+    """What was hidden and what was said of it, for a table."""
+    truth, digest = one.judged.truth, one.judged.digest
+    name = next(iter(truth["parameters"]))
+    strengths = [truth["parameters"][name], digest.base.values[name], digest.final.values[name]]
+    return {
+        "name": truth["name"],
+        "source": truth["source"],
+        "hidden": list(truth["effects"]),
+        "verdict": digest.verdict,
+        "named": list(digest.effects),
+        "families": sorted(one.families),
+        "right": one.right,
+        "strength": strengths,  # true, without what is named, with it
+            digest.base.values[name],
+            digest.final.values[name],
+        ],
+    }
+
+
+def _median(values: Any) -> float | None:
+    known = [value for value in values if math.isfinite(value)]
+    return round(statistics.median(known), 5) if known else None

@@ -1,0 +1,117 @@
+"""Sets whose truths are other codes' slides: their plan, their survey errors, their score."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
+from benchmarks.hidden_effects.foreign.slide import source
+from benchmarks.hidden_effects.making import surveys
+from benchmarks.hidden_effects.making.benchmark import load_benchmark
+from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes, survey_error
+from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, score_by_codes
+from benchmarks.hidden_effects.scoring.score import Judged
+from tests.hidden_effects.judges import digest
+
+FOLDER = "benchmarks/hidden_effects"
+
+
+@pytest.fixture(scope="module")
+def benchmark():
+    return load_benchmark(f"{FOLDER}/foreign.yaml")
+
+
+def test_plan_has_what_is_asked_for(benchmark):
+    row = plan_by_codes(benchmark)
+    assert Counter(one.kind for one in row) == {"null": 40, "single": 40, "outside": 16}
+    assert Counter(one.source for one in row) == {"newton": 48, "smoothed_particles": 48}
+    hidden = [THINGS[name] for one in row for name in one.effects if one.kind == "single"]
+    assert {family for thing in hidden for family in thing.families} == set(FAMILIES)
+    for one in row:
+        for name in one.effects:
+            assert name in source(one.source).hides
+            assert not THINGS[name].applies(benchmark.sections[one.section].scene)
+            assert THINGS[name].stranger == (one.kind == "outside")
+    assert plan_by_codes(benchmark) == row
+
+
+def test_learning_set_has_other_cases(benchmark):
+    learn = load_benchmark(f"{FOLDER}/foreign_learn.yaml")
+    assert learn.plan.seed != benchmark.plan.seed
+    assert 24 <= learn.plan.cases <= 32
+    same = {**learn.plan.model_dump(), "seed": 0, "cases": 1}
+    assert same == {**benchmark.plan.model_dump(), "seed": 0, "cases": 1}
+
+
+def test_ground_is_as_the_plan_says(benchmark):
+    assert {one.scene.ground.contact for one in benchmark.sections.values()} == {"no_slip"}
+
+
+def test_errors_of_the_survey_move_elevations_alone(benchmark):
+    section = benchmark.sections["embankment"]
+    entries = surveys.entries_of(section, "history", 90.0)
+    n = section.survey.profile.points
+    shift = survey_error([Hidden("datum", 1.5)], entries)
+    assert shift[:n] == pytest.approx(1.5)
+    assert shift[n] == 0.0  # the toe
+    tilt = survey_error([Hidden("tilt", 2.0)], entries)
+    assert tilt[0] == pytest.approx(-2.0) and tilt[n - 1] == pytest.approx(2.0)
+    assert np.all(np.diff(tilt[:n]) > 0.0)
+
+
+def _judged(kind, name, verdict, names, *, families=(), members=(), own=None):
+    truth = {"name": "case", "kind": kind, "source": "newton", "lambda": 20.0,
+             "effects": {name: {"amplitude": 1.0}} if name else {},
+             "parameters": {"strength": 20.0}}  # fmt: skip
+    said = digest(truth, verdict, names).model_copy(
+        update={"families": list(families), "members": list(members), "family_of": own or {}}
+    )
+    return ByCode(Judged(truth, said))
+
+
+@pytest.mark.parametrize(
+    ("case", "right"),
+    [
+        (_judged("single", "shaking", "identified", ["shaking"], own={"shaking": "physics"}), True),
+        (_judged("single", "softening", "identified", ["shaking"], own={"shaking": "physics"}),
+         False),
+        (_judged("single", "pool", "identified", ["pool_on_the_left"],
+                 own={"pool_on_the_left": "water"}), True),
+        (_judged("single", "pool", "identified", ["shaking"], own={"shaking": "physics"}), False),
+        (_judged("single", "pool", "identified", [], families=["water"]), True),
+        (_judged("single", "pool", "ambiguous", ["pool"], own={"pool": "water"}), False),
+        (_judged("single", "viscosity", "identified", [], families=["physics"],
+                 members=["bingham", "rate_strengthening"]), True),
+        (_judged("single", "viscosity", "identified", [], families=["physics"],
+                 members=["shaking"]), False),
+        (_judged("single", "pool", "identified", ["pool", "shaking"],
+                 own={"pool": "water", "shaking": "physics"}), False),
+        (_judged("outside", "wave", "identified", ["shaking"], own={"shaking": "physics"}), False),
+    ],
+)  # fmt: skip
+def test_a_name_or_a_family_is_right(case, right):
+    assert case.right is right
+
+
+def test_score_counts_each_kind():
+    null = _judged("null", None, "adequate", [])
+    accused = _judged("null", None, "identified", ["shaking"], own={"shaking": "physics"})
+    found = _judged("single", "pool", "identified", ["pool"], own={"pool": "water"})
+    unseen = _judged("single", "pool", "adequate", [])
+    like = _judged("outside", "wave", "identified", ["shaking"], own={"shaking": "physics"})
+    honest = _judged("outside", "regaining", "unknown_effect", [])
+    cases = [null, accused, found, unseen, like, honest]
+    document = score_by_codes([one.judged for one in cases])
+    hits = {name: (share["hits"], share["n"]) for name, share in document["shares"].items()}
+    assert hits["nulls_attributed"] == (1, 2)
+    assert hits["right"] == (1, 2)
+    assert hits["right_of_named"] == (1, 2)  # the accused null was named, wrongly
+    assert hits["explained_away"] == (1, 2)
+    assert hits["explained_unlike"] == (0, 2)
+    assert document["families"]["water"]["hits"] == 1
+    assert document["cases"][2]["right"]
+    worse = replace(found.judged, digest=found.judged.digest.model_copy(update={
+        "final": found.judged.digest.base}))  # fmt: skip
+    assert score_by_codes([worse])["shares"]["held_out_falls"]["hits"] == 0
