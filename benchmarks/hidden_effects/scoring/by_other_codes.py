@@ -170,9 +170,6 @@ def _line(one: ByCode) -> dict[str, Any]:
         "families": sorted(one.families),
         "right": one.right,
         "strength": strengths,  # true, without what is named, with it
-            digest.base.values[name],
-            digest.final.values[name],
-        ],
     }
 
 
