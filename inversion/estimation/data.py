@@ -98,6 +98,7 @@ class Targets:
             self.covariance if covariance is None else covariance,
             np.flatnonzero(fitted),
             np.flatnonzero(held),
+            self.censored,
         )
 
     def named(self, values: np.ndarray, mask: np.ndarray | None = None) -> dict[str, float]:
@@ -161,12 +162,24 @@ class Data:
         covariance: C, (m, m).
         fitted: places of the fitted numbers, (k,).
         held_out: places of the held-out numbers, (h,).
+        censored: (m,) bool: an upper limit that was not exceeded; None: no number is.
     """
 
     measured: np.ndarray
     covariance: np.ndarray
     fitted: np.ndarray
     held_out: np.ndarray
+    censored: np.ndarray | None = None
+
+    def silent(self, derivative: np.ndarray) -> np.ndarray:
+        """(k,) bool: fitted limits that are kept; none of the unknowns then moves what counts.
+
+        Args:
+            derivative: of all predictions as a sum of squares counts them, (m, q).
+        """
+        if self.censored is None:
+            return np.zeros(len(self.fitted), dtype=bool)
+        return (self.censored & ~derivative.any(axis=1))[self.fitted]
 
     @cached_property
     def whitener(self) -> np.ndarray:

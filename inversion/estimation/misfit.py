@@ -167,16 +167,31 @@ class System:
         return np.vstack([self.data.whitened(self.derivative), self.rows])[:, self.moving]
 
     @cached_property
+    def _unread(self) -> np.ndarray:
+        """Orthonormal columns along limits that are kept, (k + r, number kept).
+
+        What such a limit would be exceeded by is not known: it is an unknown of its own.
+        """
+        places = np.flatnonzero(self.data.silent(self.derivative))
+        columns = np.zeros((self.matrix.shape[0], len(places)))
+        columns[: len(self.data.fitted)] = self.data.whitener[:, places]
+        return np.linalg.qr(columns)[0]
+
+    @cached_property
     def _parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Singular value decomposition of A without directions of which nothing is known."""
-        left, size, right = np.linalg.svd(self.matrix, full_matrices=False)
+        read = self.matrix - self._unread @ (self._unread.T @ self.matrix)
+        left, size, right = np.linalg.svd(read, full_matrices=False)
         kept = size > NO_KNOWLEDGE
         return left[:, kept], size[kept], right[kept]
 
-    @property
+    @cached_property
     def basis(self) -> np.ndarray:
-        """Q: orthonormal columns that span what the unknowns can imitate, (k + r, rank)."""
-        return self._parts[0]
+        """Q: orthonormal columns that span what the unknowns can imitate, (k + r, rank).
+
+        Limits that are kept are among them: they are neither misfit nor a degree of freedom.
+        """
+        return np.hstack([self._parts[0], self._unread])
 
     @property
     def dof(self) -> int:

@@ -1,6 +1,6 @@
 """A residual strength that is known as a mean and a standard deviation.
 
-`18+-5`, `18±5` or `18,5` is 18 kPa with a standard deviation of 5; `1,6=4+-1` is the strength that
+`18+-5` or `18±5` is 18 kPa with a standard deviation of 5; `1,6=4+-1` is the strength that
 zones 1 and 6 share. Everything random is drawn as standard normal scores z; a strength is a rising
 function of its z. Lognormal: mean and standard deviation are those of the strength itself. Normal:
 cut at a tenth of the mean, since a strength is positive.
@@ -25,7 +25,7 @@ KINDS: tuple[Kind, ...] = ("lognormal", "normal")
 
 OPTION = "--residual-strength"
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
-_FORM = re.compile(rf"(?:([^=]*)=)?\s*({_NUMBER})\s*(?:\+-|\+/-|±|,)\s*({_NUMBER})\s*")
+_FORM = re.compile(rf"(?:([^=]*)=)?\s*({_NUMBER})\s*(?:\+-|\+/-|±)\s*({_NUMBER})\s*")
 #: A normal distribution is cut below this share of the mean.
 LEAST_SHARE = 0.1
 
@@ -72,7 +72,7 @@ def parse_strength(text: str, kind: Kind) -> KnownStrength:
     if match is None:
         raise InputError(
             f"{OPTION} {text!r}: must be MEAN+-STD in kPa, such as 18+-5, or ZONES=MEAN+-STD, "
-            "such as 1,6=4+-1"
+            "such as 1,6=4+-1; a decimal point, no comma"
         )
     zones = None if match[1] is None else [name.strip() for name in match[1].split(",")]
     if zones is not None and not all(zones):

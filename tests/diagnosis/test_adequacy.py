@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -201,6 +203,36 @@ def test_parameters_at_a_bound_do_not_move():
     held = system(case.data, fit.space, fit.derivative, at_bound)
     assert held.dof == free.dof + 1
     assert held.posterior[1, 1] == 0.0 and free.posterior[1, 1] > 0.0
+
+
+def test_a_limit_that_is_kept_is_no_degree_of_freedom():
+    case = straight(1, {})
+    fit = best(case)
+    kept = int(case.data.fitted[2])  # it is the same as if nobody had asked for it
+    slope, prediction = fit.derivative.copy(), fit.prediction.copy()
+    slope[kept], prediction[kept] = 0.0, case.data.measured[kept]
+    censored = np.arange(len(prediction)) == kept
+    limited = replace(case.data, censored=censored)
+    without = replace(case.data, fitted=case.data.fitted[case.data.fitted != kept])
+    for moves in (False, True):
+        fit = replace(fit, derivative=slope if not moves else slope + censored[:, None])
+        here, there = (
+            system(data, fit.space, fit.derivative, fit.x) for data in (limited, without)
+        )
+        assert here.dof == there.dof + moves
+        assert np.allclose(here.posterior, there.posterior) != moves
+    fit = replace(fit, derivative=slope, prediction=prediction)
+    found = [judged(data, fit, draws=200, seed=1) for data in (limited, without)]
+    own, other = (assess(one, places_of(case.targets)) for one in found)
+    assert own.dof == other.dof
+    assert np.sum(found[0].residual ** 2) == pytest.approx(np.sum(found[1].residual ** 2))
+    assert np.all(np.isfinite(found[0].noise)) and own.groups[0].expected == pytest.approx(
+        other.groups[0].expected
+    )
+
+
+def test_nothing_but_kept_limits_is_no_misfit():
+    assert np.array_equal(standardised_sum(np.array([0.0, 1e-30]), np.zeros((1, 1))), [0.0, 0.0])
 
 
 def test_system_projects_what_the_unknowns_imitate():
