@@ -155,9 +155,9 @@ class Stages:
 def lower_in_stages(slab: Slab, start: float) -> Stages:
     """Lower the strength from `start` x (2) stage by stage until the slab slides away.
 
-    On ground that crosses the cells the slab slips by a cell or so at times and comes to rest
-    again, so a first slip does not tell failure. A stage is watched until the slab rests or is
-    gone; one that still creeps after `LOOKS` looks has failed.
+    A slab may slip a little and come to rest again, so a first slip does not show failure. A stage
+    is watched until the slab rests or is gone; one that still creeps after `LOOKS` looks has
+    failed.
 
     Raises:
         RuntimeError: the slab still stands at 1.4 x (2).

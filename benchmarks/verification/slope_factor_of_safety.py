@@ -2,9 +2,8 @@
 
 The infinite slope, the effect of its ends, and why soil without dilation (psi = 0) has
 c cos(phi) + sigma sin(phi) on a slip plane and not c + sigma tan(phi), are in `infinite_slope`.
-The result depends on how slowly the strength is lowered, because creeping slabs flatten: in stages
-of 2 %, as here, +2.4 and -5.3 % (phi 0, level; phi 20, sloped); in stages of 1 and 0.5 % they gave
-+8 and -3.5 %.
+The result depends on how slowly the strength is lowered, because creeping slabs flatten: phi 0 on
+level ground, +2.4 % in stages of 2 %, as here, gave +8 % in finer ones.
 Homogeneous slopes of height H on a rigid base at the level of the toe:
 
     2 : 1, phi = 20 degrees, c = 0.05 gamma H: F = 1.40, Griffiths and Lane (1999), example 1,
@@ -141,7 +140,7 @@ def rows_of_slab(found: Stages, coarse: Stages | None = None) -> list[Row]:
     slab, case = found.slab, "slope_factor_of_safety"
     note = f"the ends add at most {100 * (slab.whole / slab.formula - 1):.1f} %"
     if not slab.level:
-        note = "steps of held nodes below a sloping ground disturb the stress near it"
+        note = "the ground crosses the cells"
     if coarse is not None:
         fine, large = (round(0.5 * THICKNESS / s.spacing) for s in (slab, coarse.slab))
         excess = 100 * (coarse.found / slab.without_dilation(slab.formula) - 1)

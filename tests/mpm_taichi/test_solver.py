@@ -102,7 +102,11 @@ def test_growing_slots_in_flight_changes_nothing(monkeypatch):
 
 @pytest.mark.slow
 def test_point_schedule_agrees_with_scene_schedule(monkeypatch):
-    scenes = [slump(), slump(materials={"clay": {"friction_deg": 30, "cohesion_kpa": 1}})]
+    scenes = [
+        slump(),
+        slump(materials={"clay": {"friction_deg": 30, "cohesion_kpa": 1}}),
+        slump(ground={"points": [[0, -0.3], [60, -6.3]]}),  # acts on columns of nodes
+    ]
     by_scene = simulate(scenes, SHORT)
     monkeypatch.setitem(simulation.SCHEDULES, "cpu", "point")
     by_point = simulate(scenes, SHORT)
