@@ -111,12 +111,22 @@ def not_enough(base: Adequacy, final: Adequacy, doubted: float | None, options: 
     p = max(final.p_combined, doubted or 0.0)
     if p < options.still_failing:
         return f"its tests still fail (p {p:.2g})"
+    # A large false effect would forgive itself, since its error grows with it.
+    left = excess(final) / max(excess(base), 1e-9)
+    if final.p_combined < options.still_failing and left > options.left_over:
+        return f"{100 * left:.0f} % of the misfit beyond noise is left"
     before, after = base.held_out, final.held_out
     if after.p is not None and after.p < options.held_out_failing:
         left = (after.chi2 - after.n) / max(before.chi2 - before.n, 1e-9)
         if left > options.held_out_left:
             return f"{100 * left:.0f} % of the excess misfit of the held-out data are left"
     return ""
+
+
+def excess(found: Adequacy) -> float:
+    """Sum of squares beyond that of noise, of fitted and held-out numbers."""
+    held_out = found.held_out
+    return max(found.chi2 - found.dof, 0.0) + max(held_out.chi2 - held_out.n, 0.0)
 
 
 def family_of(

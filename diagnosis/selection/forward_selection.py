@@ -40,6 +40,8 @@ RIVAL = 0.1
 PAIRS = 2
 #: Runs that are kept for an unknown strength curve, at most.
 LARGEST_RESERVE = 50
+#: Runs that the error of an adopted model takes; they are kept for it.
+ERROR_RUNS = 3
 #: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
 NEAR_BEST = 3.0
 #: Models within that of the best that are put on equal terms with it, itself among them.
@@ -77,6 +79,7 @@ class TriedModels:
         context: at which models are compared; once effects were adopted, with the error they bring.
         doubted: combined p of the current model with the error that its effects bring, C'; None:
             it has no effects, or the runs for it were not allowed.
+        error: what these effects add to C, C' - C (m, m); None as above.
     """
 
     models: dict[tuple[str, ...], FittedModel] = field(default_factory=dict)
@@ -85,6 +88,7 @@ class TriedModels:
     untried: list[tuple[str, ...]] = field(default_factory=list)
     context: RefitContext | None = None
     doubted: float | None = None
+    error: np.ndarray | None = None
 
     @property
     def current(self) -> AdoptedModel:
@@ -168,14 +172,18 @@ def _doubt(
 ) -> bool:
     """Find C' of the current model and its combined p there; False: the runs are not allowed."""
     now = tried_models.current
+    runs = comparison.base.runs
+    kept, runs.reserve = runs.reserve, max(runs.reserve - ERROR_RUNS, 0)
     context = doubting(explanation.context, comparison.base, now.model, options)
-    tried_models.doubted = None
+    runs.reserve = kept
+    tried_models.doubted = tried_models.error = None
     if context is None:
         return False
     tried_models.context = context
     fit = tried_models.weighed(now.model).fit
     found = judged(context.data, fit, draws=options.draws, seed=options.seed)
     tried_models.doubted = assess(found, comparison.places).p_combined
+    tried_models.error = context.data.covariance - explanation.context.data.covariance
     return True
 
 
@@ -200,14 +208,14 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
         now = tried_models.current
         if now.adequacy.p_combined >= options.suspect:
             break
-        runs.reserve = kept if number == 0 else 0
+        runs.reserve = ERROR_RUNS + (kept if number == 0 else 0)
         # What the cells make of a large effect asks for a second one: without C' none is added.
         if now.model.names and not _doubt(tried_models, comparison, explanation, options):
             break
         names = wanted_models(comparison, explanation, now, options, first=number == 0)
         names = [key for key in names if _leaves_spare(explanation, key, options)]
         tried = _try(tried_models, comparison, explanation, ground, now, names)
-        runs.reserve = 0
+        runs.reserve = ERROR_RUNS
         tried = _judge_best(tried_models, explanation, now.model, tried, options)
         best = _accepted(tried_models, now.model, tried, options)
         if best is not None and number == 0:
@@ -231,10 +239,9 @@ def run_rounds(comparison: Comparison, explanation: Explanation, options: Option
             break
         _adopt(tried_models, comparison, explanation, best, signatures, options)
         _drop(tried_models, comparison, explanation, ground, signatures, options)
-    runs.reserve = 0
-    final = tried_models.current
-    if final.model.names and final.adequacy.p_combined < options.still_failing:
+    if tried_models.current.model.names:
         _doubt(tried_models, comparison, explanation, options)
+    runs.reserve = 0
     return tried_models
 
 

@@ -20,12 +20,13 @@ from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit, held_out_misfit
 from diagnosis.adequacy.calibration import Base
 from diagnosis.adequacy.windows import WorstWindow
 from diagnosis.hypotheses.hypothesis_file import FOLDER, Hypothesis, save_hypothesis
+from diagnosis.selection.quoted_strength import Quoted
 from diagnosis.verdict import verdict
 from diagnosis.verdict.verdict import WaterfallStep
 from inversion.back_analysis.result import FittedTo, fitted_to
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data, Places, Targets
-from inversion.estimation.misfit import System, augmented_residual, system
+from inversion.estimation.misfit import augmented_residual, system
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import RESIDUAL_STRENGTH
@@ -35,6 +36,8 @@ from pipeline.files import read_json, write_json
 
 #: Standard deviations to either side of a 95 % interval.
 WIDE = 1.96
+#: Shares of the probability whose intervals are given, and their half widths.
+INTERVALS = {0.50: 0.6745, 0.80: 1.2816, 0.95: WIDE}
 
 
 def parameter_words(parameters: Parameters) -> list[verdict.ParameterWords]:
@@ -61,11 +64,6 @@ def fitted_to_part(base: Base, targets: Targets) -> FittedTo:
     return fitted_to(targets, base.split.fitted, errors)
 
 
-def spread(fit: Fit, linear: System) -> np.ndarray:
-    """Standard deviations of x (q,) at a fit, those held at a bound by what the prior leaves."""
-    return np.sqrt(np.maximum(np.diag(linear.posterior), 0.0))
-
-
 def stage(
     data: Data,
     fit: Fit,
@@ -73,6 +71,7 @@ def stage(
     window: WorstWindow | None,
     targets: Targets,
     assumed: Mapping[str, np.ndarray] | None = None,
+    error: np.ndarray | None = None,
 ) -> verdict.FittedModelSummary:
     """One model, calibrated and judged.
 
@@ -84,12 +83,13 @@ def stage(
         targets: the measurements by their names.
         assumed: change of all predictions (m,) by a standard deviation of each assumption of which
             one is stated; None: not known.
+        error: that its effects bring, C' - C (m, m); None: none is known.
     """
     space, x = fit.space, fit.x
     linear = system(data, fit.space, fit.derivative, fit.x)
-    std = spread(fit, linear)
+    std = linear.spread_with(error)
     free = [change for name, change in (assumed or {}).items() if name not in fit.names]
-    wider = spread(fit, linear.with_assumed(free))[: space.size]
+    wider = linear.with_assumed(free).spread_with(error)[: space.size]
     low = space.clipped(x - WIDE * std)
     high = space.clipped(x + WIDE * std)
     names = space.parameters.names
@@ -117,11 +117,21 @@ def stage(
 
 
 def effect_answers(
-    data: Data, fit: Fit, words: dict[str, tuple[str, str]]
+    data: Data,
+    fit: Fit,
+    words: dict[str, tuple[str, str]],
+    error: np.ndarray | None = None,
 ) -> list[verdict.EffectAnswer]:
-    """Effects of a fit with their amplitudes; `words`: name -> (unit, words)."""
+    """Effects of a fit with their amplitudes.
+
+    Args:
+        data: measurements with C.
+        fit: the model.
+        words: name -> (unit, words).
+        error: that the effects bring, C' - C (m, m); None: none is known.
+    """
     space, x = fit.space, fit.x
-    std = spread(fit, system(data, fit.space, fit.derivative, fit.x))
+    std = system(data, fit.space, fit.derivative, fit.x).spread_with(error)
     low = space.amplitudes(space.clipped(x - WIDE * std))
     high = space.amplitudes(space.clipped(x + WIDE * std))
     answers = []
@@ -212,6 +222,35 @@ def measurement_lines(
     return lines
 
 
+def quoted_part(found: Quoted, fit: Fit) -> dict[str, verdict.QuotedValue]:
+    """What to use of each parameter; `fit`: of any of the models."""
+    space, p = fit.space, fit.space.p
+    rest = fit.x[p:]
+
+    def outside(x: np.ndarray) -> np.ndarray:
+        return space.values(space.clipped(np.concatenate([x, rest])))
+
+    middle = np.concatenate([found.x, rest])
+    std = found.std * space.per_unit(middle)[:p]
+    ends = {
+        f"{share:.0%}": [outside(found.x + sign * wide * found.std) for sign in (-1.0, 1.0)]
+        for share, wide in INTERVALS.items()
+    }
+    models = [
+        verdict.NamedSet(names=list(names), probability=share)
+        for names, share in found.models.items()
+    ]
+    return {
+        name: verdict.QuotedValue(
+            value=float(outside(found.x)[k]),
+            std=float(std[k]),
+            intervals={key: (float(low[k]), float(high[k])) for key, (low, high) in ends.items()},
+            models=models,
+        )
+        for k, name in enumerate(space.parameters.names)
+    }
+
+
 def runs_part(runs: Runs) -> verdict.Runs:
     """Forward runs so far. How many of them were simulated now depends on what was kept before."""
     return verdict.Runs(
@@ -259,7 +298,7 @@ def judge(data: Data, fit: Fit) -> Judgement:
     """A fit under the covariance that it was made with."""
     space = fit.space
     linear = system(data, space, fit.derivative, fit.x)
-    std = (spread(fit, linear) * space.per_unit(fit.x))[: space.p]
+    std = (linear.spread_with(None) * space.per_unit(fit.x))[: space.p]
     misfit = held_out_misfit(fit, linear)
     return Judgement(fit, std, linear.dof, (misfit.chi2, misfit.n))
 

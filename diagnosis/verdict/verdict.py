@@ -74,6 +74,17 @@ class Answer(StrictDocument):
     )
 
 
+class QuotedValue(StrictDocument):
+    """The value of a parameter to use, with all that is known of its error."""
+
+    value: float = Field(description="outside units")
+    std: float = Field(description="standard deviation")
+    intervals: dict[str, tuple[float, float]] = Field(
+        description="that hold 50 %, 80 %, 95 % of the probability, cut at the bounds"
+    )
+    models: list[NamedSet] = Field(description="models it is a mixture of, with their weights")
+
+
 class Check(StrictDocument):
     """One test of adequacy."""
 
@@ -125,7 +136,10 @@ class FittedModelSummary(StrictDocument):
 
     effects: dict[str, float] = Field(description="amplitudes by name; empty: the base model")
     values: dict[str, float] = Field(description="parameters by name, outside units")
-    std: dict[str, float] = Field(description="standard deviations of the same")
+    std: dict[str, float] = Field(
+        description="standard deviations of the same; of the final model with the error that its "
+        "effects bring"
+    )
     std_assumed: dict[str, float] = Field(
         default_factory=dict,
         description="the same with what is assumed of other soils, section, survey as uncertain as "
@@ -344,6 +358,11 @@ class Verdict(StrictDocument):
     base: FittedModelSummary = Field(description="the base model")
     final: FittedModelSummary = Field(
         description="the model of the answer; the base model where there is none"
+    )
+    quoted: dict[str, QuotedValue] = Field(
+        default_factory=dict,
+        description="parameter -> what to use: of all explanations of the answer; where none "
+        "explains, of all models that were tried, widened. Empty in files of earlier versions",
     )
     steps: list[WaterfallStep] = Field(description="every model that was adopted, in order")
     candidates: list[CandidateVerdict] = Field(description="best score first")

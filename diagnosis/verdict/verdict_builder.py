@@ -19,6 +19,7 @@ from diagnosis.options import Options
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.forward_selection import AdoptedModel
 from diagnosis.selection.next_measurement import Suggestion
+from diagnosis.selection.quoted_strength import EXPLAINED, quoted, unexplained
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.unknown_curve import FoundCurve
 from diagnosis.signatures.confounding import representative
@@ -29,8 +30,8 @@ from diagnosis.verdict.fitted_models import (
     judge,
     measurement_lines,
     parameter_words,
+    quoted_part,
     runs_part,
-    spread,
     stage,
     step_of,
 )
@@ -253,7 +254,7 @@ def refit_part(
 ) -> verdict.Refit:
     """The model with an effect, against the model before."""
     fit = after.fit
-    std = spread(fit, system(data, fit.space, fit.derivative, fit.x))
+    std = system(data, fit.space, fit.derivative, fit.x).spread_with(None)
     place = fit.names.index(name)
     amplitudes = fit.space.amplitudes(fit.x)
     values = fit.space.values(fit.x)
@@ -346,6 +347,7 @@ def verdict_document(
         fitted_to=fitted_to_part(base, model.targets),
         base=first,
         final=_stage_of(found, final) if has_effects else first,
+        quoted=_quoted(found),
         steps=_steps(found),
         candidates=candidate_lines(
             model, explanation, found.options, refits=_refits(found), left_out=left_out
@@ -468,7 +470,9 @@ def _answer(found: Diagnosis) -> verdict.Answer:
     words = {c.name: (c.unit, c.words) for c in found.model.candidates}
     final = found.decision.final
     return verdict.Answer(
-        effects=effect_answers(found.comparison.base.data, final.model.fit, words),
+        effects=effect_answers(
+            found.comparison.base.data, final.model.fit, words, _error_of(found, final)
+        ),
         set_90=[
             verdict.NamedSet(names=list(names), probability=share)
             for names, share in found.decision.sets.items()
@@ -479,6 +483,27 @@ def _answer(found: Diagnosis) -> verdict.Answer:
     )
 
 
+def _error_of(found: Diagnosis, adopted: AdoptedModel) -> np.ndarray | None:
+    """The error that the effects of a model bring, C' - C; known of the last alone."""
+    return found.tried_models.error if adopted is found.tried_models.current else None
+
+
+def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
+    """What to use of each parameter."""
+    decision = found.decision
+    fits = {names: model.fit for names, model in found.tried_models.models.items()}
+    explained = decision.verdict in EXPLAINED
+    weights = decision.sets if explained else unexplained(fits, found.options.least_drop)
+    mixed = quoted(
+        found.comparison.base.data,
+        fits,
+        weights,
+        error=found.tried_models.error,
+        widened=not explained,
+    )
+    return quoted_part(mixed, fits[()])
+
+
 def _stage_of(found: Diagnosis, adopted: AdoptedModel) -> verdict.FittedModelSummary:
     return stage(
         found.comparison.base.data,
@@ -487,6 +512,7 @@ def _stage_of(found: Diagnosis, adopted: AdoptedModel) -> verdict.FittedModelSum
         worst_window(adopted.judged, found.comparison.places),
         found.model.targets,
         stated(found.explanation),
+        _error_of(found, adopted),
     )
 
 

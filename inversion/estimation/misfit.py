@@ -222,6 +222,23 @@ class System:
         derivative = np.column_stack([self.derivative, *changes])
         return System(self.data, derivative, rows, np.append(self.moving, np.ones(more, bool)))
 
+    def spread_with(self, error: np.ndarray | None) -> np.ndarray:
+        """Standard deviations of the unknowns (q,) where the data err more than they were weighed.
+
+        V + G E G', G the change of the fit by the data: the fit stays the one that C made.
+
+        Args:
+            error: E, what C lacks, (m, m); None: nothing.
+        """
+        variance = np.diag(self.posterior).copy()
+        if error is not None:
+            size, along = np.linalg.eigh(error)
+            for one, column in zip(size, along.T, strict=True):
+                if one > 0.0:
+                    change = np.sqrt(one) * column
+                    variance += self.imitating(self.augmented(change)) ** 2
+        return np.sqrt(np.maximum(variance, 0.0))
+
     def project(self, rows: np.ndarray) -> np.ndarray:
         """(I - Q Q') of augmented vectors, (k + r, ...)."""
         return rows - self.basis @ (self.basis.T @ rows)

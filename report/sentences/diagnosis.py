@@ -319,7 +319,25 @@ def strength_sentences(data: DiagnosisData) -> list[str]:
             after = strength_words(data.final, p.name, p.unit)
             text += f", {after} with the effects of the answer"
         said.append(f"{text}.")
+        if used := quoted_words(data, p.name, p.unit):
+            said.append(used)
     return said
+
+
+def quoted_words(data: DiagnosisData, name: str, unit: str) -> str:
+    """The value of a parameter to use, and what it is made of; empty where it is not known."""
+    used = None if data.verdict is None else data.verdict.quoted.get(name)
+    if used is None:
+        return ""
+    low, high = used.intervals["95%"]
+    made = plural(len(used.models), "model")
+    of = f"all of the answer, {made}" if len(used.models) > 1 else "one model"
+    if data.verdict.verdict in ("suspect", "unknown_effect"):
+        of = f"all that were tried and fit as well or better, {made}, widened by what they leave"
+    return (
+        f"To use: {plus_minus(used.value, used.std, unit)}, 95 % interval {number(low)} to "
+        f"{number(high)} ({of})."
+    )
 
 
 def strength_words(stage: FittedModelSummary, name: str, unit: str) -> str:

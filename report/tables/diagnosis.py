@@ -67,9 +67,13 @@ def key_numbers(data: DiagnosisData) -> KeyNumbers:
     for p in data.parameters:
         stage = base if final is None or p.name not in final.values else final
         remark = "base model" if stage is base else f"{_value(base, p.name, p.unit)} before"
+        value = _value(stage, p.name, p.unit)
+        if verdict is not None and p.name in verdict.quoted:
+            used = verdict.quoted[p.name]
+            value = plus_minus(used.value, used.std, p.unit)
         if verdict is not None and verdict.verdict == "unknown_effect":
-            remark = "includes the model error: not a result"
-        entries.append((p.words, _value(stage, p.name, p.unit), remark))
+            remark = "of all models tried, widened: not a result"
+        entries.append((p.words, value, remark))
     runs = document.runs
     return KeyNumbers([*entries, ("forward runs", f"{runs.asked}", f"of {runs.allowed} allowed")])
 
@@ -106,6 +110,10 @@ def parameters_table(data: DiagnosisData) -> Table:
                 ["std with what is assumed of soils, section and survey",
                  *(None if std is None else with_unit(std, p.unit, 2) for std in wide)]
             )  # fmt: skip
+        used = None if data.verdict is None else data.verdict.quoted.get(p.name)
+        if used is not None:
+            empty = [""] * (len(data.stages) - 1)
+            rows.append(["to use", *empty, plus_minus(used.value, used.std, p.unit)])
     return Table(["parameter", *(name for name, _ in data.stages)], rows)
 
 

@@ -135,7 +135,7 @@ def test_an_unknown_effect_shows_its_curve_and_no_result(tmp_path):
     assert "curve.svg" in pictures(tmp_path) and "steps.svg" not in pictures(tmp_path)
     assert "What the unknown effect looks like" in headings(text)
     read = told(text)
-    assert "includes the model error: not a result" in read
+    assert "of all models tried, widened: not a result" in read
     assert "no residual strength is reported from it" in read
 
 

@@ -147,6 +147,14 @@ def test_what_is_named_must_explain_and_not_only_improve():
     assert "tests still fail" in not_enough(base, found(40.0, 6.0, 1e-4), 0.01, Options())
 
 
+def test_a_large_false_effect_does_not_forgive_itself():
+    base = found(chi2=120.0, held_out=15.0, p=1e-9)  # 100 beyond the noise
+    assert not_enough(base, found(47.0, 7.0, 1e-4), 0.9, Options()) == "", "19 are left"
+    said = not_enough(base, found(49.0, 7.0, 1e-4), 0.9, Options())
+    assert said == "21 % of the misfit beyond noise is left"
+    assert not_enough(base, found(60.0, 7.0, 0.06), None, Options()) == "", "it passes by itself"
+
+
 def test_held_out_data_must_get_better_where_they_fail():
     base = found(chi2=120.0, held_out=35.0, p=1e-9)
     assert "60 % of the excess" in not_enough(base, found(30.0, 23.0, 0.5), None, Options())

@@ -229,6 +229,21 @@ class Case:
                          "p": float(chi2_law.sf(made["held_out"], held))},
         }  # fmt: skip
 
+    def quoted(self, effects: list[str]) -> dict[str, Any]:
+        """`verdict.QuotedValue` of one model."""
+        made, wide = self.fit(effects), {"50%": 0.67, "80%": 1.28, "95%": 1.96}
+        return {
+            name: {
+                "value": value, "std": made["std"][name],
+                "intervals": {
+                    share: (value - k * made["std"][name], value + k * made["std"][name])
+                    for share, k in wide.items()
+                },
+                "models": [{"names": effects, "probability": 1.0}],
+            }
+            for name, value in made["values"].items()
+        }  # fmt: skip
+
     def step(self, number: int, model: str, effects: list[str], note: str) -> dict[str, Any]:
         """`verdict.WaterfallStep`."""
         made, base = self.fit(effects), self.fit([])
@@ -353,7 +368,7 @@ def document(
         "tested": list(case.order), "forbidden": [FORBIDDEN],
         "answer": {"effects": answered, "set_90": [{"names": effects, "probability": 0.96}]},
         "parameters": PARAMETERS, "base": case.stage([]), "final": case.stage(effects),
-        "steps": steps,
+        "quoted": case.quoted(effects), "steps": steps,
         "candidates": case.candidates(4), "confounding": case.confounding(),
         "signatures": case.signatures(), "measurements": case.measurements(effects),
         "hidden": case.hidden(), "unknown_curve": None, "next_measurement": [], "runs": RUNS,
@@ -428,7 +443,7 @@ def least() -> Verdict:
     number = {**made["measurements"][len(X)], "predicted_base": None, "predicted_final": None,
               "residual_base": None, "residual_final": None}  # fmt: skip
     made |= {
-        "base": stage, "final": stage, "candidates": [], "hidden": {}, "steps": [],
+        "base": stage, "final": stage, "quoted": {}, "candidates": [], "hidden": {}, "steps": [],
         "confounding": {"names": [], "cosine": []}, "measurements": [number], "forbidden": [],
         "signatures": {"names": [], "measurements": [], "entries": []}, "tested": [],
         "hashes": {}, "manifest": {},

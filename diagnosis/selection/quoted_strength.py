@@ -1,0 +1,87 @@
+"""Which value of a parameter is quoted, and with which standard deviation.
+
+- Where the measurements are explained: the mixture of the explanations of the 90 % set, by their
+  probability. Of a single one that is its own fit.
+- Where they are not (suspect, unknown effect): nobody knows which model is wrong
+  by how much. The mixture is then of the base model and of every model that was tried and lowers
+  chi2 by as much as acceptance asks for, all of one weight. Each standard deviation is widened by
+  the Birge ratio sqrt(chi2 / dof) where that is above 1. So a false name cannot sharpen a strength.
+
+With weights w, means x and standard deviations s in fitted units (logarithms of strengths),
+
+    x_q = sum w x,     s_q^2 = sum w (s^2 + (x - x_q)^2)
+
+(law of total variance). s is that of the fit, made by C, under C' (`System.spread_with`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.selection.decide import Verdicts
+from inversion.estimation.data import Data
+from inversion.estimation.misfit import system
+from inversion.estimation.surface_search import Fit
+
+EXPLAINED: tuple[Verdicts, ...] = ("adequate", "identified", "ambiguous")
+"""Verdicts by which the measurements are explained."""
+
+
+@dataclass(frozen=True)
+class Quoted:
+    """Values that are quoted.
+
+    Attributes:
+        x: of the parameters, fitted units (p,).
+        std: in the same units, (p,).
+        models: explanations it is made of: effects -> weight.
+    """
+
+    x: np.ndarray
+    std: np.ndarray
+    models: dict[tuple[str, ...], float]
+
+
+def quoted(
+    data: Data,
+    fits: Mapping[tuple[str, ...], Fit],
+    weights: Mapping[tuple[str, ...], float],
+    *,
+    error: np.ndarray | None,
+    widened: bool,
+) -> Quoted:
+    """Mix models.
+
+    Args:
+        data: measurements with C.
+        fits: every model that is mixed, by its effects.
+        weights: of the same; need not add up to 1.
+        error: C' - C at the answer, (m, m), for models with effects; None: none is known.
+        widened: by the Birge ratio.
+    """
+    total = sum(weights.values())
+    share = {names: weight / total for names, weight in weights.items()}
+    means, variances = [], []
+    for names in share:
+        fit = fits[names]
+        p = fit.space.p
+        linear = system(data, fit.space, fit.derivative, fit.x)
+        spread = linear.spread_with(error if names else None)[:p]
+        birge = max(fit.total / linear.dof, 1.0) if widened and linear.dof > 0 else 1.0
+        means.append(fit.x[:p])
+        variances.append(birge * spread**2)
+    w, x = np.array(list(share.values())), np.array(means)
+    middle = w @ x
+    return Quoted(middle, np.sqrt(w @ (np.array(variances) + (x - middle) ** 2)), share)
+
+
+def unexplained(
+    fits: Mapping[tuple[str, ...], Fit], least_drop: float
+) -> dict[tuple[str, ...], float]:
+    """Weights where nothing explains: the base model, and all that fit clearly better."""
+    base = fits[()]
+    better = [names for names, fit in fits.items() if base.total - fit.total >= least_drop]
+    return dict.fromkeys([(), *better], 1.0)
