@@ -41,16 +41,18 @@ SHARES = (0.3, 0.6, 0.85)
 #: One standard deviation where nothing is known: of the base's level and of its rise between the
 #: feet, as shares of the height of the section; of the slope of a foreland; of a coefficient.
 LEVEL_STD, TILT_STD, FORELAND_STD, COEFFICIENT_STD = 0.08, 0.1, 0.03, 0.25
+#: A base is known that well by borings, however high the section [m].
+WORST_KNOWN_M = 2.0
 #: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
 RUNGS = (0.5, 1.0, 2.0)
 #: The base takes up its new place over this share of the section's length from either foot.
 FADE = 0.15
 #: A foreland slopes over this many heights of the section, and is level beyond.
 FORELAND_LENGTH = 6.0
-#: Where the top of a bump lies beyond the foot, in heights; its heights that are tried; run of its
-#: faces over their rise.
+#: Where the top of a bump lies beyond the foot, in heights; its heights that are tried, in heights
+#: of the section, and the highest [m]; run of its faces over their rise.
 BUMP_PLACES = {"near": 1.0, "far_from": 2.0}
-BUMP_HEIGHTS, BUMP_FACE = (0.1, 0.2, 0.35), 2.0
+BUMP_HEIGHTS, HIGHEST_BUMP_M, BUMP_FACE = (0.1, 0.2, 0.35), 5.0, 2.0
 #: A vertex so near to the base stands on it [m].
 ON_BASE_M = 1e-3
 
@@ -139,7 +141,7 @@ def _below(scene: Scene) -> list[Assumption]:
     }  # fmt: skip
     found = []
     for name, (share, ends, words) in shapes.items():
-        std = share * height
+        std = min(share * height, WORST_KNOWN_M)
         candidate = Candidate(
             name=name,
             family="ground",
@@ -208,7 +210,8 @@ def _beyond(scene: Scene, side: Side) -> list[Assumption]:
             knots = [(top - half, 0.0), (top, rise), (top + half, 0.0)]
             return with_scene(setup, with_base(setup.scene, knots, BUMP))
 
-        ladder = tuple(share * height for share in BUMP_HEIGHTS)
+        scale = min(height, HIGHEST_BUMP_M / BUMP_HEIGHTS[-1])
+        ladder = tuple(share * scale for share in BUMP_HEIGHTS)
         candidate = Candidate(
             name=f"{BUMP}_{where}_the_{side}_foot",
             family="ground",

@@ -92,6 +92,13 @@ def test_the_ground_before_a_foot_may_slope_or_have_a_bump(setup):
     assert [zone.polygon for zone in bump.zones] == [zone.polygon for zone in setup.scene.zones]
 
 
+def test_a_high_dam_has_no_bump_as_high_as_a_house(root):
+    dam = diagnosis_case(load_case(root / "case_histories" / "lower_san_fernando")).setup
+    known = by_name(ground.assumptions(dam, [])[0])
+    assert max(known["bump_near_the_left_foot"].candidate.ladder) == pytest.approx(5.0)
+    assert known["base_level"].candidate.prior_std == 2.0
+
+
 def test_a_base_that_would_cut_through_a_layer_is_not_tried(setup):
     thin = setup.scene.model_dump()
     sand = thin["zones"][0]
