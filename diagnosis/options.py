@@ -63,7 +63,7 @@ class Options:
     forbidden: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    allowance: int = 500
+    allowance: int = 600
     replicates: int = 8
     second_scheme: bool = True
     resolution_factor: float = 2.5

@@ -38,6 +38,8 @@ PROMISING = 0.5
 RIVAL = 0.1
 #: Pairs that are refitted in a round.
 PAIRS = 2
+#: Pairs that are ranked, of which some are too many for the data.
+MOST_PAIRS = 10_000
 #: Runs that are kept for an unknown strength curve, at most.
 LARGEST_RESERVE = 50
 #: Runs that the error of an adopted model takes; they are kept for it.
@@ -260,9 +262,9 @@ def _best_pair(
     options: Options,
 ) -> FittedModel | None:
     """Two effects that explain together what neither does alone, where one hides the other."""
-    pairs = best_pairs(comparison, explanation, PAIRS)
-    pairs = [key for key in pairs if _leaves_spare(explanation, key, options)]
-    tried = _try(tried_models, comparison, explanation, ground, now, pairs)
+    every = best_pairs(comparison, explanation, MOST_PAIRS)
+    pairs = [key for key in every if _leaves_spare(explanation, key, options)]
+    tried = _try(tried_models, comparison, explanation, ground, now, pairs[:PAIRS])
     tried = _judge_best(tried_models, explanation, now.model, tried, options)
     if _accepted(tried_models, now.model, tried, options) is None:
         return None
