@@ -121,12 +121,25 @@ def why_not(
         return f"chi2 falls by {drop:.1f} only; {options.least_drop:g} are asked for"
     if (gain if together is None else together - before.ln_evidence) <= options.least_gain:
         return f"ln evidence rises by {gain:.1f} only; {options.least_gain:g} are asked for"
+    if parameter := at_new_bound(before, after):
+        return f"{parameter} is at its bound, where the evidence means nothing"
     held_out = after.held_out
     worse = before.held_out.ln_density - held_out.ln_density
     failing = held_out.p is not None and held_out.p < options.suspect
     if failing and worse > options.worse_held_out * gain:
         return f"held-out misfit rises from {before.held_out.chi2:.1f} to {held_out.chi2:.1f}"
     return ""
+
+
+def at_new_bound(before: FittedModel, after: FittedModel) -> str:
+    """A parameter that an effect drives to a bound of what is believed; empty: none."""
+    bounds = [
+        model.fit.space.parameters.at_bound(model.fit.space.values(model.fit.x))
+        for model in (before, after)
+    ]
+    names = after.fit.space.parameters.names
+    new = [n for n, old, end in zip(names, *bounds, strict=True) if end is not None and not old]
+    return new[0] if new else ""
 
 
 def accepted(

@@ -120,6 +120,17 @@ def test_held_out_numbers_may_get_worse_within_their_noise():
     assert why_not(quiet, refitted(5.0, 40.0, 12.0), Options()).startswith("held-out")
 
 
+def test_an_effect_that_drives_a_strength_to_its_bound_explains_nothing():
+    good = refitted(5.0, 40.0, 4.0)
+    space = good.fit.space.parameters
+    inside = replace(BASE, fit=replace(BASE.fit, x=space.to_fitted(space.start)))
+    ends = space.to_fitted(np.array([space.high[0], space.start[1]]))
+    at_end = replace(good, fit=replace(good.fit, x=ends))
+    assert why_not(inside, at_end, Options()).startswith("S_r is at its bound")
+    assert why_not(at_end, replace(at_end, ln_evidence=9.0, fit=replace(at_end.fit, total=20.0)),
+                   Options()) == "", "it was there before"  # fmt: skip
+
+
 def test_several_that_share_the_evidence_are_accepted_together():
     alike = [refitted(1.6 - 0.1 * n, 45.0, 4.0) for n in range(3)]
     assert all(why_not(BASE, one, Options()) for one in alike)
