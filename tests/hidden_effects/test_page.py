@@ -1,5 +1,7 @@
 """The page of a score: every figure is in it, in words and in a picture."""
 
+from dataclasses import replace
+
 import pytest
 
 from benchmarks.generated_pages import renew
@@ -76,6 +78,14 @@ def test_ablations_are_compared_on_the_same_cases(method):
     assert shared({METHOD: method, "no_projection": []}) == {}
 
 
+def test_calibration_is_shown_with_probabilities_where_they_are_stated(method):
+    text = generated(score(method), {}, method, "x")
+    assert "### Calibration" in text and "| probability |" not in text
+    sure = [replace(one, digest=one.digest.model_copy(update={"shares": [0.97]})) for one in method]
+    told = generated(score(sure), {}, sure, "x")
+    assert "| 0.95-1 | 0.97 |" in told and "| 0.2-0.5 | - | none |" in told
+
+
 def test_effects_are_told_by_bins(method):
     text = generated(score(method), {}, method, "x")
     own = [one for one in method if one.truth["kind"] == "single" and one.hidden == {"effect_3"}]
@@ -89,7 +99,8 @@ def test_effects_are_told_by_bins(method):
 def test_pictures_are_drawn(tmp_path, method):
     paths = draw_all(tmp_path, score(method), method)
     assert {path.name for path in paths} == {
-        "asked.png", "detectability.png", "confusion.png", "strength.png"}  # fmt: skip
+        "asked.png", "detectability.png", "confusion.png", "strength.png",
+            "calibration.png"}  # fmt: skip
     assert all(path.stat().st_size > 5000 for path in paths)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Thing
 from benchmarks.hidden_effects.scoring.asked import Asked
+from benchmarks.hidden_effects.scoring.calibration import calibration
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged
 
@@ -122,8 +123,17 @@ def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
         "families": families,
         "sources": by_source,
         "strength_error": strength,
+        "calibration": calibration(judged, _stands_for_what_was_hidden).document,
         "cases": [_line(one) for one in cases],
     }
+
+
+def _stands_for_what_was_hidden(one: Judged, names: Sequence[str]) -> bool:
+    """Of the truth's right candidates and nothing else; none where nothing was hidden."""
+    thing = ByCode(one).thing
+    if thing is None:
+        return not names
+    return bool(names) and set(names) <= thing.right
 
 
 def shares_of(cases: Sequence[ByCode]) -> dict[str, Share]:

@@ -50,6 +50,13 @@ class Digest(StrictDocument):
     verdict: Verdicts = Field(description="one of five")
     effects: dict[str, float] = Field(description="amplitudes of the answer, by name")
     set_90: list[list[str]] = Field(description="explanations of the 90 % set, best first")
+    shares: list[float] = Field(
+        default_factory=list, description="their probabilities; empty in earlier records"
+    )
+    quoted: dict[str, dict[str, tuple[float, float]]] = Field(
+        default_factory=dict,
+        description="parameter -> level -> interval that is quoted; empty in earlier records",
+    )
     families: list[str] = Field(
         default_factory=list, description="of the answer, where its members look alike; else empty"
     )
@@ -82,6 +89,11 @@ def digest_of(verdict: Verdict) -> Digest:
         verdict=verdict.verdict,
         effects={one.name: _short(one.amplitude) for one in verdict.answer.effects},
         set_90=[one.names for one in verdict.answer.set_90],
+        shares=[_short(one.probability) for one in verdict.answer.set_90],
+        quoted={
+            name: {level: (_short(a), _short(b)) for level, (a, b) in used.intervals.items()}
+            for name, used in verdict.quoted.items()
+        },
         families=list(verdict.answer.families),
         members=verdict.answer.members,
         family_of={

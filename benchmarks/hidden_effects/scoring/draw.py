@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.hidden_effects.making.detectability import BINS
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED
+from benchmarks.hidden_effects.scoring.calibration import LEVELS, Calibration, calibration
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
 from report.style import (
@@ -38,6 +39,7 @@ def draw_all(folder: Path, method: Score, judged: Sequence[Judged]) -> list[Path
         detectability(folder / "detectability.png", method),
         confusion(folder / "confusion.png", judged),
         strength(folder / "strength.png", judged),
+        reliability(folder / "calibration.png", calibration(judged)),
     ]
 
 
@@ -100,6 +102,33 @@ def _points(ax, shares: Sequence[Share], shift: float, colour: str, marker: str,
     bars = np.abs(ends.T - y)
     ax.errorbar(x, y, yerr=bars, color=colour, marker=marker, linestyle="none", capsize=3,
                 markersize=6, label=words)  # fmt: skip
+
+
+def reliability(path: Path, found: Calibration) -> Path:
+    """Levels of intervals and probabilities of explanations against how often they were so."""
+    figure = new_figure(3.4, WIDTH)
+    levels = [(LEVELS[level][0], share) for level, share in found.coverage.items()]
+    stated = [(one.stated, one.right) for one in found.reliability if one.stated is not None]
+    parts = (("level of the interval of S_r", "intervals that hold the truth", levels),
+             ("stated probability", "explanations that are right", stated))  # fmt: skip
+    known = [part for part in parts if any(share.n for _, share in part[2])]
+    for place, (across, up, points) in enumerate(known):
+        ax = figure.add_axes((0.09 + 0.5 * place, 0.15, 0.39, 0.75))
+        ax.plot([0, 100], [0, 100], color=LINE, linewidth=1.2, zorder=1)
+        for x, share in points:
+            if share.n:
+                low, high = (100.0 * end for end in share.interval)
+                met = low <= 100.0 * x <= high
+                colour = OURS if met else HELD_OUT
+                ax.vlines(100.0 * x, low, high, color=colour, linewidth=1.8)
+                ax.plot(100.0 * x, 100.0 * share.hits / share.n, "o" if met else "D",
+                        color=colour, markersize=6)  # fmt: skip
+        ax.set_xlim(-3, 103)
+        ax.set_ylim(-3, 103)
+        ax.set_xlabel(f"{across} [%]", fontsize=8.5, color=TEXT_COLOUR)
+        ax.set_ylabel(f"{up} [%]", fontsize=8.5, color=TEXT_COLOUR)
+        quiet(ax, grid="y")
+    return save_figure(figure, path)
 
 
 def confusion(path: Path, judged: Sequence[Judged]) -> Path:

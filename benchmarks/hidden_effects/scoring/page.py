@@ -11,6 +11,12 @@ from benchmarks.generated_pages import table
 from benchmarks.hidden_effects.making.detectability import BINS
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, STRENGTH_FACTOR
+from benchmarks.hidden_effects.scoring.calibration import (
+    LEVELS,
+    STATED,
+    calibration,
+    in_band,
+)
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
 
@@ -18,6 +24,10 @@ SCORE, SPARSE = "score", "sparse"
 """Names of the generated parts of the page."""
 ENDS = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
 """The bins of lambda, in words."""
+NONE_QUOTED = (
+    " These verdicts quote none: intervals by the standard deviation of the final model, without "
+    "the error of its effects."
+)
 VARIANT_WORDS = {
     METHOD: "the method",
     "no_model_error": "without the model's own error (C_num)",
@@ -50,6 +60,8 @@ def generated(
         f"![What was hidden and what was said]({pictures}/confusion.png)",
         "### By effect", _effects(judged),
         f"![Error of S_r before and after]({pictures}/strength.png)",
+        "### Calibration", _calibration(judged),
+        f"![Stated probabilities and levels against what was so]({pictures}/calibration.png)",
         "### Ablations", _ablations(ablations),
         "### Every miss", _misses(judged),
     ]  # fmt: skip
@@ -123,6 +135,40 @@ def _pairs(method: Score) -> str:
         "By lambda of the fainter effect given the other: what is left of the slide once the base "
         "model and the other effect have been refitted.\n\n"
     ) + table(("pairs", *ENDS), rows)
+
+
+def _calibration(judged: Sequence[Judged]) -> str:
+    """Coverage of the quoted intervals, and reliability of the probabilities where there are."""
+    whole = calibration(judged)
+    quoted = any(one.digest.quoted for one in judged)
+    parts = [
+        whole,
+        calibration([one for one in judged if one.truth["kind"] == "null"]),
+        calibration([one for one in judged if one.right]),
+    ]
+    rows = [
+        (level, *(_in_words(level, part.coverage[level]) for part in parts)) for level in LEVELS
+    ]
+    said = [
+        "Intervals of S_r that the verdicts quote; missed: the level lies outside the 95 % "
+        f"interval of the share.{'' if quoted else NONE_QUOTED}",
+        table(("interval holds the truth", "all", "nulls", "where the name is right"), rows),
+    ]
+    if any(one.right.n for one in whole.reliability):
+        ends = [f"{low:g}-{high:g}" for low, high in zip(STATED, STATED[1:], strict=False)]
+        stated = [
+            (end, "-" if one.stated is None else f"{one.stated:.2f}", one.right.words)
+            for end, one in zip(ends, whole.reliability, strict=True)
+        ]
+        said += [
+            "Explanations of the 90 % sets by the probability they were given.",
+            table(("probability", "mean stated", "right"), stated),
+        ]
+    return "\n\n".join(said)
+
+
+def _in_words(level: str, share: Share) -> str:
+    return f"{share.words} {MISSED}" if in_band(level, share) is False else share.words
 
 
 def _effects(judged: Sequence[Judged]) -> str:
