@@ -1,0 +1,185 @@
+"""What the diagnosis says of laboratory experiments of which it is known what their model lacks.
+
+    python -m benchmarks.studies.diagnosed_experiments [--cases aluminium_bars ...] [--page]
+
+Each case of `case_histories/experiments` is diagnosed as `flowslide diagnose` does it; its page and
+its runs are kept in `results/benchmarks/diagnosed_experiments/<case>`, so a study that was stopped
+resumes. A verdict is judged by its name: one that is right, none (silence), or one that is false.
+What is found is kept in `diagnosed_experiments.json` and shown on `docs/records/diagnosed-dams.md`.
+`--page` only renews that page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import flowslide
+from benchmarks.generated_pages import RECORDS, ROOT, renew, table
+from pipeline.cli import base_parser, main_exit
+from pipeline.files import read_json, write_json
+from pipeline.manifest import code_version
+from report.diagnosis import write_report
+
+RECORD = Path(__file__).with_suffix(".json")
+PAGE = RECORDS / "diagnosed-dams.md"
+CASES = ROOT / "case_histories" / "experiments"
+FOLDER = ROOT / "results/benchmarks/diagnosed_experiments"
+UNKNOWN = "unknown_effect"
+"""The verdict that something is missing that has no name."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known to be wrong in the model of an experiment.
+
+    Attributes:
+        missing: in words.
+        names: hypotheses that say so, or `UNKNOWN` where none does; none: nothing is to be seen.
+        enough: the measurements are enough to see it.
+    """
+
+    missing: str
+    names: frozenset[str] = frozenset()
+    enough: bool = False
+
+
+_RATE = Known("friction that rises with the rate of shear", frozenset({"inertial_friction"}))
+EXPERIMENTS: dict[str, Known] = {
+    "aluminium_bars": replace(_RATE, enough=True),
+    "granular_column": _RATE,
+    "granular_column_tall": _RATE,
+    "granular_column_short": Known("hardly anything: a thick slow slide"),
+    "granular_cylinder": Known(
+        "the third dimension: it spreads to all sides", frozenset({UNKNOWN})
+    ),
+    "granular_slope": Known(
+        "the inclination of the plane, 10 degrees",
+        frozenset({"base_tilt", "foreland_on_the_right"}),
+    ),
+    "aluminium_bars_smooth_floor": Known(
+        "the floor is rough; put in: a slippery one",
+        frozenset({"rough_base", "bonded_base", "base_friction"}),
+        enough=True,
+    ),
+    "aluminium_bars_in_water": Known(
+        "the bars were dry; put in: 20 m of water",
+        frozenset({"no_water", "pool_level", "drawdown"}),
+    ),
+}
+
+
+def judged(known: Known, verdict: str, named: Sequence[str]) -> str:
+    """What a verdict is: `right`, `silent`, `missed` (silent, and the data are enough) or `false`.
+
+    Args:
+        known: of the experiment.
+        verdict: in one word.
+        named: the answer, or the members of the family that is the answer.
+    """
+    if verdict == UNKNOWN:
+        named = [UNKNOWN] if UNKNOWN in known.names or not known.names else []
+    elif verdict != "identified":
+        named = []
+    if named:
+        return "right" if known.names.intersection(named) else "false"
+    if not known.names:
+        return "right"
+    return "missed" if known.enough else "silent"
+
+
+def found_of(name: str, verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of a verdict."""
+    answer, base, final = (verdict[part] for part in ("answer", "base", "final"))
+    named = answer["members"] or [effect["name"] for effect in answer["effects"]]
+    return {
+        "verdict": verdict["verdict"],
+        "named": named if verdict["verdict"] == "identified" else [],
+        "judged": judged(EXPERIMENTS[name], verdict["verdict"], named),
+        "tested": len(verdict["tested"]),
+        "runs": verdict["runs"]["asked"],
+        "models": [_model(base), _model(final)],
+    }
+
+
+def _model(summary: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {name: round(value, 3) for name, value in summary["values"].items()}
+    error = {name: round(value, 3) for name, value in summary["std"].items()}
+    held_out = summary["held_out"]
+    return {
+        "values": kept,
+        "std": error,
+        "chi2": round(summary["chi2"], 2),
+        "dof": summary["dof"],
+        "held_out": round(held_out["chi2"], 2),
+        "held_out_numbers": held_out["n"],
+    }
+
+
+def shown(stored: Mapping[str, Any]) -> str:
+    """The table of the page."""
+    rows = []
+    for name, known in EXPERIMENTS.items():
+        if name not in stored["cases"]:
+            continue
+        one = stored["cases"][name]
+        names = ", ".join(word.replace("_", " ") for word in one["named"])
+        rows.append([
+            f"`{name}`", known.missing, one["verdict"].replace("_", " ") + (names and f": {names}"),
+            one["judged"],
+            *(_both(one["models"], text) for text in (_friction, _misfit, _held_out)),
+        ])  # fmt: skip
+    header = ("experiment", "what is known to be missing or wrong", "verdict", "which is",
+              "friction (degrees)", "chi2, on", "held out, on")  # fmt: skip
+    return table(header, rows, "llllrrr")
+
+
+def _both(models: Sequence[Mapping[str, Any]], text: Any) -> str:
+    before, after = (text(model) for model in models)
+    return before if before == after else f"{before} → {after}"
+
+
+def _friction(model: Mapping[str, Any]) -> str:
+    return f"{model['values']['friction']:.1f} ± {model['std']['friction']:.1f}"
+
+
+def _misfit(model: Mapping[str, Any]) -> str:
+    return f"{model['chi2']:.1f} / {model['dof']}"
+
+
+def _held_out(model: Mapping[str, Any]) -> str:
+    numbers = model["held_out_numbers"]
+    return f"{model['held_out']:.1f} / {numbers}" if numbers else "none"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Diagnose, print, keep, and renew the page."""
+    parser = base_parser("python -m benchmarks.studies.diagnosed_experiments",
+                         "Experiments of which it is known what their model lacks.")  # fmt: skip
+    parser.add_argument("--cases", nargs="+", choices=list(EXPERIMENTS), default=list(EXPERIMENTS))
+    parser.add_argument("--spacing", type=float, default=4.0, help="of points [m]; default: 4")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--page", action="store_true", help="only renew the page")
+    options = parser.parse_args(argv)
+    stored = read_json(RECORD) if RECORD.exists() else {"cases": {}}
+    for name in [] if options.page else options.cases:
+        folder = FOLDER / name
+        verdict = flowslide.diagnose(CASES / name, out=folder, spacing_m=options.spacing,
+                                     threads=options.threads)  # fmt: skip
+        write_report(folder)
+        kept = found_of(name, verdict.model_dump()) | {"spacing_m": options.spacing}
+        print(f"{name}: {kept['verdict']} {kept['named']} ({kept['judged']})", flush=True)
+        cases = stored["cases"] | {name: kept}
+        stored = {
+            "code_version": code_version(),
+            "cases": {each: cases[each] for each in EXPERIMENTS if each in cases},
+        }
+        write_json(RECORD, stored)
+    renew(PAGE, experiments=shown(stored))
+    return 0
+
+
+if __name__ == "__main__":
+    main_exit(main)
