@@ -154,6 +154,11 @@ def _held_out(model: Mapping[str, Any]) -> str:
     return f"{model['held_out']:.1f} / {numbers}" if numbers else "none"
 
 
+def _stored() -> dict[str, Any]:
+    """What other runs of the study, which may go on at the same time, have kept."""
+    return read_json(RECORD) if RECORD.exists() else {"cases": {}}
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Diagnose, print, keep, and renew the page."""
     parser = base_parser("python -m benchmarks.studies.diagnosed_experiments",
@@ -163,7 +168,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--page", action="store_true", help="only renew the page")
     options = parser.parse_args(argv)
-    stored = read_json(RECORD) if RECORD.exists() else {"cases": {}}
     for name in [] if options.page else options.cases:
         folder = FOLDER / name
         verdict = flowslide.diagnose(CASES / name, out=folder, spacing_m=options.spacing,
@@ -171,13 +175,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         write_report(folder)
         kept = found_of(name, verdict.model_dump()) | {"spacing_m": options.spacing}
         print(f"{name}: {kept['verdict']} {kept['named']} ({kept['judged']})", flush=True)
-        cases = stored["cases"] | {name: kept}
-        stored = {
-            "code_version": code_version(),
-            "cases": {each: cases[each] for each in EXPERIMENTS if each in cases},
-        }
-        write_json(RECORD, stored)
-    renew(PAGE, experiments=shown(stored))
+        cases = _stored()["cases"] | {name: kept}
+        ordered = {each: cases[each] for each in EXPERIMENTS if each in cases}
+        write_json(RECORD, {"code_version": code_version(), "cases": ordered})
+    renew(PAGE, experiments=shown(_stored()))
     return 0
 
 
