@@ -1,5 +1,8 @@
 """Smoothed particles: momentum, rest, contact with the ground, strength, and slides of others."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -139,6 +142,27 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not():
     assert np.array_equal(slides[0].positions, slides[1].positions)
     assert not np.array_equal(slides[0].final, slides[2].final)
     assert slides[0].time == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
+
+
+@pytest.mark.slow
+def test_the_bits_do_not_depend_on_who_started_taichi():
+    code = """
+import hashlib, sys, taichi
+from benchmarks.hidden_effects.foreign.slide import source
+from tests.hidden_effects.test_smoothed_particles import EMBANKMENT
+if sys.argv[1] == "judge":
+    taichi.init(arch=taichi.cpu, default_fp=taichi.f32, cfg_optimization=False, fast_math=False)
+slide = source("smoothed_particles").simulate(EMBANKMENT, [], duration_s=2.0, frames=2, seed=1)
+print("bits", hashlib.sha256(slide.positions.tobytes()).hexdigest())
+"""
+    ends = [
+        subprocess.run(
+            [sys.executable, "-c", code, who], capture_output=True, text=True, check=True
+        ).stdout.splitlines()[-1]
+        for who in ("judge", "nobody")
+    ]
+    assert ends[0].startswith("bits")
+    assert ends[0] == ends[1]
 
 
 @pytest.mark.slow
