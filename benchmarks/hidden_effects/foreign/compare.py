@@ -123,7 +123,7 @@ def draw(slides: dict[str, dict[str, Slide]], path: Path) -> None:
             label = f"{SOURCES[name].words}: {runout(slide):.1f} m"
             ax.plot(x, surface(slide, x), color=COLOURS[name], lw=1.6, label=label)
         ax.set(title=words, ylabel="y (m)", aspect=2.0)
-        ax.legend(frameon=False, fontsize=8, loc="upper right")
+        ax.legend(frameon=False, fontsize=8, loc="best")
     ax.set_xlabel("x (m)")
     figure.savefig(path, dpi=130)
     plt.close(figure)
