@@ -83,4 +83,4 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"  flowslide show {folder} --out {folder.name}.png")
     print(f"  flowslide invert {folder} --quick")
     if folder.resolve().parent == Path(CASES).resolve():
-        print(f"  snakemake -c 2 invert_{folder.name}")
+        print(f"  snakemake -c 2 answer_{folder.name}")

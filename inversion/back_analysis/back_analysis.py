@@ -41,7 +41,7 @@ from inversion.back_analysis.result import (
     VariantAnswer,
 )
 from inversion.back_analysis.variants import Changed
-from inversion.back_analysis.waterfall import WaterfallAnswer
+from inversion.back_analysis.waterfall import Reading, WaterfallAnswer
 from inversion.engine_registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
@@ -331,7 +331,11 @@ class BackAnalysis:
         """Solve every other reading of the question, and again at the answer's spacing."""
         solved = self._solved_variants()
         # The limit of flow is no fit that a few steps could mend.
-        self._again_fine([one for one in solved if not one.problem.objective.limit])
+        again = [one for one in solved if not one.problem.objective.limit]
+        self._again_fine(again)
+        for one in again:
+            if one.fine is not None:
+                one.fine = self._stepped(one.fine)
         for one in solved:
             self.variants.append(variant_answer(one))
             self.say(f"{one.entry.name}: {self._listed(one.best.values)}: {one.words}")
@@ -371,13 +375,15 @@ class BackAnalysis:
             for entry, changes in entries
             for changed in changes
         ]
-        self._resolve([one.problem for one in solved])
+        self._resolve([one.problem for one in solved], linear=True)
+        for one in solved:
+            one.problem = self._stepped(one.problem)
         here = Here(self._refined, self.found.best.prediction)
         answered = [one for one in solved if one.answered]
         if answered:
             share = self.case.config.inversion.check_share
             names = largest(answered, here, self.spread.std, share)
-            self._again_fine([one for one in answered if one.entry.name in names], linear=True)
+            self._again_fine([one for one in answered if one.entry.name in names])
         for entry, _ in entries:
             self._keep_sensitivity(
                 entry.name, [one for one in answered if one.entry is entry], here
@@ -401,20 +407,32 @@ class BackAnalysis:
     def solve_waterfall(self) -> None:
         """Solve the readings on the way to the question, each from the answer before it."""
         name = self.case.parameters.names[self.case.waterfall[-1].place]
-        asked, bars, start = self.case.question.waterfall, [], None
+        asked, bars, start, slope = self.case.question.waterfall, [], None, None
         for reading in self.case.waterfall:
             own = reading.case is self.case
             setup = reading.alone(self.found.values if own else reading.setup.parameters.start)
             begin = setup.parameters.start if start is None else setup.parameters.clipped(start)
-            found = self._calibrated(reading.name, setup, begin, self.engine_of(setup))
-            if found is None:
+            problem = self._solved_reading(reading, setup, begin, slope)
+            if problem is None:
                 continue
-            start = found.values
-            self.say(f"{reading.name}: {name} {found.values[0]:.4g}: {found.words}")
-            value = float(self._problem(setup, found).refined[0])
-            bars.append(result_builder.waterfall_bar(reading, setup, found, value))
+            start, slope = problem.values, problem.slope
+            self.say(f"{reading.name}: {name} {start[0]:.4g}: {problem.words}")
+            bars.append(result_builder.waterfall_bar(reading, setup, problem))
         bars.append(result_builder.last_bar(self.case, self.found, self.case.waterfall[-1]))
         self.waterfall = WaterfallAnswer(parameter=name, stated=asked.stated, bars=bars)
+
+    def _solved_reading(
+        self, reading: Reading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
+    ) -> Problem | None:
+        """From the answer and the derivative of the reading before; else by a search of its own."""
+        engine, objective = self.engine_of(setup), self.objective_of(setup)
+        if slope is not None and not objective.limit:
+            problem = Problem(engine, objective, begin, slope)
+            self._resolve([problem])
+            if problem.reached:
+                return problem
+        found = self._calibrated(reading.name, setup, begin, self.engine_of(setup))
+        return None if found is None else self._problem(setup, found)
 
     def _told_derivative(self) -> np.ndarray:
         """The derivative at the answer without its noise, which carries no information."""
@@ -564,12 +582,10 @@ class BackAnalysis:
             before=None if found is None else found.evaluations[0].prediction,
         )
 
-    def _again_fine(self, solved: Sequence[Solved], *, linear: bool = False) -> None:
+    def _again_fine(self, solved: Sequence[Solved]) -> None:
         """Solve what coarse runs have answered again at the spacing of the answer.
 
-        Args:
-            solved: those without coarse runs, and those that fail now, stay as they are.
-            linear: one run is enough where the linear step that is left is short.
+        Those without coarse runs, and those that fail now, stay as they are.
         """
         again = {
             number: Problem(
@@ -581,14 +597,24 @@ class BackAnalysis:
             for number, one in enumerate(solved)
             if self.coarse_spacing_m and self.case.coarsened(one.changed.setup) is not None
         }
-        problems = list(again.values())
-        resolve(problems, 0 if linear else ROUNDS)
-        if linear:
-            resolve([one for one in problems if not self._short(one)])
-        self.runs += sum(problem.engine.runs for problem in problems)
+        self._resolve(list(again.values()), linear=True)
         for number, problem in again.items():
             if np.isfinite(problem.loss):
                 solved[number].fine = problem
+
+    def _stepped(self, problem: Problem) -> Problem:
+        """With the short linear step that is left, by the derivative at the answer."""
+        parameters, targets = problem.objective.parameters, problem.objective.targets
+        known = targets.names == self.objective.targets.names and np.isfinite(problem.loss)
+        if problem.reached or not known or not self._short(problem):
+            return problem
+        change = parameters.to_fitted(problem.refined) - parameters.to_fitted(problem.values)
+        best = self.found.best
+        slope = np.nan_to_num(best.derivative) * parameters.value_per_fitted(best.values)[None, :]
+        slope[targets.fitted] = problem.slope
+        prediction = problem.prediction
+        there = replace(prediction, values=prediction.values + slope @ change)
+        return replace(problem, values=problem.refined, prediction=there, settled=True)
 
     def _short(self, problem: Problem) -> bool:
         """The linear step that is left is short against what the data know."""
@@ -600,8 +626,11 @@ class BackAnalysis:
         """What must move for a search to begin [m]."""
         return 2.0 * engine.setup.scene.spacing
 
-    def _resolve(self, problems: list[Problem]) -> None:
-        resolve(problems)
+    def _resolve(self, problems: list[Problem], *, linear: bool = False) -> None:
+        """Solve; `linear`: one run is enough where the linear step that is left is short."""
+        resolve(problems, 0 if linear else ROUNDS)
+        if linear:
+            resolve([one for one in problems if not self._short(one)])
         self.runs += sum(problem.engine.runs for problem in problems)
 
     def _tell_evaluation(self, evaluation: Evaluation) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.equivalent_answers import EquivalentAnswer
+from inversion.back_analysis.perturbed_answers import Problem
 from inversion.back_analysis.result import (
     Answer,
     Correlation,
@@ -234,20 +235,18 @@ def answer(
     )
 
 
-def waterfall_bar(
-    reading: Reading, setup: Setup, found: SearchResult, value: float
-) -> WaterfallBar:
-    """A solved reading; `setup` with its one unknown; `value` with the step that would be next."""
+def waterfall_bar(reading: Reading, setup: Setup, solved: Problem) -> WaterfallBar:
+    """A solved reading; `setup` with its one unknown."""
     return WaterfallBar(
         name=reading.name,
         words=reading.words,
         case=reading.case.name,
         spacing_m=setup.scene.spacing,
-        value=value,
-        predicted=setup.targets.named(found.best.prediction.values),
-        loss=found.best.loss,
-        reached=found.reached,
-        at_bound=setup.parameters.at_bound(found.values)[0],
+        value=float(solved.refined[0]),
+        predicted=setup.targets.named(solved.prediction.values),
+        loss=solved.loss,
+        reached=solved.reached,
+        at_bound=setup.parameters.at_bound(solved.values)[0],
     )
 
 

@@ -80,7 +80,10 @@ def save_case_film(case: Case, run: Run, path: Path) -> None:
         if isinstance(mark, Distance):
             y = float(case.scene.ground.height(mark.end))
             shown.append(toe_overlay(mark.end, y, label=f"measured toe, {mark.value:g} m"))
-    save_animation(run, path, colour="material", overlay=overlays(*shown))
+    # Half the frames of other films: drawing them is a tenth of a back-analysis.
+    save_animation(
+        run, path, colour="material", overlay=overlays(*shown), frames=75, frames_per_second=12.0
+    )
 
 
 def _limits(case: Case, run: Run, overlay: Overlay) -> tuple[tuple[float, float], ...]:
