@@ -325,19 +325,22 @@ def strength_sentences(data: DiagnosisData) -> list[str]:
 
 
 def quoted_words(data: DiagnosisData, name: str, unit: str) -> str:
-    """The value of a parameter to use, and what it is made of; empty where it is not known."""
+    """The value of a parameter that is quoted, and what it is made of; empty: not known."""
     used = None if data.verdict is None else data.verdict.quoted.get(name)
     if used is None:
         return ""
     low, high = used.intervals["95%"]
     made = plural(len(used.models), "model")
-    of = f"all of the answer, {made}" if len(used.models) > 1 else "one model"
-    if data.verdict.verdict in ("suspect", "unknown_effect"):
-        of = f"all that were tried and fit as well or better, {made}, widened by what they leave"
-    return (
-        f"To use: {plus_minus(used.value, used.std, unit)}, 95 % interval {number(low)} to "
-        f"{number(high)} ({of})."
+    value = (
+        f"{plus_minus(used.value, used.std, unit)}, 95 % interval {number(low)} to {number(high)}"
     )
+    if data.verdict.verdict in ("suspect", "unknown_effect"):
+        return (
+            f"Not a result, only a range: {value} (the base model and all tried that fit clearly "
+            f"better, {made}, widened by what they leave)."
+        )
+    of = f"all of the answer, {made}" if len(used.models) > 1 else "one model"
+    return f"Quoted: {value} ({of})."
 
 
 def strength_words(stage: FittedModelSummary, name: str, unit: str) -> str:

@@ -113,7 +113,7 @@ def parameters_table(data: DiagnosisData) -> Table:
         used = None if data.verdict is None else data.verdict.quoted.get(p.name)
         if used is not None:
             empty = [""] * (len(data.stages) - 1)
-            rows.append(["to use", *empty, plus_minus(used.value, used.std, p.unit)])
+            rows.append(["quoted", *empty, plus_minus(used.value, used.std, p.unit)])
     return Table(["parameter", *(name for name, _ in data.stages)], rows)
 
 

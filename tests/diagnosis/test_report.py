@@ -136,6 +136,7 @@ def test_an_unknown_effect_shows_its_curve_and_no_result(tmp_path):
     assert "What the unknown effect looks like" in headings(text)
     read = told(text)
     assert "of all models tried, widened: not a result" in read
+    assert "Not a result, only a range:" in read
     assert "no residual strength is reported from it" in read
 
 

@@ -106,14 +106,15 @@ def _points(ax, shares: Sequence[Share], shift: float, colour: str, marker: str,
 
 def reliability(path: Path, found: Calibration) -> Path:
     """Levels of intervals and probabilities of explanations against how often they were so."""
-    figure = new_figure(3.4, WIDTH)
     levels = [(LEVELS[level][0], share) for level, share in found.coverage.items()]
     stated = [(one.stated, one.right) for one in found.reliability if one.stated is not None]
     parts = (("level of the interval of S_r", "intervals that hold the truth", levels),
              ("stated probability", "explanations that are right", stated))  # fmt: skip
     known = [part for part in parts if any(share.n for _, share in part[2])]
+    n = max(len(known), 1)
+    figure = new_figure(3.4, 0.5 * WIDTH * n)
     for place, (across, up, points) in enumerate(known):
-        ax = figure.add_axes((0.09 + 0.5 * place, 0.15, 0.39, 0.75))
+        ax = figure.add_axes(((0.18 + place) / n, 0.15, 0.78 / n, 0.8))
         ax.plot([0, 100], [0, 100], color=LINE, linewidth=1.2, zorder=1)
         for x, share in points:
             if share.n:
