@@ -100,6 +100,7 @@ class DiagnosisCase(Case):
         return Options(
             seed=seed_of(self.name),
             synthetic=question.synthetic,
+            source=question.source_errors,
             hold_out=question.held_out,
             forbidden=tuple(name for name in question.forbid if name in acting),
             effects=wanted,

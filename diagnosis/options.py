@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from inversion.estimation.covariance import SourceError
 from inversion.estimation.hold_out import HoldOut
 
 
@@ -19,6 +20,7 @@ class Options:
     Attributes:
         seed: decides every simulated noise; see `seed_of`.
         synthetic: the data were simulated, so they hold numerical noise of their own.
+        source: type of measurement -> error of the code that made the measured slide.
         hold_out: None: by the file, or automatically where it holds out nothing.
         forbidden: effects that the engineer rules out.
         effects: the only candidates to test; None: all of the model.
@@ -59,6 +61,7 @@ class Options:
 
     seed: int = 0
     synthetic: bool = False
+    source: Mapping[str, SourceError] = field(default_factory=dict)
     hold_out: HoldOut | None = None
     forbidden: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None

@@ -14,6 +14,8 @@ from typing import Any
 from pydantic import Field, field_validator, model_validator
 
 from geometry.scenes.scene import Document, checked_document
+from geometry.survey.registry import measurement_types
+from inversion.estimation.covariance import SourceError
 from inversion.estimation.hold_out import HoldOut
 from pipeline.cli import say_once
 from pipeline.files import read_yaml
@@ -26,6 +28,15 @@ class AmplitudePrior(Document):
 
     mean: float = Field(description="most likely amplitude, in the effect's unit")
     std: float = Field(gt=0, description="its standard deviation")
+
+
+class CodeError(Document):
+    """How far codes differ on one and the same slide, in numbers of one type of measurement."""
+
+    std: float = Field(gt=0, description="in the unit of the type")
+    correlation_length: float | None = Field(
+        None, gt=0, description="along x [m] or time [s]; null: independent"
+    )
 
 
 class HoldOutChoice(Document):
@@ -84,6 +95,10 @@ class DiagnosisQuestion(Document):
     synthetic: bool = Field(
         False, description="the measurements were simulated, and hold numerical noise of their own"
     )
+    source: dict[str, CodeError] = Field(
+        default_factory=dict,
+        description="the measured slide was made by another code: type of measurement -> its error",
+    )
     validation_case: str | None = Field(
         None, description="case folder of a second section or event that judges the answer"
     )
@@ -107,6 +122,19 @@ class DiagnosisQuestion(Document):
             if name in self.forbid:
                 raise ValueError(f"effects: {name!r} is also under forbid")
         return self
+
+    @field_validator("source")
+    @classmethod
+    def _types(cls, source: dict[str, CodeError]) -> dict[str, CodeError]:
+        for name in source:
+            if name not in measurement_types():
+                raise ValueError(f"no measurement type {name!r}: {', '.join(measurement_types())}")
+        return source
+
+    @property
+    def source_errors(self) -> dict[str, SourceError]:
+        """`source` as the statistics take it."""
+        return {k: SourceError(one.std, one.correlation_length) for k, one in self.source.items()}
 
     @property
     def held_out(self) -> HoldOut | None:

@@ -15,8 +15,13 @@ import numpy as np
 from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from inversion.estimation.budget import Runs
-from inversion.estimation.covariance import Covariance, covariance, jitter_covariance
-from inversion.estimation.data import Data
+from inversion.estimation.covariance import (
+    Covariance,
+    covariance,
+    jitter_covariance,
+    source_covariance,
+)
+from inversion.estimation.data import Data, Targets
 from inversion.estimation.derivatives import central_differences, first_steps, steps_above_noise
 from inversion.estimation.hold_out import Split, split
 from inversion.estimation.misfit import total_of
@@ -82,7 +87,7 @@ def calibrate(model: Model, options: Options) -> Base:
     fit = _first_fit(runs, first, space, options)
     base = fit.x
     replicates = _replicates(runs, space, base, options)
-    cov = _covariance(runs, targets.covariance, space.state(base), replicates, options)
+    cov = _covariance(runs, targets, space.state(base), replicates, options)
     data = targets.data(cov.total, parts)
     jitter = jitter_covariance(replicates)
     steps = steps_above_noise(space, data, fit.derivative, jitter)
@@ -178,11 +183,13 @@ def paired(own: State, options: Options) -> dict[Numerics, State]:
 
 
 def _covariance(
-    runs: Runs, survey: np.ndarray, own: State, replicates: np.ndarray, options: Options
+    runs: Runs, targets: Targets, own: State, replicates: np.ndarray, options: Options
 ) -> Covariance:
     """C at the fit."""
+    source = source_covariance(targets.entries, options.source) if options.source else None
+    survey = targets.covariance
     if not options.numerical_covariance:
-        return covariance(survey)
+        return covariance(survey, source=source)
     states = paired(own, options)
     difference = {}
     if runs.affords(list(states.values()), "transfer and resolution"):
@@ -195,4 +202,5 @@ def _covariance(
         transfer=difference.get("transfer"),
         finer=difference.get("fine"),
         factor=options.resolution_factor,
+        source=source,
     )

@@ -7,6 +7,7 @@ others keep what the other case knows of them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.engine_model import EngineModel
 from diagnosis.verdict.verdict import ValidationCase
-from inversion.estimation.covariance import covariance
+from inversion.estimation.covariance import SourceError, covariance, source_covariance
 from inversion.estimation.surface_search import Fit
 from inversion.problem.forward import State, state
 
@@ -36,15 +37,20 @@ def validated(session: Session, found: Diagnosis) -> ValidationCase | None:
     chi2 = []
     for fit in (base, final):
         rows = model.predict([_there(model, fit, seed) for seed in range(SEEDS)])
-        chi2.append(misfit(model, rows))
+        chi2.append(misfit(model, rows, other.question.source_errors))
     used = _used(model)
     return ValidationCase(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
 
 
-def misfit(model: EngineModel, rows: np.ndarray) -> float:
+def misfit(
+    model: EngineModel, rows: np.ndarray, source: Mapping[str, SourceError] | None = None
+) -> float:
     """chi2 of all measured numbers, predicted by the mean of replicates (n, m); nothing fitted."""
     targets, used = model.targets, _used(model)
-    total = covariance(targets.covariance, replicates=rows).total[np.ix_(used, used)]
+    found = covariance(
+        targets.covariance, replicates=rows, source=source_covariance(targets.entries, source or {})
+    )
+    total = found.total[np.ix_(used, used)]
     good = rows[np.all(np.isfinite(rows[:, used]), axis=1)]
     if not len(good):
         return float("inf")

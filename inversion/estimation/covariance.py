@@ -10,20 +10,56 @@ and the cell size (a paired run with spacing / 1.5, b):
 Off-diagonals of S rest on few runs, so part of each is kept on the diagonal alone. Simulated data
 hold the noise of a run of their own; predictions are means over several runs.
 
+A measured slide that is itself the result of a simulation has a third part, C_source: how far codes
+differ on one and the same slide (`SourceError`). It is stated, not found, and enlarges no bound.
+
 Leaving C_num out makes every artefact of the grid a missing effect.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
+
+from geometry.survey.measured import Measured, exponential_correlation
 
 #: Share of the covariances that is kept where few runs have shown them.
 KEPT = 0.7
 #: Noise of simulated data and of the prediction next to it, in that of one run: theirs, and what
 #: the mean of several runs still has.
 SYNTHETIC = 1.25
+
+
+@dataclass(frozen=True)
+class SourceError:
+    """Error of the code that made a measured slide, in numbers of one type of measurement.
+
+    Attributes:
+        std: in the type's unit.
+        correlation_length: of the errors along x [m] or time [s] within a measurement; None: they
+            are independent.
+    """
+
+    std: float
+    correlation_length: float | None = None
+
+
+def source_covariance(entries: Sequence[Measured], errors: Mapping[str, SourceError]) -> np.ndarray:
+    """C_source (m, m) of measurements, from the error of each type; 0 for types not named."""
+    blocks = []
+    for entry in entries:
+        n = len(entry.values)
+        error = errors.get(getattr(entry, "type", ""))
+        if error is None:
+            blocks.append(np.zeros((n, n)))
+            continue
+        length = error.correlation_length if entry.along is not None and n > 1 else None
+        places = np.zeros(n) if entry.along is None else entry.along.place
+        blocks.append(error.std**2 * exponential_correlation(places, length))
+    return block_diag(*blocks)
 
 
 @dataclass(frozen=True)
@@ -35,17 +71,19 @@ class Covariance:
         jitter: of the replicates, more for simulated data.
         transfer: of the transfer scheme.
         resolution: of the cell size.
+        source: of the code that made the measured slide.
     """
 
     survey: np.ndarray
     jitter: np.ndarray
     transfer: np.ndarray
     resolution: np.ndarray
+    source: np.ndarray
 
     @property
     def total(self) -> np.ndarray:
         """C, (m, m)."""
-        return self.survey + self.jitter + self.transfer + self.resolution
+        return self.survey + self.jitter + self.transfer + self.resolution + self.source
 
 
 def covariance(
@@ -56,6 +94,7 @@ def covariance(
     transfer: np.ndarray | None = None,
     finer: np.ndarray | None = None,
     factor: float = 2.5,
+    source: np.ndarray | None = None,
 ) -> Covariance:
     """Put C together.
 
@@ -67,6 +106,7 @@ def covariance(
         finer: prediction at spacing / 1.5 minus that at the spacing, same jitter seed, (m,).
         factor: c, share of `finer` that counts as bias; its size left from here to no cells at all
             is 2 for an error of first order.
+        source: C_source, (m, m); None: the slide was no simulation, or one of the same code.
     """
     m = len(survey)
     nothing = np.zeros((m, m))
@@ -76,6 +116,7 @@ def covariance(
         jitter=SYNTHETIC * jitter if synthetic else jitter,
         transfer=nothing if transfer is None else np.outer(known(transfer), known(transfer)),
         resolution=nothing if finer is None else _partly(np.outer(*[factor * known(finer)] * 2)),
+        source=nothing if source is None else source,
     )
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import yaml
 
+from diagnosis.adequacy.calibration import calibrate
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import Hypothesis
+from diagnosis.verdict.fitted_models import fitted_to_part
 from geometry.case import load_case
 from inversion.engines.run_store import RunStore
 from inversion.estimation.hold_out import HoldOut
@@ -184,3 +188,27 @@ def test_older_keys_are_read_and_a_line_says_what_to_write(embankment, capsys):
         f"{path}: transfer: is called second_scheme now",
         f"{path}: transfer_check: is called validation_case now",
     ]
+
+
+def test_the_error_of_a_code_that_made_the_slide_is_a_part_of_its_own(embankment):
+    """It enlarges C by what is stated, correlated along the profile, and is named on the page."""
+    write(embankment, {"source": {"surface_profile": {"std": 0.7, "correlation_length": 20.0},
+                                  "toe_runout": {"std": 2.0}}})  # fmt: skip
+    case, model, options = model_and_options(embankment)
+    plain = replace(options, source={})
+    off = {"numerical_covariance": False}
+    base = calibrate(model, replace(options, **off))
+    without = calibrate(model, replace(plain, **off))
+    added = base.covariance.total - without.covariance.total
+    toe = next(n for n, one in enumerate(model.targets.names) if "toe" in one)
+    assert added[toe, toe] == pytest.approx(4.0)
+    assert np.count_nonzero(added[toe]) == 1
+    assert np.array_equal(base.covariance.survey, without.covariance.survey)  # no bound is loosened
+    assert "the code that made the slide" in fitted_to_part(base, model.targets).covariance
+    assert "the code that made the slide" not in fitted_to_part(without, model.targets).covariance
+
+
+def test_the_error_of_a_code_is_refused_for_what_nobody_measures(embankment):
+    write(embankment, {"source": {"seismogram": {"std": 1.0}}})
+    with pytest.raises(InputError, match="no measurement type 'seismogram'"):
+        diagnosis_case(load_case(embankment, Config()))
