@@ -6,13 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden_effects.foreign.differences import correlation_length
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
 from benchmarks.hidden_effects.foreign.slide import source
 from benchmarks.hidden_effects.making import surveys
-from benchmarks.hidden_effects.making.benchmark import load_benchmark
+from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
 from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes, survey_error
+from benchmarks.hidden_effects.making.make import write_case
+from benchmarks.hidden_effects.making.truth import Made
 from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, score_by_codes
 from benchmarks.hidden_effects.scoring.score import Judged
+from diagnosis.question import CodeError, load_diagnosis_question
 from tests.hidden_effects.judges import digest
 
 FOLDER = "benchmarks/hidden_effects"
@@ -115,3 +119,19 @@ def test_score_counts_each_kind():
     worse = replace(found.judged, digest=found.judged.digest.model_copy(update={
         "final": found.judged.digest.base}))  # fmt: skip
     assert score_by_codes([worse])["shares"]["held_out_falls"]["hits"] == 0
+
+
+def test_differences_that_decay_have_their_length():
+    apart = np.repeat(np.arange(0.0, 60.0, 1.0), 5)
+    pairs = list(zip(apart, np.exp(-apart / 12.0), strict=True))
+    assert correlation_length(pairs) == pytest.approx(15.0, abs=4.0)
+    assert correlation_length([(x, 1.0) for x in apart]) is None
+
+
+def test_a_case_states_how_far_codes_differ(benchmark, tmp_path):
+    section, planned = benchmark.sections["embankment"], plan_by_codes(benchmark)[0]
+    made = Made({}, [], np.array([[0.0, 1.0], [1.0, 2.0]]))
+    write_case(section, planned, made, Places(tmp_path), 40.0,
+               {"toe_runout": CodeError(std=2.0)})  # fmt: skip
+    question = load_diagnosis_question(Places(tmp_path).case(planned.name))
+    assert question.synthetic and question.source_errors["toe_runout"].std == 2.0

@@ -18,6 +18,7 @@ from benchmarks.hidden_effects.foreign.slide import source
 from benchmarks.hidden_effects.making.plan import ROUND, Kind, Planned, Reach, plan
 from benchmarks.hidden_effects.making.sections import Section, load_section
 from benchmarks.hidden_effects.making.surveys import SURVEYS
+from diagnosis.question import CodeError
 from geometry.scenes.scene import Document, checked_document, document_error
 from mpm_taichi.effects import effects, load_effects_file
 from pipeline.cli import InputError
@@ -56,6 +57,10 @@ class BenchmarkPlan(Document):
     sources: list[str] = Field(
         default_factory=list,
         description="other codes that make the truths (`foreign`); empty: the judge's solver",
+    )
+    source_error: dict[str, CodeError] = Field(
+        default_factory=dict,
+        description="type of measurement -> how far codes differ; `source` of every diagnosis.yaml",
     )
     contact: Literal["rough", "no_slip"] | None = Field(
         None, description="contact of the ground of every section; null: as drawn"

@@ -127,7 +127,8 @@ def make_by_codes(
             if made is None:
                 skip(planned, places)
             else:
-                write_case(section, planned, made, places, benchmark.plan.duration_s)
+                plan = benchmark.plan
+                write_case(section, planned, made, places, plan.duration_s, plan.source_error)
                 write_json(places.truth(planned.name), made.truth)
             words = f"{words}: {time.perf_counter() - began:.1f} s"
         on_case(number, len(mine), f"{planned.name}: {words}")

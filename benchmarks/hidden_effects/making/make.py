@@ -7,7 +7,7 @@ written last; no diagnosis starts without it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from benchmarks.hidden_effects.making.base_model import BaseModel
@@ -20,6 +20,7 @@ from benchmarks.hidden_effects.making.sections import Section
 from benchmarks.hidden_effects.making.surveys import PROFILE_FILE
 from benchmarks.hidden_effects.making.truth import Made, Maker
 from benchmarks.hidden_effects.scoring.records import read_reach, read_sealed, read_truth
+from diagnosis.question import CodeError
 from geometry.scenes.scene import save_scene
 from inversion.problem.question import material_key
 from inversion.problem.scene_changes import with_properties
@@ -154,7 +155,12 @@ def skip(planned: Planned, places: Places) -> None:
 
 
 def write_case(
-    section: Section, planned: Planned, made: Made, places: Places, duration_s: float
+    section: Section,
+    planned: Planned,
+    made: Made,
+    places: Places,
+    duration_s: float,
+    source_error: Mapping[str, CodeError] | None = None,
 ) -> None:
     """Write what a diagnosis sees: section, survey and question, with first guesses put in."""
     folder = places.case(planned.name)
@@ -176,7 +182,9 @@ def write_case(
     question = section.question.model_dump(mode="json", exclude_defaults=True)
     question["duration_s"] = duration_s
     _write_yaml(places, planned, "inversion.yaml", question)
-    _write_yaml(places, planned, "diagnosis.yaml", {"synthetic": True})
+    errors = {name: one.model_dump(exclude_none=True) for name, one in (source_error or {}).items()}
+    known = {"source": errors} if errors else {}
+    _write_yaml(places, planned, "diagnosis.yaml", {"synthetic": True, **known})
 
 
 def _write_yaml(places: Places, planned: Planned, name: str, document: dict[str, Any]) -> None:
