@@ -3,9 +3,9 @@
     python -m benchmarks.hidden_effects.foreign.differences --out DIR
 
 A null is simulated by the judge's solver at its true parameters and the spacing of the slide, and
-read as it was surveyed. What is left, less the survey's own error, is how far the codes differ: its size
-by type of measurement, its mean, and the length over which it hangs together along the profile.
-This is what `source` in `diagnosis.yaml` and `source_error` in the plan of a set state.
+read as it was surveyed. What is left, less the survey's own error, is how far the codes differ: its
+size by type of measurement, its mean, and the length over which it hangs together along the
+profile. This is what `source` in `diagnosis.yaml` and `source_error` in the plan of a set state.
 """
 
 from __future__ import annotations
