@@ -26,7 +26,12 @@ from diagnosis.hypotheses.model import Family
 from diagnosis.options import Options
 from diagnosis.selection.evidence import credible_set, probabilities
 from diagnosis.selection.explain import Explanation
-from diagnosis.selection.forward_selection import AdoptedModel, TriedModels, why_not
+from diagnosis.selection.forward_selection import (
+    AdoptedModel,
+    TriedModels,
+    at_new_bound,
+    why_not,
+)
 
 Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 
@@ -167,7 +172,7 @@ def explanations(tried_models: TriedModels, options: Options) -> dict[tuple[str,
     kept = {}
     weighed = {names: tried_models.weighed(model) for names, model in tried_models.models.items()}
     for names, model in tried_models.models.items():
-        if model.unread:
+        if model.unread or at_new_bound(tried_models.models[()], model):
             continue
         smaller = [
             key

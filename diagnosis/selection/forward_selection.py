@@ -35,7 +35,7 @@ from inversion.estimation.response_surface import Surface
 #: next to a first, promises are good to a fifth or 3, while a refit takes ten runs.
 PROMISING = 0.5
 #: Share of the best promise that a look-alike must promise itself to be refitted for that alone.
-RIVAL = 0.1
+RIVAL = 0.02
 #: Pairs that are refitted in a round.
 PAIRS = 2
 #: Pairs that are ranked, of which some are too many for the data.
