@@ -43,6 +43,9 @@ LOOK_S, LOOKS = 2.0, 15
 AT_REST, GONE = 0.002, 0.4
 """Sliding between two looks that is rest, and in a stage that is failure, in thicknesses."""
 
+SLIP = 0.1
+"""Sliding in a stage that is a slip of the whole slab, in thicknesses."""
+
 
 @dataclass(frozen=True)
 class Slab:
@@ -150,6 +153,17 @@ class Stages:
     def found(self) -> float:
         """F halfway between the last stage that came to rest and the one that failed."""
         return float(self.factor[-1] / np.sqrt(1.0 + STEP))
+
+    @property
+    def slips(self) -> float:
+        """F at which a stage first slides by `SLIP`, between stages by the logarithm of sliding.
+
+        Smooth where `found` jumps by a stage when a slab stops just short of `GONE`: for comparing
+        two slabs.
+        """
+        last = int(np.argmax(self.slid > SLIP))
+        pair = slice(last - 1, last + 1)
+        return float(np.interp(np.log(SLIP), np.log(self.slid[pair]), self.factor[pair]))
 
 
 def lower_in_stages(slab: Slab, start: float) -> Stages:

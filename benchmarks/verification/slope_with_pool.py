@@ -53,7 +53,7 @@ SLABS = (
     Slab(20.0, 0.15, "rough", level=False, submerged=True),
 )
 SAME = 0.005
-"""The submerged slab fails in the same stage as the dry one."""
+"""The submerged slab slips at the F of the dry one, within a quarter of a stage."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +128,12 @@ def run(folder: Path | None, quick: bool = False) -> list[Row]:
 
 def rows_of_slab(slab: Slab) -> list[Row]:
     """The submerged slab against the closed form and against the dry one."""
-    wet, dry = (lower_in_stages(one, 0.8).found for one in (slab, slab.dry()))
+    wet, dry = (lower_in_stages(one, 0.8) for one in (slab, slab.dry()))
     exact = slab.without_dilation(slab.formula)
     return [
-        Row(CASE, f"F, infinite slope, {name_of(slab)}", wet, exact, TOLERANCE,
-            note=f"dry: {100 * (dry / exact - 1):+.1f} %"),
-        Row(CASE, f"F / F of the dry slab, {name_of(slab)}", wet / dry, 1.0, SAME),
+        Row(CASE, f"F, infinite slope, {name_of(slab)}", wet.found, exact, TOLERANCE,
+            note=f"dry: {100 * (dry.found / exact - 1):+.1f} %"),
+        Row(CASE, f"F / F of the dry slab, {name_of(slab)}", wet.slips / dry.slips, 1.0, SAME),
     ]  # fmt: skip
 
 

@@ -26,7 +26,7 @@ def test_a_submerged_slab_has_the_cohesion_of_its_submerged_weight():
 
 
 @pytest.mark.slow
-def test_a_submerged_slab_fails_when_the_dry_one_does():
+def test_a_submerged_slab_slips_when_the_dry_one_does():
     coarse = replace(case.SLABS[0], spacing=0.5)
     closed_form, dry = case.rows_of_slab(coarse)
     assert dry.passed, dry
