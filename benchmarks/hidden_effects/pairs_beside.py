@@ -39,7 +39,7 @@ def main(names: list[str]) -> None:
             continue
         laboratory.forget()
         values = np.array(list(truth["parameters"].values()))
-        section = benchmark.sections[truth["section"]]
+        section = benchmark.section(truth)
         now = Sight(laboratory, base(section), truth["survey"], values).beside(truth["effects"])
         print(
             f"{truth['name']}  {' + '.join(truth['effects'])}: recorded {truth['beside']:.0f}, now "

@@ -30,13 +30,14 @@ def benchmark():
 def test_plan_has_what_is_asked_for(benchmark):
     row = plan_by_codes(benchmark)
     assert Counter(one.kind for one in row) == {"null": 40, "single": 40, "outside": 16}
-    assert Counter(one.source for one in row) == {"newton": 48, "smoothed_particles": 48}
+    assert Counter(one.source for one in row) == {"newton": 24, "smoothed_particles": 72}
     hidden = [THINGS[name] for one in row for name in one.effects if one.kind == "single"]
     assert {family for thing in hidden for family in thing.families} == set(FAMILIES)
     for one in row:
         for name in one.effects:
             assert name in source(one.source).hides
-            assert not THINGS[name].applies(benchmark.sections[one.section].scene)
+            section = benchmark.sections_of(one.source)[one.section]
+            assert not THINGS[name].applies(section.scene)
             assert THINGS[name].stranger == (one.kind == "outside")
     assert plan_by_codes(benchmark) == row
 
@@ -50,7 +51,15 @@ def test_learning_set_has_other_cases(benchmark):
 
 
 def test_ground_is_as_the_plan_says(benchmark):
-    assert {one.scene.ground.contact for one in benchmark.sections.values()} == {"no_slip"}
+    sections = {code: benchmark.sections_of(code) for code in benchmark.plan.sources}
+    contact = {
+        code: {one.scene.ground.contact for one in own.values()} for code, own in sections.items()
+    }
+    assert contact == {"smoothed_particles": {"rough"}, "newton": {"no_slip"}}
+    assert "reservoir_dam" in set(sections["smoothed_particles"]) - set(sections["newton"])
+    truth = {"name": "case", "section": "embankment", "source": "newton"}
+    assert benchmark.section(truth) == sections["newton"]["embankment"]
+    assert benchmark.section({**truth, "source": ""}) == benchmark.sections["embankment"]
 
 
 def test_errors_of_the_survey_move_elevations_alone(benchmark):

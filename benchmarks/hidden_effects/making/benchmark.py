@@ -27,6 +27,18 @@ from pipeline.files import read_yaml
 FILE_NAME = "benchmark.yaml"
 
 
+class SourcePlan(Document):
+    """What another code makes of a set."""
+
+    share: int = Field(1, gt=0, description="cases of it in a round of all codes")
+    sections: list[str] | None = Field(
+        None, min_length=1, description="where it agrees if nothing is hidden; null: all"
+    )
+    contact: Literal["rough", "no_slip"] | None = Field(
+        None, description="contact of the ground of its sections; null: as drawn"
+    )
+
+
 class BenchmarkPlan(Document):
     """The whole of `benchmark.yaml`."""
 
@@ -54,16 +66,13 @@ class BenchmarkPlan(Document):
     water: Literal["buoyant", "pore_pressure"] = Field(
         "pore_pressure", description="simulation.water of the truths and of the judge"
     )
-    sources: list[str] = Field(
-        default_factory=list,
+    sources: dict[str, SourcePlan] = Field(
+        default_factory=dict,
         description="other codes that make the truths (`foreign`); empty: the judge's solver",
     )
     source_error: dict[str, CodeError] = Field(
         default_factory=dict,
         description="type of measurement -> how far codes differ; `source` of every diagnosis.yaml",
-    )
-    contact: Literal["rough", "no_slip"] | None = Field(
-        None, description="contact of the ground of every section; null: as drawn"
     )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
 
@@ -85,7 +94,7 @@ class Benchmark:
     outside: list[str]
 
     def section(self, truth: Mapping[str, Any]) -> Section:
-        """The section of a truth.
+        """The section of a truth, on the ground that its source asks for.
 
         Raises:
             InputError: the benchmark has no such section.
@@ -96,7 +105,15 @@ class Benchmark:
                 f"{truth['name']}: section: {truth['section']!r} is not in this benchmark; it has "
                 f"{', '.join(self.sections)}"
             )
-        return found
+        return self.sections_of(truth["source"])[found.name] if truth.get("source") else found
+
+    def sections_of(self, code: str) -> dict[str, Section]:
+        """The sections on which another code makes slides, on the ground that it asks for."""
+        wanted = self.plan.sources[code]
+        return {
+            name: _on(self.sections[name], wanted.contact)
+            for name in wanted.sections or self.sections
+        }
 
     def cases(self, reach: Reach) -> list[Planned]:
         """The row of cases."""
@@ -143,8 +160,12 @@ def load_benchmark(text: str | Path) -> Benchmark:
     for survey in wanted.surveys:
         if survey not in SURVEYS:
             raise InputError(f"{path}: surveys: {survey!r}: allowed are {', '.join(SURVEYS)}")
-    for code in wanted.sources:
+    for code, one in wanted.sources.items():
         source(code)
+        for name in one.sections or ():
+            if name not in wanted.sections:
+                allowed = ", ".join(wanted.sections)
+                raise InputError(f"{path}: sources: {code}: {name!r}: allowed are {allowed}")
     library = list(effects())
     for name in wanted.effects or ():
         if name not in library:
@@ -156,7 +177,7 @@ def load_benchmark(text: str | Path) -> Benchmark:
         if name not in wanted.laws:
             raise InputError(f"{path}: laws: {name}: missing; a variable, or null")
     sections = {
-        name: _wanted(load_section(folder / "sections" / name), wanted, str(path))
+        name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor, str(path))
         for name in wanted.sections
     }
     everywhere = [name for name, one in effects().items() if not one.place]
@@ -164,12 +185,11 @@ def load_benchmark(text: str | Path) -> Benchmark:
     return Benchmark(wanted, sections, inside, outside)
 
 
-def _wanted(section: Section, wanted: BenchmarkPlan, source: str) -> Section:
-    """The section at the judge's spacing, on the ground that the plan asks for."""
-    section = coarser(section, wanted.spacing_factor, source)
-    if wanted.contact is None:
+def _on(section: Section, contact: str | None) -> Section:
+    """The section on ground of another contact; None: as drawn."""
+    if contact is None:
         return section
-    ground = section.scene.ground.model_dump() | {"contact": wanted.contact}
+    ground = section.scene.ground.model_dump() | {"contact": contact}
     return replace(section, scene=section.scene.changed(ground=ground))
 
 

@@ -1,7 +1,7 @@
 """Making cases whose truth is another code's slide (`benchmarks.hidden_effects.foreign`).
 
-Each code gets as many cases as the others, and of each kind; families and the things of a family
-are dealt in turn. Amplitudes are drawn, not chosen by how well they can be seen: that is measured
+Each code gets its share of the cases of each kind; families and the things of a family are dealt in
+turn. Amplitudes are drawn, not chosen by how well they can be seen: that is measured
 afterwards, as chi2 that the best base model leaves of the slide, the code's own error included.
 """
 
@@ -60,7 +60,8 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
     wanted = benchmark.plan
     stream = Stream(wanted.seed, number_of("plan by codes"))
     kinds = Deck(wanted.kinds, stream)
-    codes = {kind: Deck(wanted.sources, stream) for kind in ("null", "single", "outside")}
+    shares = [code for code, one in wanted.sources.items() for _ in range(one.share)]
+    codes = {kind: Deck(shares, stream) for kind in ("null", "single", "outside")}
     families = Deck(FAMILIES, stream)
     decks: dict[Any, Deck] = {}
 
@@ -72,7 +73,7 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
         kind: Kind = kinds.deal()
         code = codes[kind].deal()
         effects: tuple[str, ...] = ()
-        able = [name for name in source(code).hides if _places(benchmark, name)]
+        able = [name for name in source(code).hides if _places(benchmark, code, name)]
         if kind == "single":
             family = families.deal()
             while not (members := [n for n in able if family in THINGS[n].families]):
@@ -80,16 +81,20 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
             effects = (dealt((code, family), members),)
         elif kind == "outside":
             effects = (dealt((code, "stranger"), [n for n in able if THINGS[n].stranger]),)
-        where = _places(benchmark, effects[0]) if effects else list(benchmark.sections)
+        where = _places(benchmark, code, *effects)
         section = dealt((kind, tuple(where)), where)
         survey = dealt((kind, "survey"), wanted.surveys)
         found.append(PlannedByCode(f"case_{k + 1:04d}", kind, effects, section, survey, 0, code))
     return found
 
 
-def _places(benchmark: Benchmark, name: str) -> list[str]:
-    """Sections on which a thing can act."""
-    return [s for s, one in benchmark.sections.items() if not THINGS[name].applies(one.scene)]
+def _places(benchmark: Benchmark, code: str, *names: str) -> list[str]:
+    """Sections of a code on which things can act."""
+    return [
+        section
+        for section, one in benchmark.sections_of(code).items()
+        if not any(THINGS[name].applies(one.scene) for name in names)
+    ]
 
 
 def make_by_codes(
@@ -122,7 +127,7 @@ def make_by_codes(
         words = "was there"
         if not places.truth(planned.name).is_file():
             began = time.perf_counter()
-            section = benchmark.sections[planned.section]
+            section = benchmark.sections_of(planned.source)[planned.section]
             made, words = _make(benchmark, planned, section, base, laboratory.threads)
             if made is None:
                 skip(planned, places)

@@ -67,12 +67,13 @@ def make(
 
 def base_models(laboratory: Laboratory) -> Callable[[Section], BaseModel]:
     """The base model of each section, simulated when it is first asked for."""
-    found: dict[str, BaseModel] = {}
+    found: dict[tuple[str, str], BaseModel] = {}
 
     def base(section: Section) -> BaseModel:
-        if section.name not in found:
-            found[section.name] = BaseModel.simulate(laboratory, section)
-        return found[section.name]
+        key = section.name, section.scene.ground.contact
+        if key not in found:
+            found[key] = BaseModel.simulate(laboratory, section)
+        return found[key]
 
     return base
 
