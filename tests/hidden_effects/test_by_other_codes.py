@@ -15,6 +15,8 @@ from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes, surve
 from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.truth import Made
 from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, score_by_codes
+from benchmarks.hidden_effects.scoring.digest import WindowDigest
+from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 from diagnosis.question import CodeError, load_diagnosis_question
 from tests.hidden_effects.judges import digest
@@ -128,6 +130,26 @@ def test_score_counts_each_kind():
     worse = replace(found.judged, digest=found.judged.digest.model_copy(update={
         "final": found.judged.digest.base}))  # fmt: skip
     assert score_by_codes([worse])["shares"]["held_out_falls"]["hits"] == 0
+
+
+def test_the_stretch_that_is_stated_is_compared_with_what_fails():
+    def one(place, left, begin, end, p, axis="x_m"):
+        case = _judged("single", "pool", "adequate", []).judged
+        case.truth["fails"] = [
+            {"measurement": "surface", "axis": axis, "place": place, "left": left}
+        ]  # fmt: skip
+        window = WindowDigest(measurement="surface", begin=begin, end=end, p=p)
+        return replace(case, digest=case.digest.model_copy(update={"window": window}))
+
+    place = [0.0, 10.0, 20.0, 30.0]
+    half = one(place, [0.1, -4.0, 3.0, 0.2], 20.0, 30.0, 0.01)
+    whole = one(place, [0.1, -4.0, 3.0, 0.2], 10.0, 20.0, 0.01)
+    unsure = one(place, [0.1, -4.0, 3.0, 0.2], 0.0, 0.0, 0.5)
+    found = regions([half, whole, unsure])
+    assert found["space"] == {"cases": 2, "precision": 0.75, "recall": 0.75, "f1": 0.75}
+    assert found["time"] == {"cases": 0, "precision": None, "recall": None, "f1": None}
+    late = one([1.0, 2.0, 4.0], [0.0, 0.0, 5.0], 4.0, 4.0, 0.01, "time_s")
+    assert regions([late])["time"]["f1"] == 1.0
 
 
 def test_differences_that_decay_have_their_length():

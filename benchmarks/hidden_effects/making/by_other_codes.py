@@ -183,7 +183,7 @@ def _make(
             "section": planned.section, "survey": planned.survey,
             "effects": {one.name: one.entry for one in hidden},
             "parameters": dict(zip(section.parameters.names, values.tolist(), strict=True)),
-            "lambda": _left(base(section), planned.survey, section, slide, scene, values, hidden),
+            **_left(base(section), planned.survey, section, slide, scene, values, hidden),
             "area_kept": round(slide.area_kept, 4),
             "spacing_factor": factor, "jitter_seed": seed,
             "measured": measured.tolist(), "places": where.tolist(),
@@ -220,8 +220,13 @@ def survey_error(hidden: Sequence[Hidden], entries: Sequence[Measured]) -> np.nd
 def _left(
     base: BaseModel, survey: str, section: Section, slide: Slide, scene: Any, values: np.ndarray,
     hidden: Sequence[Hidden],
-) -> float:  # fmt: skip
-    """Chi2 that the refitted base model leaves of the slide without the survey's random error."""
+) -> dict[str, Any]:  # fmt: skip
+    """What the refitted base model leaves of the slide without the survey's random error.
+
+    Returns:
+        `lambda`: chi2. `fails`: of each series (profile, toe in time), its measurement, axis,
+        places and what is left there in standard deviations of the judge.
+    """
     deposit = slide.deposit(scene)
     toe = surveys.toe_of(section, deposit)
     where = base.places(survey, toe)
@@ -230,5 +235,13 @@ def _left(
         read = surveys.reading(entries, deposit) + survey_error(hidden, entries)
         curve = base.curve(survey, toe)
     except ValueError:
-        return 0.0
-    return round(refit(np.array([read, read]), curve, *base.split(values)).seen, 3)
+        return {"lambda": 0.0, "fails": []}
+    found = refit(np.array([read, read]), curve, *base.split(values))
+    ends = np.cumsum([len(entry.values) for entry in entries])[:-1]
+    fails = [
+        {"measurement": entry.name, "axis": entry.along.axis,
+         "place": np.round(entry.along.place, 2).tolist(), "left": np.round(left, 2).tolist()}
+        for entry, left in zip(entries, np.split(found.left, ends), strict=True)
+        if entry.along is not None and entry.along.series
+    ]  # fmt: skip
+    return {"lambda": round(found.seen, 3), "fails": fails}

@@ -82,11 +82,13 @@ class Refit:
         u: its fitted strength.
         held: its other parameters less their prior means, fitted units, (q,).
         seen: lambda.
+        left: what it leaves of each number, in standard deviations of the judge, (m,).
     """
 
     u: float
     held: np.ndarray
     seen: float
+    left: np.ndarray
 
 
 def refit(slide: np.ndarray, curve: Curve, u: float, held: np.ndarray) -> Refit:
@@ -117,7 +119,8 @@ def _nearest_base(
 ) -> Refit:
     """The best of all strengths; at each the held parameters follow from linear least squares."""
     u, halves, slopes = fine
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    lower = np.linalg.cholesky(covariance)
+    whiten = np.linalg.inv(lower)
     left = (slide[:, None] - halves) @ whiten.T  # (2, k, m)
     slopes = whiten @ slopes  # (k, m, q)
     across = slopes.transpose(0, 2, 1)
@@ -129,7 +132,8 @@ def _nearest_base(
     chi2 = np.sum(left.mean(axis=0) ** 2, axis=1) + prior
     k = int(np.argmin(chi2))
     seen = float(left[0, k] @ left[1, k] + prior[k])
-    return Refit(float(u[k]), best[k, :, 0], max(seen, 0.0))
+    each = lower @ left[:, k].mean(axis=0) / np.sqrt(np.diag(covariance))
+    return Refit(float(u[k]), best[k, :, 0], max(seen, 0.0), each)
 
 
 def bin_of(value: float) -> int | None:

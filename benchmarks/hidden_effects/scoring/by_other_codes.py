@@ -17,6 +17,7 @@ from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Thing
 from benchmarks.hidden_effects.scoring.asked import Asked
 from benchmarks.hidden_effects.scoring.calibration import calibration
 from benchmarks.hidden_effects.scoring.intervals import Share
+from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 
 ASKED = (
@@ -124,6 +125,7 @@ def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
         "sources": by_source,
         "strength_error": strength,
         "calibration": calibration(judged, _stands_for_what_was_hidden).document,
+        "regions": regions(judged),
         "cases": [_line(one) for one in cases],
     }
 

@@ -43,6 +43,15 @@ class CurveDigest(StrictDocument):
         return self
 
 
+class WindowDigest(StrictDocument):
+    """Where and when the base model fails worst."""
+
+    measurement: str = Field(description="a series: the profile, or the toe in time")
+    begin: float = Field(description="first place in it [m or s]")
+    end: float = Field(description="last place in it")
+    p: float = Field(description="that noise has anywhere a stretch as bad")
+
+
 class Digest(StrictDocument):
     """A verdict, short."""
 
@@ -69,6 +78,9 @@ class Digest(StrictDocument):
     nearest: dict[str, float] = Field(description="candidate -> its largest |cosine| to a rival")
     scores: dict[str, float] = Field(description="candidate -> z, the best few")
     curve: CurveDigest | None = Field(description="where the effect is unknown")
+    window: WindowDigest | None = Field(
+        None, description="of the base model; null: no series, or an earlier record"
+    )
     runs: int = Field(description="forward runs asked for")
     cut_short: list[str] = Field(description="what the allowance did not cover")
     seconds: float = Field(description="wall time")
@@ -112,6 +124,7 @@ def digest_of(verdict: Verdict) -> Digest:
             knots=[_short(v) for v in curve.knots],
             multiplier=[_short(v) for v in curve.multiplier],
         ),
+        window=_window(verdict.base),
         runs=verdict.runs.asked,
         cut_short=verdict.runs.cut_short,
         seconds=round(verdict.seconds or 0.0, 2),
@@ -136,6 +149,15 @@ def _stage(stage: FittedModelSummary) -> StageDigest:
         p=_short(stage.p_combined),
         held_out_chi2=_short(stage.held_out.chi2),
         held_out_n=stage.held_out.n,
+    )
+
+
+def _window(stage: FittedModelSummary) -> WindowDigest | None:
+    found = stage.window
+    if found is None or found.x_from is None or found.x_to is None:
+        return None
+    return WindowDigest(
+        measurement=found.measurement, begin=found.x_from, end=found.x_to, p=_short(found.p)
     )
 
 
