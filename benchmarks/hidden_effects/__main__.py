@@ -238,9 +238,8 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
     benchmark = load_benchmark(arguments.benchmark)
     if benchmark.plan.sources:
-        if arguments.page is not None:
-            raise InputError("--page: a set by other codes has no page of its own")
-        return _score_by_codes(rows, benchmark, out, record if fresh else None)
+        page = None if arguments.page is None else Path(arguments.page)
+        return _score_by_codes(rows, benchmark, out, record if fresh else None, page)
     by_variant = {name: judged(rows, benchmark, name) for name in variants}
     scores = {name: score(cases) for name, cases in by_variant.items() if cases}
     if arguments.page is not None:
@@ -266,9 +265,13 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
 
 
 def _score_by_codes(
-    rows: list[dict[str, Any]], benchmark: Benchmark, out: Path, record: Path | None
+    rows: list[dict[str, Any]],
+    benchmark: Benchmark,
+    out: Path,
+    record: Path | None,
+    page: Path | None,
 ) -> int:
-    """Score a set by other codes; write the record where it is new."""
+    """Score a set by other codes; write the record where it is new, and the page."""
     from benchmarks.hidden_effects.scoring.by_other_codes import (
         ASKED,
         ByCode,
@@ -276,20 +279,27 @@ def _score_by_codes(
         shares_of,
     )
     from benchmarks.hidden_effects.scoring.opened import judged, save_rows
+    from benchmarks.hidden_effects.scoring.page_by_codes import FOREIGN, draw_all, generated
     from pipeline.files import write_json
 
+    if page is not None:
+        around(page, FOREIGN)
     cases = judged(rows, benchmark, METHOD)
     if record is not None:
         save_rows(rows, record)
     document = score_by_codes(cases)
     write_json(out / "score.json", document)
-    shares = shares_of([ByCode(one) for one in cases])
+    by_code = [ByCode(one) for one in cases]
+    shares = shares_of(by_code)
     print(table(("figure", "measured", "asked"),
                 [(one.words, shares[one.name].words, one.bound) for one in ASKED]))  # fmt: skip
     print()
     print(table(("family", "right", "of"),
                 [(name, share["hits"], share["n"])
                  for name, share in document["families"].items()]))  # fmt: skip
+    if page is not None:
+        draw_all(page.parent.parent / "images" / page.stem, by_code)
+        renew(page, **{FOREIGN: generated(by_code, document, f"../images/{page.stem}")})
     return 0
 
 

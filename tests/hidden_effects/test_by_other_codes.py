@@ -16,6 +16,7 @@ from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.truth import Made
 from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, score_by_codes
 from benchmarks.hidden_effects.scoring.digest import WindowDigest
+from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 from diagnosis.question import CodeError, load_diagnosis_question
@@ -130,6 +131,20 @@ def test_score_counts_each_kind():
     worse = replace(found.judged, digest=found.judged.digest.model_copy(update={
         "final": found.judged.digest.base}))  # fmt: skip
     assert score_by_codes([worse])["shares"]["held_out_falls"]["hits"] == 0
+
+
+def test_page_has_every_figure_and_every_case(tmp_path):
+    cases = [
+        _judged("null", None, "adequate", []),
+        _judged("single", "pool", "identified", [], families=["water"]),
+        _judged("outside", "wave", "identified", ["shaking"], own={"shaking": "physics"}),
+    ]
+    text = generated(cases, score_by_codes([one.judged for one in cases]), "pictures")
+    assert "| nulls to which something is attributed | 0 of 1" in text.replace("  ", " ")
+    assert "**missed**" in text, "the stranger is explained away"
+    assert text.count("| case ") == 1 and "| pool | identified | water | yes |" in text
+    for path in draw_all(tmp_path, cases):
+        assert path.stat().st_size > 5000
 
 
 def test_the_stretch_that_is_stated_is_compared_with_what_fails():

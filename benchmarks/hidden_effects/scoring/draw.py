@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.hidden_effects.making.detectability import BINS
-from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED
+from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, Asked
 from benchmarks.hidden_effects.scoring.calibration import LEVELS, Calibration, calibration
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
@@ -35,7 +35,7 @@ WIDTH = 7.0
 def draw_all(folder: Path, method: Score, judged: Sequence[Judged]) -> list[Path]:
     """All pictures."""
     return [
-        asked(folder / "asked.png", method),
+        draw_asked(folder / "asked.png", ASKED, method.shares),
         detectability(folder / "detectability.png", method),
         confusion(folder / "confusion.png", judged),
         strength(folder / "strength.png", judged),
@@ -43,14 +43,14 @@ def draw_all(folder: Path, method: Score, judged: Sequence[Judged]) -> list[Path
     ]
 
 
-def asked(path: Path, method: Score) -> Path:
+def draw_asked(path: Path, asked: Sequence[Asked], shares: Mapping[str, Share]) -> Path:
     """Every figure with its interval; the side on which it should lie is shaded."""
-    known = [one for one in ASKED if method.shares[one.name].n]
+    known = [one for one in asked if shares[one.name].n]
     figure = new_figure(0.9 + 0.34 * len(known), WIDTH)
     height = figure.get_size_inches()[1]
     ax = figure.add_axes((0.5, 0.55 / height, 0.33, 0.34 * len(known) / height))
     for row, one in enumerate(known):
-        share = method.shares[one.name]
+        share = shares[one.name]
         if one.limit is not None:
             ends = (100.0 * one.limit, 100.0) if one.least else (0.0, 100.0 * one.limit)
             ax.barh(row, ends[1] - ends[0], left=ends[0], height=0.86, color=PALE_AFTER)

@@ -60,7 +60,7 @@ def generated(
         f"![What was hidden and what was said]({pictures}/confusion.png)",
         "### By effect", _effects(judged),
         f"![Error of S_r before and after]({pictures}/strength.png)",
-        "### Calibration", _calibration(judged),
+        "### Calibration", calibration_text(judged),
         f"![Stated probabilities and levels against what was so]({pictures}/calibration.png)",
         "### Ablations", _ablations(ablations),
         "### Every miss", _misses(judged),
@@ -137,7 +137,7 @@ def _pairs(method: Score) -> str:
     ) + table(("pairs", *ENDS), rows)
 
 
-def _calibration(judged: Sequence[Judged]) -> str:
+def calibration_text(judged: Sequence[Judged]) -> str:
     """Coverage of the quoted intervals, and reliability of the probabilities where there are."""
     whole = calibration(judged)
     quoted = any(one.digest.quoted for one in judged)
