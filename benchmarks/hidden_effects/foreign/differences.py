@@ -4,8 +4,9 @@
 
 A null is simulated by the judge's solver at its true parameters and the spacing of the slide, and
 read as it was surveyed. What is left, less the survey's own error, is how far the codes differ: its
-size by type of measurement, its mean, and the length over which it hangs together along the
-profile. This is what `source` in `diagnosis.yaml` and `source_error` in the plan of a set state.
+size by type of measurement, its mean, and the length over which it is correlated along the profile,
+for each code. This is what `error` of a source in the plan of a set states, and so `source` in
+`diagnosis.yaml`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -28,17 +30,50 @@ from pipeline.files import write_json
 RUNS = 3
 
 
-def differences(benchmark: Benchmark, places: Places) -> dict[str, dict[str, float | int | None]]:
-    """Type of measurement -> std, mean and correlation length of the differences, and their number.
+Found = dict[str, float | int | None]
+
+
+@dataclass
+class OfCode:
+    """Differences of one code so far.
+
+    Attributes:
+        left: type of measurement -> differences of each null [its unit].
+        variance: type of measurement -> the survey's own, of each number.
+        products: pairs of a distance along the profile [m] and the product of two differences.
+        kept: area of each deposit over that of its section.
+    """
+
+    left: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
+    variance: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    products: list[tuple[float, float]] = field(default_factory=list)
+    kept: list[float] = field(default_factory=list)
+
+    @property
+    def found(self) -> dict[str, Found]:
+        """Type of measurement -> std, mean and correlation length, and how many numbers."""
+        found: dict[str, Found] = {}
+        for name, rows in self.left.items():
+            numbers = np.concatenate(rows)
+            excess = float(np.mean(numbers**2) - np.mean(self.variance[name]))
+            found[name] = {
+                "std": round(float(np.sqrt(max(excess, 0.0))), 3),
+                "mean": round(float(np.mean(numbers)), 3),
+                "n": len(numbers),
+            }
+        found["surface_profile"]["correlation_length"] = correlation_length(self.products)
+        kept = round(float(np.mean(self.kept)), 4)
+        return {**found, "area kept": {"mean": kept, "n": len(self.kept)}}
+
+
+def differences(benchmark: Benchmark, places: Places) -> dict[str, dict[str, Found]]:
+    """Code -> type of measurement -> std, mean and correlation length of the differences.
 
     Args:
         benchmark: of the set.
         places: of its files, truths among them.
     """
-    left: dict[str, list[np.ndarray]] = defaultdict(list)
-    survey: dict[str, list[float]] = defaultdict(list)
-    products: list[tuple[float, float]] = []
-    kept: dict[str, list[float]] = defaultdict(list)
+    codes: dict[str, OfCode] = defaultdict(OfCode)
     for path in sorted((places.out / "truths").glob("*.json")):
         truth = read_truth(path)
         if truth.get("skipped") or truth["kind"] != "null":
@@ -60,25 +95,14 @@ def differences(benchmark: Benchmark, places: Places) -> dict[str, dict[str, flo
             np.array(truth["measured"]) - np.mean(rows, axis=0),
             np.cumsum([len(entry.values) for entry in entries])[:-1],
         )
+        code = codes[truth["source"]]
         for entry, own in zip(entries, off, strict=True):
-            left[entry.type].append(own)
-            survey[entry.type] += [entry.std**2] * len(own)
-        profile = off[0]
+            code.left[entry.type].append(own)
+            code.variance[entry.type] += [entry.std**2] * len(own)
         apart = np.abs(where[:, None] - where[None, :])
-        products += zip(apart.ravel(), np.outer(profile, profile).ravel(), strict=True)
-        kept[truth["source"]].append(truth["area_kept"])
-    found: dict[str, dict[str, float | int | None]] = {}
-    for name, rows in left.items():
-        numbers = np.concatenate(rows)
-        variance = float(np.mean(numbers**2) - np.mean(survey[name]))
-        found[name] = {
-            "std": round(float(np.sqrt(max(variance, 0.0))), 3),
-            "mean": round(float(np.mean(numbers)), 3),
-            "n": len(numbers),
-        }
-    found.get("surface_profile", {})["correlation_length"] = correlation_length(products)
-    return {**found, **{f"area kept, {name}": {"mean": round(float(np.mean(own)), 4), "n": len(own)}
-                        for name, own in kept.items()}}  # fmt: skip
+        code.products += zip(apart.ravel(), np.outer(off[0], off[0]).ravel(), strict=True)
+        code.kept.append(truth["area_kept"])
+    return {name: code.found for name, code in codes.items()}
 
 
 def correlation_length(products: Sequence[tuple[float, float]]) -> float | None:
@@ -108,9 +132,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     places = Places(Path(arguments.out))
     found = differences(load_benchmark(arguments.benchmark), places)
     write_json(places.out / "differences.json", found)
-    lines = [(name, *(str(one.get(key, "")) for key in ("std", "mean", "correlation_length", "n")))
-             for name, one in found.items()]  # fmt: skip
-    print(table(("type of measurement", "std", "mean", "correlation length [m]", "numbers"), lines))
+    keys = ("std", "mean", "correlation_length", "n")
+    lines = [(code.replace("_", " "), name, *(str(one.get(key, "")) for key in keys))
+             for code, types in found.items() for name, one in types.items()]  # fmt: skip
+    heads = ("code", "type of measurement", "std", "mean", "correlation length [m]", "numbers")
+    print(table(heads, lines))
     return 0
 
 

@@ -20,6 +20,7 @@ from benchmarks.hidden_effects.making.sections import Section, load_section
 from benchmarks.hidden_effects.making.surveys import SURVEYS
 from diagnosis.question import CodeError
 from geometry.scenes.scene import Document, checked_document, document_error
+from inversion.estimation.covariance import SourceError
 from mpm_taichi.effects import effects, load_effects_file
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
@@ -37,6 +38,16 @@ class SourcePlan(Document):
     contact: Literal["rough", "no_slip"] | None = Field(
         None, description="contact of the ground of its sections; null: as drawn"
     )
+    error: dict[str, CodeError] = Field(
+        default_factory=dict,
+        description="type of measurement -> how far it differs from the judge's solver where "
+        "nothing is hidden; `source` of every diagnosis.yaml",
+    )
+
+    @property
+    def errors(self) -> dict[str, SourceError]:
+        """`error` as the statistics take it."""
+        return {k: SourceError(one.std, one.correlation_length) for k, one in self.error.items()}
 
 
 class BenchmarkPlan(Document):
@@ -69,10 +80,6 @@ class BenchmarkPlan(Document):
     sources: dict[str, SourcePlan] = Field(
         default_factory=dict,
         description="other codes that make the truths (`foreign`); empty: the judge's solver",
-    )
-    source_error: dict[str, CodeError] = Field(
-        default_factory=dict,
-        description="type of measurement -> how far codes differ; `source` of every diagnosis.yaml",
     )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
 

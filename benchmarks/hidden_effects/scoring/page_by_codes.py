@@ -87,7 +87,7 @@ def _regions(document: Mapping[str, Any]) -> str:
     ]
     return (
         "The stretch of a series in which the verdict says that the model fails, against the "
-        "numbers of which the best base model leaves more than two standard deviations of the "
+        "numbers of which the best base model leaves more than one standard deviation of the "
         "slide itself.\n\n"
     ) + table(("in", "cases that state a stretch", "precision", "recall", "F1"), rows)
 
