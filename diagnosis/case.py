@@ -101,6 +101,7 @@ class DiagnosisCase(Case):
             seed=seed_of(self.name),
             synthetic=question.synthetic,
             source=question.source_errors,
+            source_strength=question.source_strength,
             hold_out=question.held_out,
             forbidden=tuple(name for name in question.forbid if name in acting),
             effects=wanted,

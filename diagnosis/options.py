@@ -21,6 +21,7 @@ class Options:
         seed: decides every simulated noise; see `seed_of`.
         synthetic: the data were simulated, so they hold numerical noise of their own.
         source: type of measurement -> error of the code that made the measured slide.
+        source_strength: its error as a share of the strength that would imitate it.
         hold_out: None: by the file, or automatically where it holds out nothing.
         forbidden: effects that the engineer rules out.
         effects: the only candidates to test; None: all of the model.
@@ -62,6 +63,7 @@ class Options:
     seed: int = 0
     synthetic: bool = False
     source: Mapping[str, SourceError] = field(default_factory=dict)
+    source_strength: float = 0.0
     hold_out: HoldOut | None = None
     forbidden: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None

@@ -99,6 +99,13 @@ class DiagnosisQuestion(Document):
         default_factory=dict,
         description="the measured slide was made by another code: type of measurement -> its error",
     )
+    source_strength: float = Field(
+        0.0,
+        ge=0.0,
+        lt=1.0,
+        description="how far the strengths differ by which codes imitate one and the same slide, "
+        "as a share",
+    )
     validation_case: str | None = Field(
         None, description="case folder of a second section or event that judges the answer"
     )

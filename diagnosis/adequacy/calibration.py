@@ -93,6 +93,11 @@ def calibrate(model: Model, options: Options) -> Base:
     steps = steps_above_noise(space, data, fit.derivative, jitter)
     slope = central_differences(runs, space, base, replicates[0], steps, "derivative at the fit")
     slope = fit.derivative if slope is None else slope
+    if options.source_strength:
+        strengths = space.parameters.logarithmic & ~space.parameters.has_prior
+        moved = options.source_strength * slope[:, strengths]
+        cov = replace(cov, source=cov.source + moved @ moved.T)
+        data = targets.data(cov.total, parts)
     surface = Surface(space, base, _mean(replicates), slope)
     seeds = len(replicates)
     known = spreads(data, surface, space, jitter, anchored_by=seeds)
@@ -186,7 +191,7 @@ def _covariance(
     runs: Runs, targets: Targets, own: State, replicates: np.ndarray, options: Options
 ) -> Covariance:
     """C at the fit."""
-    source = source_covariance(targets.entries, options.source) if options.source else None
+    source = source_covariance(targets.entries, options.source)
     survey = targets.covariance
     if not options.numerical_covariance:
         return covariance(survey, source=source)

@@ -208,6 +208,24 @@ def test_the_error_of_a_code_that_made_the_slide_is_a_part_of_its_own(embankment
     assert "the code that made the slide" not in fitted_to_part(without, model.targets).covariance
 
 
+def test_the_strength_that_another_code_would_find_makes_ours_less_certain(embankment):
+    """As a share in quadrature: its variance is added to that of ln S_r, and to nothing else."""
+    write(embankment, {"source_strength": 0.05})
+    _, model, options = model_and_options(embankment)
+    off = {"numerical_covariance": False}
+    base = calibrate(model, replace(options, **off))
+    without = calibrate(model, replace(options, source_strength=0.0, **off))
+    assert np.linalg.matrix_rank(base.covariance.source) == 1
+    slope = base.surface.derivative
+
+    def variance(one):
+        return np.linalg.inv(slope.T @ np.linalg.solve(one.covariance.total, slope))
+
+    added = variance(base) - variance(without)
+    assert added[0, 0] == pytest.approx(0.0025, rel=0.1)
+    assert np.abs(added[1]).max() < 1e-6
+
+
 def test_the_error_of_a_code_is_refused_for_what_nobody_measures(embankment):
     write(embankment, {"source": {"seismogram": {"std": 1.0}}})
     with pytest.raises(InputError, match="no measurement type 'seismogram'"):

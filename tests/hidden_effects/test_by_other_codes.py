@@ -10,7 +10,7 @@ from benchmarks.hidden_effects.foreign.differences import correlation_length
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
 from benchmarks.hidden_effects.foreign.slide import source
 from benchmarks.hidden_effects.making import surveys
-from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
+from benchmarks.hidden_effects.making.benchmark import Places, SourcePlan, load_benchmark
 from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes, survey_error
 from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.truth import Made
@@ -177,7 +177,10 @@ def test_differences_that_decay_have_their_length():
 def test_a_case_states_how_far_codes_differ(benchmark, tmp_path):
     section, planned = benchmark.sections["embankment"], plan_by_codes(benchmark)[0]
     made = Made({}, [], np.array([[0.0, 1.0], [1.0, 2.0]]))
-    write_case(section, planned, made, Places(tmp_path), 40.0,
-               {"toe_runout": CodeError(std=2.0)})  # fmt: skip
+    errors = {"toe_runout": CodeError(std=2.0)}
+    write_case(
+        section, planned, made, Places(tmp_path), 40.0, SourcePlan(strength=0.03, error=errors)
+    )
     question = load_diagnosis_question(Places(tmp_path).case(planned.name))
     assert question.synthetic and question.source_errors["toe_runout"].std == 2.0
+    assert question.source_strength == 0.03

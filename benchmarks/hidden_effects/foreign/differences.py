@@ -3,10 +3,11 @@
     python -m benchmarks.hidden_effects.foreign.differences --out DIR
 
 A null is simulated by the judge's solver at its true parameters and the spacing of the slide, and
-read as it was surveyed. What is left, less the survey's own error, is how far the codes differ: its
-size by type of measurement, its mean, and the length over which it is correlated along the profile,
-for each code. This is what `error` of a source in the plan of a set states, and so `source` in
-`diagnosis.yaml`.
+read as it was surveyed. Codes differ first as another strength would: the strength that brings the
+judge's solver nearest is a little off, by a share that is `strength`. What is then left, less the
+survey's own error, has a size and a mean by type of measurement, and a length over which it is
+correlated along the profile. Both are what `strength` and `error` of a source state in the plan of
+a set, and so `source_strength` and `source` in `diagnosis.yaml`. For each code.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from benchmarks.hidden_effects.making.benchmark import Benchmark, Places, load_b
 from benchmarks.hidden_effects.scoring.records import read_truth
 from pipeline.files import write_json
 
-#: Number of the judge's runs whose mean is compared.
-RUNS = 3
+#: Number of runs whose mean is compared; half the change of ln S_r for the derivative.
+RUNS, STEP = 3, 0.1
 
 
 Found = dict[str, float | int | None]
@@ -42,12 +43,14 @@ class OfCode:
         variance: type of measurement -> the survey's own, of each number.
         products: pairs of a distance along the profile [m] and the product of two differences.
         kept: area of each deposit over that of its section.
+        strength: ln of the strength that fits over the true one, of each null.
     """
 
     left: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
     variance: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     products: list[tuple[float, float]] = field(default_factory=list)
     kept: list[float] = field(default_factory=list)
+    strength: list[float] = field(default_factory=list)
 
     @property
     def found(self) -> dict[str, Found]:
@@ -62,6 +65,12 @@ class OfCode:
                 "n": len(numbers),
             }
         found["surface_profile"]["correlation_length"] = correlation_length(self.products)
+        off = np.array(self.strength)
+        found["strength"] = {
+            "std": round(float(np.sqrt(np.mean(off**2))), 3),
+            "mean": round(float(np.mean(off)), 3),
+            "n": len(off),
+        }
         kept = round(float(np.mean(self.kept)), 4)
         return {**found, "area kept": {"mean": kept, "n": len(self.kept)}}
 
@@ -80,27 +89,35 @@ def differences(benchmark: Benchmark, places: Places) -> dict[str, dict[str, Fou
             continue
         section = benchmark.section(truth)
         values = np.array(list(truth["parameters"].values()))
-        scene = section.parameters.scene(section.scene, values)
         spacing = truth["spacing_factor"] * section.scene.spacing
-        scene = scene.changed(spacing=round(spacing, 4))  # of the slide: cells are not at stake
         where = np.array(truth["places"])
         entries = surveys.with_values(section, truth["survey"], where, truth["measured"])
-        rows = [
-            source("own")
-            .simulate(scene, [], duration_s=benchmark.plan.duration_s, frames=80, seed=seed)
-            .reading(entries, scene)
-            for seed in range(1, RUNS + 1)
-        ]
-        off = np.split(
-            np.array(truth["measured"]) - np.mean(rows, axis=0),
-            np.cumsum([len(entry.values) for entry in entries])[:-1],
-        )
+
+        def reading(shift: float, values=values, section=section, entries=entries, spacing=spacing):  # noqa: ANN202
+            """The judge's mean reading with another ln S_r."""
+            moved = values * np.where(section.parameters.has_prior, 1.0, np.exp(shift))
+            scene = section.parameters.scene(section.scene, moved)
+            scene = scene.changed(spacing=round(spacing, 4))  # of the slide: cells are not at stake
+            return np.mean([
+                source("own")
+                .simulate(scene, [], duration_s=benchmark.plan.duration_s, frames=80, seed=seed)
+                .reading(entries, scene)
+                for seed in range(1, RUNS + 1)
+            ], axis=0)  # fmt: skip
+
+        slope = (reading(STEP) - reading(-STEP)) / (2.0 * STEP)
+        off = np.array(truth["measured"]) - reading(0.0)
+        weight = np.linalg.inv(surveys.covariance_of(entries))
+        shift = float(slope @ weight @ off / (slope @ weight @ slope))
+        ends = np.cumsum([len(entry.values) for entry in entries])[:-1]
+        left = np.split(off - shift * slope, ends)
         code = codes[truth["source"]]
-        for entry, own in zip(entries, off, strict=True):
+        code.strength.append(shift)
+        for entry, own in zip(entries, left, strict=True):
             code.left[entry.type].append(own)
             code.variance[entry.type] += [entry.std**2] * len(own)
         apart = np.abs(where[:, None] - where[None, :])
-        code.products += zip(apart.ravel(), np.outer(off[0], off[0]).ravel(), strict=True)
+        code.products += zip(apart.ravel(), np.outer(left[0], left[0]).ravel(), strict=True)
         code.kept.append(truth["area_kept"])
     return {name: code.found for name, code in codes.items()}
 

@@ -38,11 +38,25 @@ class SourcePlan(Document):
     contact: Literal["rough", "no_slip"] | None = Field(
         None, description="contact of the ground of its sections; null: as drawn"
     )
+    strength: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="how far the strength is off by which the judge's solver "
+        "imitates it, as a share; `source_strength` of every diagnosis.yaml",
+    )
     error: dict[str, CodeError] = Field(
         default_factory=dict,
-        description="type of measurement -> how far it differs from the judge's solver where "
-        "nothing is hidden; `source` of every diagnosis.yaml",
+        description="type of measurement -> how far it differs from that; `source` of every "
+        "diagnosis.yaml",
     )
+
+    @property
+    def known_to_the_judge(self) -> dict[str, Any]:
+        """As `diagnosis.yaml` has it."""
+        errors = {name: one.model_dump(exclude_none=True) for name, one in self.error.items()}
+        return {key: value for key, value in
+                (("source_strength", self.strength), ("source", errors)) if value}  # fmt: skip
 
     @property
     def errors(self) -> dict[str, SourceError]:

@@ -137,8 +137,8 @@ def make_by_codes(
                 skip(planned, places)
             else:
                 plan = benchmark.plan
-                error = plan.sources[planned.source].error
-                write_case(section, planned, made, places, plan.duration_s, error)
+                wanted = plan.sources[planned.source]
+                write_case(section, planned, made, places, plan.duration_s, wanted)
                 write_json(places.truth(planned.name), made.truth)
             words = f"{words}: {time.perf_counter() - began:.1f} s"
         on_case(number, len(mine), f"{planned.name}: {words}")

@@ -7,11 +7,11 @@ written last; no diagnosis starts without it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from benchmarks.hidden_effects.making.base_model import BaseModel
-from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
+from benchmarks.hidden_effects.making.benchmark import Benchmark, Places, SourcePlan
 from benchmarks.hidden_effects.making.laboratory import Laboratory
 from benchmarks.hidden_effects.making.plan import Planned, Reach
 from benchmarks.hidden_effects.making.reach import measure_reach
@@ -20,7 +20,6 @@ from benchmarks.hidden_effects.making.sections import Section
 from benchmarks.hidden_effects.making.surveys import PROFILE_FILE
 from benchmarks.hidden_effects.making.truth import Made, Maker
 from benchmarks.hidden_effects.scoring.records import read_reach, read_sealed, read_truth
-from diagnosis.question import CodeError
 from geometry.scenes.scene import save_scene
 from inversion.problem.question import material_key
 from inversion.problem.scene_changes import with_properties
@@ -161,7 +160,7 @@ def write_case(
     made: Made,
     places: Places,
     duration_s: float,
-    source_error: Mapping[str, CodeError] | None = None,
+    wanted: SourcePlan | None = None,
 ) -> None:
     """Write what a diagnosis sees: section, survey and question, with first guesses put in."""
     folder = places.case(planned.name)
@@ -183,9 +182,9 @@ def write_case(
     question = section.question.model_dump(mode="json", exclude_defaults=True)
     question["duration_s"] = duration_s
     _write_yaml(places, planned, "inversion.yaml", question)
-    errors = {name: one.model_dump(exclude_none=True) for name, one in (source_error or {}).items()}
-    known = {"source": errors} if errors else {}
-    _write_yaml(places, planned, "diagnosis.yaml", {"synthetic": True, **known})
+    _write_yaml(places, planned, "diagnosis.yaml", {
+        "synthetic": True, **({} if wanted is None else wanted.known_to_the_judge),
+    })  # fmt: skip
 
 
 def _write_yaml(places: Places, planned: Planned, name: str, document: dict[str, Any]) -> None:
