@@ -295,7 +295,7 @@ def _score_by_codes(
                 [(one.words, shares[one.name].words, one.bound) for one in ASKED]))  # fmt: skip
     print()
     print(table(("family", "right", "of"),
-                [(name, share["hits"], share["n"])
+                [(name, str(share["hits"]), str(share["n"]))
                  for name, share in document["families"].items()]))  # fmt: skip
     if page is not None:
         draw_all(page.parent.parent / "images" / page.stem, by_code)
