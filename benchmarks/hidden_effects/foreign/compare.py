@@ -2,14 +2,16 @@
 
 `python -m benchmarks.hidden_effects.foreign.compare [--codes CODE ...]` prints the table of
 docs/records/foreign-truth.md and writes its picture. A code is compared with the judge's own
-solver, on the section, strength and ground that both are given.
+solver, on the section, strength and ground that both are given. `--refine` prints instead how far
+each code's runout depends on its spacing, on the sections of the sets.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -26,7 +28,8 @@ from pipeline.cli import WorkFailed
 ROOT = Path(__file__).resolve().parents[3]
 IMAGE = ROOT / "docs/images/foreign-slides.png"
 EMBANKMENT = ROOT / "docs/examples/hidden_effect"
-TAILINGS = ROOT / "benchmarks/hidden_effects/sections/tailings_dam"
+SECTIONS = ROOT / "benchmarks/hidden_effects/sections"
+TAILINGS = SECTIONS / "tailings_dam"
 SPACING_M, DURATION_S, FRAMES, SEED = 1.0, 40.0, 40, 1
 COLOURS = {"own": "C0", "newton": "C1", "smoothed_particles": "C2"}
 
@@ -39,6 +42,8 @@ class Question:
         words: what it is.
         folder: of the section; strength_kpa: S_r; contact: with the ground.
         hidden: in it.
+        spacing: of the points [m].
+        dry: without the section's water.
     """
 
     words: str
@@ -46,11 +51,15 @@ class Question:
     strength_kpa: float
     contact: str = "rough"
     hidden: tuple[Hidden, ...] = ()
+    spacing: float = SPACING_M
+    dry: bool = False
 
     @property
     def scene(self) -> Scene:
         """The section, with its strength."""
-        scene = load_section(self.folder).scene.changed(spacing=SPACING_M)
+        scene = load_section(self.folder).scene.changed(spacing=self.spacing)
+        if self.dry:
+            scene = scene.changed(water_level=None)
         for name, soil in scene.materials.items():
             if soil.liquefied:
                 scene = scene.with_strength(name, cohesion_kpa=self.strength_kpa)
@@ -68,16 +77,36 @@ QUESTIONS = (
              hidden=(Hidden("viscosity", 30.0),)),
     Question("embankment, 12 kPa, with depth", EMBANKMENT, 12.0, hidden=(Hidden("depth", 0.8),)),
 )  # fmt: skip
+RESERVOIR = Question("reservoir dam, 22 kPa", SECTIONS / "reservoir_dam", 22.0)
+EMBANKED = Question("embankment of the sets, 15 kPa", SECTIONS / "embankment", 15.0)
+LAYERED = Question("tailings dam, 22 kPa", TAILINGS, 22.0)
+#: A slide -> code -> spacings [m] at which it is made.
+REFINED: tuple[tuple[Question, dict[str, tuple[float, ...]]], ...] = (
+    (RESERVOIR, {"own": (3.5, 3.0, 2.0, 1.5, 1.0), "smoothed_particles": (3.5, 3.0, 2.0)}),
+    (replace(RESERVOIR, words=f"{RESERVOIR.words}, dry", dry=True),
+     {"own": (3.0, 1.5, 1.0), "smoothed_particles": (3.0,)}),
+    (EMBANKED, {"own": (1.2, 0.8, 0.6, 0.4), "smoothed_particles": (1.2,), "newton": (1.2,)}),
+    (replace(EMBANKED, words=f"{EMBANKED.words}, bonded", contact="no_slip"),
+     {"own": (1.2, 0.8, 0.6, 0.4), "newton": (1.2, 0.8)}),
+    (LAYERED, {"own": (1.3, 0.65), "smoothed_particles": (1.3,)}),
+    (replace(LAYERED, words=f"{LAYERED.words}, bonded", contact="no_slip"), {"own": (1.3, 0.65)}),
+)  # fmt: skip
 DRAWN = ("embankment, 12 kPa", "tailings dam, 20 kPa", "embankment, 12 kPa, bonded ground")
 
 
-def runout(slide: Slide) -> float:
-    """Distance of the toe from the foot on the side towards which the slide ran [m]."""
+def runout(slide: Slide, thin: float | None = None) -> float:
+    """Distance of the toe from the foot on the side towards which the slide ran [m].
+
+    Args:
+        slide: of a code.
+        thin: the toe is where the deposit is thinner than this [m]; None: than a spacing.
+    """
     foot, sign = outward(slide.scene)
     side = "right" if sign > 0.0 else "left"
     middle = float(np.median(slide.initial[:, 0]))
     return sign * (
-        toe(slide.final, slide.volumes, spacing=slide.spacing, side=side, anchor_x=middle) - foot
+        toe(slide.final, slide.volumes, spacing=thin or slide.spacing, side=side, anchor_x=middle)
+        - foot
     )
 
 
@@ -129,11 +158,36 @@ def draw(slides: dict[str, dict[str, Slide]], path: Path) -> None:
     plt.close(figure)
 
 
+def refine(codes: Sequence[str]) -> None:
+    """Print the runouts of `REFINED`."""
+    print("| slide | code | spacing, m | runout, m | read alike, m | top, m | area kept |")
+    print("|---|---|---:|---:|---:|---:|---:|")
+    for question, by_code in REFINED:
+        coarsest = max(max(spacings) for spacings in by_code.values())
+        for name in (code for code in by_code if code in codes):
+            for spacing in by_code[name]:
+                scene = replace(question, spacing=spacing).scene
+                slide = source(name).simulate(
+                    scene, (), duration_s=DURATION_S, frames=FRAMES, seed=SEED, threads=1
+                )
+                print(
+                    f"| {question.words} | {name} | {spacing:g} | {runout(slide):.1f} | "
+                    f"{runout(slide, coarsest):.1f} | {surface(slide, places(slide)).max():.1f} | "
+                    f"{slide.area_kept:.3f} |",
+                    flush=True,
+                )
+
+
 def main() -> None:
     """Compare."""
     parser = argparse.ArgumentParser(description="Slides by other codes against the judge's own.")
     parser.add_argument("--codes", nargs="+", choices=SOURCES, default=list(SOURCES))
-    codes = parser.parse_args().codes
+    parser.add_argument("--refine", action="store_true", help="runouts at several spacings")
+    arguments = parser.parse_args()
+    codes = arguments.codes
+    if arguments.refine:
+        refine(codes)
+        return
     print("| slide | code | runout, m | top, m | surface rms, m | area kept | wall, s |")
     print("|---|---|---:|---:|---:|---:|---:|")
     drawn: dict[str, dict[str, Slide]] = {}

@@ -6,7 +6,8 @@ is a slab one voxel thick whose strain out of the plane is taken from the equati
 the strength of the soil on it, node by node. Both reach into private parts of newton, so its
 version is pinned.
 
-On bonded ground (`no_slip`) its slides agree with the judge's. On rough ground they are shorter
+On bonded ground (`no_slip`) its slides agree with the judge's at the same spacing; both are short
+of the limit of small cells, for a layer of a cell stays behind. On rough ground they are shorter
 than on bonded ground, which no mechanics explains, so sets by newton have bonded ground; a weak
 base then has the soil's strength times a share, at the nodes of the ground.
 
