@@ -142,7 +142,9 @@ def test_page_has_every_figure_and_every_case(tmp_path):
     text = generated(cases, score_by_codes([one.judged for one in cases]), "pictures")
     assert "| nulls to which something is attributed | 0 % (0-79), 0 of 1 |" in text
     assert "**missed**" in text, "the stranger is explained away"
-    assert text.count("| case | newton |") == 3 and "| pool | identified | water | yes |" in text
+    assert text.count("| case | newton |") == 3
+    assert "| pool | 20 | identified | water | yes |" in text
+    assert "| 10-25 | 1 of 1 | 1 of 1 | 0 of 1 |" in text and "| 60 and more | 0 of 0 |" in text
     for path in draw_all(tmp_path, cases):
         assert path.stat().st_size > 5000
 

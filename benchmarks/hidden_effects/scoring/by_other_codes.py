@@ -11,6 +11,7 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Thing
@@ -20,6 +21,8 @@ from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 
+#: Ends of the bins of lambda; below the first inner one silence is right.
+SEEN = (0.0, 10.0, 25.0, 60.0, math.inf)
 ASKED = (
     Asked("nulls_attributed", "nulls to which something is attributed", 0.05, least=False),
     Asked("nulls_alarmed", "nulls with an alarm", None),
@@ -122,6 +125,7 @@ def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
         "counts": {kind: len(members) for kind, members in kinds.items()},
         "shares": {name: share.document for name, share in shares.items()},
         "families": families,
+        "seen": _by_detectability(kinds["single"]),
         "sources": by_source,
         "strength_error": strength,
         "calibration": calibration(judged, _stands_for_what_was_hidden).document,
@@ -168,6 +172,21 @@ def shares_of(cases: Sequence[ByCode]) -> dict[str, Share]:
     }
 
 
+def _by_detectability(singles: Sequence[ByCode]) -> list[dict[str, Any]]:
+    """Singles by lambda: how many raise an alarm, are right, and bear a wrong name or family."""
+    rows = []
+    for low, high in pairwise(SEEN):
+        members = [one for one in singles if low <= one.judged.truth["lambda"] < high]
+        rows.append({
+            "from": low,
+            "to": high if math.isfinite(high) else None,
+            "alarmed": Share.of(one.judged.alarmed for one in members).document,
+            "right": Share.of(one.right for one in members).document,
+            "wrong": Share.of(one.answers and not one.right for one in members).document,
+        })  # fmt: skip
+    return rows
+
+
 def _line(one: ByCode) -> dict[str, Any]:
     """What was hidden and what was said of it, for a table."""
     truth, digest = one.judged.truth, one.judged.digest
@@ -177,6 +196,7 @@ def _line(one: ByCode) -> dict[str, Any]:
         "name": truth["name"],
         "source": truth["source"],
         "hidden": list(truth["effects"]),
+        "lambda": truth["lambda"],
         "verdict": digest.verdict,
         "named": list(digest.effects),
         "families": sorted(one.families),

@@ -47,6 +47,7 @@ def generated(cases: Sequence[ByCode], document: Mapping[str, Any], pictures: st
                for one in ASKED]),
         f"![Every figure with its interval and what is asked]({pictures}/asked.png)",
         "### By code", _by_source(cases),
+        "### By detectability", _by_detectability(document),
         "### By family", _by_family(document),
         f"![S_r over its truth, before and after]({pictures}/strength.png)",
         "### Where and when", _regions(document),
@@ -74,6 +75,19 @@ def _by_source(cases: Sequence[ByCode]) -> str:
     return table(("figure", *(name.replace("_", " ") for name in names)), rows)
 
 
+def _by_detectability(document: Mapping[str, Any]) -> str:
+    rows = []
+    for one in document["seen"]:
+        low, high = one["from"], one["to"]
+        ends = f"{low:g} and more" if high is None else f"{low:g}-{high:g}"
+        shares = (one[key] for key in ("alarmed", "right", "wrong"))
+        rows.append((ends, *(f"{share['hits']} of {share['n']}" for share in shares)))
+    return (
+        "Cases with one thing hidden; lambda is the chi2 that the best base model leaves of the "
+        "slide.\n\n"
+    ) + table(("lambda", "alarm", "right name or family", "a wrong one"), rows)
+
+
 def _by_family(document: Mapping[str, Any]) -> str:
     rows = [(name, f"{share['hits']} of {share['n']}")
             for name, share in document["families"].items()]  # fmt: skip
@@ -99,12 +113,14 @@ def _every(document: Mapping[str, Any]) -> str:
         said = " + ".join(one["named"]) or " or ".join(one["families"])
         rows.append((
             one["name"].removeprefix("case_"), one["source"].replace("_", " "),
-            " + ".join(one["hidden"]) or "nothing", one["verdict"].replace("_", " "), said or "-",
-            "yes" if one["right"] else "", f"{true:.1f}", f"{base:.1f}", f"{final:.1f}",
+            " + ".join(one["hidden"]) or "nothing", f"{one['lambda']:.0f}",
+            one["verdict"].replace("_", " "), said or "-", "yes" if one["right"] else "",
+            f"{true:.1f}", f"{base:.1f}", f"{final:.1f}",
         ))  # fmt: skip
     return table(
-        ("case", "code", "hidden", "verdict", "named", "right", "S_r, true", "base", "answer"), rows
-    )
+        ("case", "code", "hidden", "lambda", "verdict", "named", "right", "S_r, true", "base",
+         "answer"), rows,
+    )  # fmt: skip
 
 
 def _number(value: float | None) -> str:
