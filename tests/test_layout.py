@@ -24,7 +24,7 @@ ALLOWED = {"pipeline": set()} | {
 # (the factory of an engine, a drawing) is a choice made while the program runs and is left out.
 ROOMS = {
     "geometry": ["scenes", "random_scenes", "survey"],
-    "mpm_taichi": ["materials", "effects", "solver"],
+    "mpm_taichi": ["materials", "effects", "solver", "solver3d"],
     "gns": ["data", "network", "rollout", "evaluation", "training"],
     "inversion": [
         "catalogue", "problem", "estimation", "engines", "classical", "back_analysis",

@@ -173,15 +173,7 @@ def other_return(trial, elastic, strength):
     excess = (hi - lo) + ((hi + lo) * strength[SIN_PHI] - strength[INTERCEPT])
     new = principal_return(hi, mid, lo, excess, elastic, strength)
     lost = ti.Vector([hi, mid, lo]) - new
-    pressure = (new[0] + new[1] + new[2]) * (1.0 / 3.0)
-    # Shear keeps the mean stress: what rounding leaves of it must not pass for an opening.
-    pressure_lost = 0.0
-    if new[0] >= strength[CAP]:
-        pressure_lost = (lost[0] + lost[1] + lost[2]) * (1.0 / 3.0)
-    shear = (lost[0] - lost[2]) * elastic[SHEAR_COMPLIANCE]
-    opening = pressure_lost * elastic[BULK_COMPLIANCE]
-    sheared = (new.dot(lost) - 3.0 * pressure * pressure_lost) * elastic[SHEAR_COMPLIANCE]
-    work = sheared + pressure * opening
+    shear, opening, work = plastic_step(new, lost, elastic, strength)
     # Put the three back where they came from: two in the plane, one out of it.
     high, low, out_new = new[0], new[2], new[1]
     if out > centre + radius:
@@ -192,6 +184,26 @@ def other_return(trial, elastic, strength):
     scale = 0.5 * (high - low) / ti.max(radius, LEAST_STRESS)
     stress = vec4(middle + half * scale, middle - half * scale, out_new, trial[TRIAL_XY] * scale)
     return stress, shear, opening, work
+
+
+@ti.func
+def plastic_step(new, lost, elastic, strength):
+    """What a return to yield leaves of ordered principal stresses `new` that have `lost` some [Pa].
+
+    Returns:
+        shear: plastic shear strain increment, hi minus lo principal [-].
+        opening: plastic volumetric strain increment of the tension cap [-].
+        work: plastic dissipation [J/m3].
+    """
+    pressure = (new[0] + new[1] + new[2]) * (1.0 / 3.0)
+    # Shear keeps the mean stress: what rounding leaves of it must not pass for an opening.
+    pressure_lost = 0.0
+    if new[0] >= strength[CAP]:
+        pressure_lost = (lost[0] + lost[1] + lost[2]) * (1.0 / 3.0)
+    shear = (lost[0] - lost[2]) * elastic[SHEAR_COMPLIANCE]
+    opening = pressure_lost * elastic[BULK_COMPLIANCE]
+    sheared = (new.dot(lost) - 3.0 * pressure * pressure_lost) * elastic[SHEAR_COMPLIANCE]
+    return shear, opening, sheared + pressure * opening
 
 
 @ti.func
