@@ -98,15 +98,16 @@ def elastic_trial(s, g, volumetric, dt, elastic):
 def principal_values(xx, yy, zz, xy, yz, xz, j2):
     """Ordered principal values (3,) float64 of a deviator with second invariant j2 > 0.
 
-    The one far from the other two by Newton's method from a polynomial for cos(acos(r) / 3), exact
-    in two steps; the other two from a quadratic, so that they may be equal.
+    The one far from the other two by one step of Halley's method from a polynomial that is within
+    5e-6 of cos(acos(r) / 3), then exact to rounding; the other two from a quadratic, so that they
+    may be equal.
     """
     j3 = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     size = ti.sqrt(j2 / 3.0)
     r = ti.min(0.5 * ti.abs(j3) / (size * size * size), 1.0)
     c = 0.86602981 + r * (0.16642951 + r * (-0.04600662 + r * (0.01764364 - 0.00409973 * r)))
-    for _ in ti.static(range(2)):
-        c -= ((4.0 * c * c - 3.0) * c - r) / (12.0 * c * c - 3.0)
+    value, slope = (4.0 * c * c - 3.0) * c - r, 12.0 * c * c - 3.0
+    c -= value * slope / (slope * slope - 12.0 * c * value)
     far = 2.0 * size * c
     gap = ti.sqrt(ti.max(4.0 * j2 - 3.0 * far * far, 0.0))
     result = ti.Vector([far, 0.5 * (gap - far), -0.5 * (gap + far)])
