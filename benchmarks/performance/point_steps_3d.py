@@ -25,9 +25,9 @@ import numpy as np
 from benchmarks.verification.three_dimensions import slab_scene
 from geometry.scenes.scene import Scene, load_scene
 from mpm_taichi.simulate3d import Flight3d, simulate_3d
+from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver3d import layout
 from mpm_taichi.solver3d.problem import Problem3d, extruded
-from mpm_taichi.solver.runtime import start
 from pipeline.config import SimulationSettings
 
 POINTS_IN_CELL = 8
