@@ -32,6 +32,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import taichi as ti
+from matplotlib.ticker import FixedLocator, NullFormatter, ScalarFormatter
 
 from benchmarks.verification.material_paths import SOILS
 from benchmarks.verification.mohr_coulomb_reference import (
@@ -443,6 +444,10 @@ def draw(
     right.loglog(a, [height_laws(one)[1] for one in a], "k:", lw=1, label="height, Lajeunesse")
     right.loglog(list(columns), [one[0] for one in figures], "C0o", label="runout")
     right.loglog(list(columns), [one[1] for one in figures], "C1s", label="height")
+    for axis in (right.xaxis, right.yaxis):
+        axis.set_major_locator(FixedLocator([0.3, 0.5, 1.0, 2.0, 4.0]))
+        axis.set_major_formatter(ScalarFormatter())
+        axis.set_minor_formatter(NullFormatter())
     right.set(xlabel="a = h0 / r0", ylabel="of the deposit / r0", title="Against the laws")
     right.legend(fontsize=8)
     figure.tight_layout()

@@ -83,14 +83,6 @@ def free_velocity(n, step: A, nodes: A, settling: ti.template()):
 
 
 @ti.func
-def settled_by(n, force, step: A, nodes: A):
-    """Velocity after a step of dynamic relaxation with Cundall's damping [m/s]."""
-    old = three(nodes.velocity[n], 0)
-    damped = force - SETTLE_DAMPING * ti.abs(force) * ti.math.sign(old)
-    return old + (step.dt / nodes.load[n][NODE_MASS]) * damped
-
-
-@ti.func
 def base_at(n, step: A, nodes: A):
     """Friction coefficient of the ground at a node, and the force of its adhesion [N]."""
     friction = nodes.surroundings[n][COEFFICIENT]
@@ -240,37 +232,72 @@ def held_by_walls(kind, vector):
 
 
 @ti.func
+def hold_column(lowest, rows, step: A, nodes: A):
+    """Have the ground hold a column in settling: its nodes' velocities, kept as momentum [m/s]."""
+    flow, give, _ = join_column(lowest, rows, step, nodes, True)
+    new = vec3(0.0)
+    for k in range(rows):
+        m = lowest + rows - 1 - k
+        if nodes.kind[m] & COLUMN and nodes.load[m][NODE_MASS] > 0.0:
+            group = nodes.velocity[m]
+            if group[GROUP_MASS] > 0.0:
+                new = three(group, 0)
+                new -= (group[GROUP_AREA] / (group[GROUP_MASS] * give)) * flow
+                new = held_by_walls(nodes.kind[m], new)
+            for a in ti.static(range(3)):
+                nodes.load[m][a] = new[a]
+
+
+@ti.func
+def settle_column(lowest, step: A, nodes: A):
+    """Dynamic relaxation of a column: unbalanced force and weight [N], (2,).
+
+    The force that is damped is what the ground leaves of it: a force that the ground balances would
+    be damped, by its whole size, against whatever small velocity there is, and never come to rest.
+    """
+    rows = ti.cast(nodes.surroundings[lowest][ROWS], ti.i32)
+    sums = vec2(0.0)
+    for m in range(lowest, lowest + rows):
+        mass = nodes.load[m][NODE_MASS]
+        if nodes.kind[m] & COLUMN and mass > 0.0:
+            force, _ = acting_force(m, step, nodes)
+            for a in ti.static(range(3)):
+                nodes.load[m][a] = nodes.velocity[m][a] + step.dt * force[a] / mass
+                nodes.load[m][FORCE + a] = nodes.velocity[m][a]
+    hold_column(lowest, rows, step, nodes)
+    for m in range(lowest, lowest + rows):
+        load = nodes.load[m]
+        if nodes.kind[m] & COLUMN and load[NODE_MASS] > 0.0:
+            old = three(load, FORCE)
+            change = three(load, 0) - old
+            sums += vec2(
+                ti.abs(change).sum() * load[NODE_MASS] / step.dt, step.gravity * load[NODE_MASS]
+            )
+            change -= SETTLE_DAMPING * ti.abs(change) * ti.math.sign(old)
+            for a in ti.static(range(3)):
+                nodes.load[m][a] = old[a] + change[a]
+    hold_column(lowest, rows, step, nodes)
+    for m in range(lowest, lowest + rows):
+        if nodes.kind[m] & COLUMN and nodes.load[m][NODE_MASS] > 0.0:
+            leave(m, three(nodes.load[m], 0), vec3(0.0), nodes)
+    return sums
+
+
+@ti.func
 def settle_node(n, step: A, nodes: A):
     """Dynamic relaxation of a node or of its column: unbalanced force and weight [N], (2,)."""
     kind = nodes.kind[n]
     sums = vec2(0.0)
     if kind & LOWEST:
-        rows = ti.cast(nodes.surroundings[n][ROWS], ti.i32)
-        for m in range(n, n + rows):  # groups take the place of the velocities
-            if nodes.kind[m] & COLUMN and nodes.load[m][NODE_MASS] > 0.0:
-                force, _ = acting_force(m, step, nodes)
-                new = settled_by(m, force, step, nodes)
-                for a in ti.static(range(3)):
-                    nodes.load[m][a] = new[a]
-                    nodes.load[m][FORCE + a] = nodes.velocity[m][a]
-        flow, give, _ = join_column(n, rows, step, nodes, True)
-        new = vec3(0.0)
-        for k in range(rows):
-            m = n + rows - 1 - k
-            if nodes.kind[m] & COLUMN and nodes.load[m][NODE_MASS] > 0.0:
-                group, mass = nodes.velocity[m], nodes.load[m][NODE_MASS]
-                if group[GROUP_MASS] > 0.0:
-                    new = three(group, 0)
-                    new -= (group[GROUP_AREA] / (group[GROUP_MASS] * give)) * flow
-                    new = held_by_walls(nodes.kind[m], new)
-                change = ti.abs(new - three(nodes.load[m], FORCE))
-                sums += vec2(change.sum() * mass / step.dt, step.gravity * mass)
-                leave(m, new, vec3(0.0), nodes)
+        sums = settle_column(n, step, nodes)
     if nodes.load[n][NODE_MASS] > 0.0 and not kind & COLUMN:
         force, _ = acting_force(n, step, nodes)
         if kind & (STICK | BARRING):
             force = vec3(0.0)
         force = held_by_walls(kind, force)
         sums += vec2(ti.abs(force).sum(), step.gravity * nodes.load[n][NODE_MASS])
-        leave(n, settled_by(n, force, step, nodes), vec3(0.0), nodes)
+        old = three(nodes.velocity[n], 0)
+        damped = force - SETTLE_DAMPING * ti.abs(force) * ti.math.sign(old)
+        new = old + (step.dt / nodes.load[n][NODE_MASS]) * damped
+        leave(n, new, vec3(0.0), nodes)
     return sums

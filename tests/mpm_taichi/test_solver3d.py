@@ -98,6 +98,14 @@ def test_strong_soil_settles_and_stays():
     assert np.abs(run.positions[-1] - run.positions[0]).max() < 0.01
 
 
+def test_strong_soil_settles_on_ground_that_crosses_the_cells_and_stays():
+    strong = slope().materials[0].model_copy(update={"cohesion_kpa": 500.0})
+    run = simulate_3d(slope(materials=(strong,)), SHORT, threads=1)
+    assert run.audit["settle_unbalanced"] < 1e-4
+    # The walls hold both ways while the stress settles, and let go afterwards.
+    assert np.abs(run.positions[-1] - run.positions[0]).max() < 0.05
+
+
 def test_flanks_hold_soil_back():
     runs = {
         flanks: simulate_3d(level_bank(flanks=flanks), SHORT, threads=1)
