@@ -58,6 +58,7 @@ POSTERIOR = Command("posterior", "all that is unknown of a case, before and afte
 PREDICT = Command("predict", "how far a slide with a given strength would run")
 CLASSICAL = Command("classical", "residual strength by Kinetics, ZIF and IMM")
 CATALOGUE = Command("catalogue", "published strengths of 16 flow slides, and our answers")
+STUDIO = Command("studio", "a page in the browser: move the strengths, watch it flow")
 EFFECTS = Command("effects", "list the physical effects that a scene can switch on")
 
 DIAGNOSE = Group(
@@ -127,6 +128,7 @@ COMMANDS: dict[str, dict[str, Command | Group]] = {
         "diagnose": DIAGNOSE,
         "posterior": POSTERIOR,
         "predict": PREDICT,
+        "studio": STUDIO,
     },
     "look up": {
         "catalogue": CATALOGUE,

@@ -1,0 +1,101 @@
+"""How fast the studio answers, in a real browser, and the picture of its page in the docs.
+
+    python -m benchmarks.studio [--picture docs/images/studio.png]
+
+Lower San Fernando is opened; its S_r is moved 50 times, each time to a value that was not there
+before. Printed: first paint; from the slider to the new deposit, and the part of it that the solver
+takes (p50 and p95); what the page holds in memory afterwards. The limit is the solver's own time.
+Needs Chromium.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from benchmarks.generated_pages import table
+from pipeline.cli import InputError
+
+CASE, MOVES = "lower_san_fernando", 50
+ASKED = {"first paint": 1.5, "slider to deposit, p50": 0.3, "slider to deposit, p95": 0.6}
+STATUS = re.compile(r"answered in ([\d.]+) s, ([\d.]+) s of it")
+QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure and print; with `--picture` draw the page as well."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--picture", type=Path, help="PNG of the page")
+    arguments = parser.parse_args(argv)
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        raise InputError("the studio is measured in Chromium, which is not installed")
+    with TemporaryDirectory() as folder:
+        server = subprocess.Popen(
+            [sys.executable, "-m", "flowslide", "studio", CASE, "--no-browser"],
+            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        )  # fmt: skip
+        try:
+            address = next(line for line in server.stdout if line.startswith("http://")).strip()
+            measure(address, chromium, arguments.picture)
+        finally:
+            server.terminate()
+            server.communicate(timeout=30)
+    return 0
+
+
+def measure(address: str, chromium: str, picture: Path | None) -> None:
+    """Move the slider in a browser, and print what came of it."""
+    from playwright.sync_api import expect, sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=chromium, args=[*QUIET, "--enable-precise-memory-info"]
+        )
+        page = browser.new_page(viewport={"width": 1380, "height": 820})
+        page.goto(address)
+
+        def answered(number: int) -> tuple[float, float]:
+            there = page.locator(f'body[data-answered="{number}"]')
+            expect(there).to_have_count(1, timeout=120_000)
+            found = STATUS.search(page.locator("#status").inner_text())
+            return float(found.group(1)), float(found.group(2))
+
+        answered(1)
+        paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+        strength = page.get_by_label("S_r, liquefied fill [kPa]")
+        seconds = []
+        for move in range(MOVES):
+            strength.fill(f"{18.1 + 0.2 * move:g}")
+            strength.press("Enter")
+            seconds.append(answered(2 + move))
+        held = page.evaluate("performance.memory.usedJSHeapSize") / 1e6
+        if picture is not None:
+            strength.fill("20.4")
+            strength.press("Enter")
+            page.get_by_label("Colour").select_option("displacement")
+            page.wait_for_timeout(3000)
+            page.screenshot(path=str(picture))
+        browser.close()
+    whole, solver = np.array(seconds).T
+    rows = [("first paint", paint / 1e3, "s")]
+    for share, words in ((50, "p50"), (95, "p95")):
+        rows.append((f"slider to deposit, {words}", float(np.percentile(whole, share)), "s"))
+        rows.append((f"of it the solver, {words}", float(np.percentile(solver, share)), "s"))
+    rows.append((f"memory of the page after {MOVES} runs", held, "MB"))
+    asked = {**ASKED, f"memory of the page after {MOVES} runs": 300.0}
+    print(table(("figure", "measured", "asked"),
+                [(name, f"{value:.3g} {unit}", f"{asked[name]:g} {unit}" if name in asked else "")
+                 for name, value, unit in rows]))  # fmt: skip
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,93 @@
+"""`flowslide studio`: a local page in the browser."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+DESCRIPTION = (
+    "Open a page in the browser: move the strengths, the water and the effects of a case, watch it "
+    "flow, compare it with what was measured, and start back-analyses and diagnoses. It is served "
+    "on this machine alone."
+)
+NEEDS = "flowslide studio needs starlette, uvicorn and websockets: pip install 'flowslide[studio]'"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    parser.add_argument(
+        "case",
+        nargs="?",
+        metavar="CASE",
+        help="case folder, its name in case_histories, or a folder of cases; default: this folder",
+    )
+    parser.add_argument(
+        "--port", type=int, default=0, metavar="N", help="default: any that is free"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the address alone")
+    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Serve until it is stopped."""
+    import socket
+    import webbrowser
+    from importlib.util import find_spec
+
+    from pipeline.cli import InputError
+
+    if any(find_spec(name) is None for name in ("starlette", "uvicorn", "websockets")):
+        raise InputError(NEEDS)
+    import uvicorn
+
+    from flowslide.studio.app import studio
+    from flowslide.studio.live import Live
+    from flowslide.studio.security import new_token
+
+    workspace, first = workspace_of(arguments.case)
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", arguments.port))
+    except (OSError, OverflowError) as error:
+        raise InputError(f"--port {arguments.port}: {error}") from None
+    port, token = listener.getsockname()[1], new_token()
+    live = Live(arguments.threads)
+    app = studio(workspace, live, token=token, port=port, first=first)
+    address = f"http://127.0.0.1:{port}/?token={token}"
+    print(f"the studio of {workspace.folder} (stop it with Ctrl-C):\n{address}", flush=True)
+    if first:
+        live.warm(workspace.case(first).resolved())
+    if not arguments.no_browser:
+        webbrowser.open(address)
+    server = uvicorn.Server(
+        uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio",
+                       ws_max_size=20_000_000)
+    )  # fmt: skip
+    try:
+        server.run(sockets=[listener])
+    finally:
+        live.close()
+
+
+def workspace_of(text: str | None):  # noqa: ANN201 - its import waits
+    """The workspace of what was typed, and the case that is shown first; empty: any.
+
+    Raises:
+        InputError: there is no such case or folder.
+    """
+    from flowslide.studio.workspace import Workspace
+    from geometry.case import SCENE_FILE
+    from pipeline.cli import InputError
+    from pipeline.places import CASES, resolve, shipped
+
+    if text is None:
+        return Workspace(Path.cwd()), ""
+    place = resolve(text, CASES)
+    if not place.is_dir():
+        raise InputError(f"{text}: no such case, and no such folder")
+    if not (place / SCENE_FILE).is_file():
+        return Workspace(place), ""
+    if place.resolve().parent == shipped(CASES).resolve():
+        return Workspace(Path.cwd()), place.name
+    return Workspace(place.resolve().parent), place.resolve().name

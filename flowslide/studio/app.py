@@ -1,0 +1,308 @@
+"""The studio's server: routes, and the WebSocket of the sliders.
+
+All of it is local; `security.Guard` stands in front. JSON in, JSON out; an `InputError` becomes 400
+with its one line.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from flowslide.studio.jobs import KINDS, Jobs
+from flowslide.studio.live import Live, question
+from flowslide.studio.security import Guard
+from flowslide.studio.workspace import Workspace
+from pipeline import __version__
+from pipeline.cli import InputError, WorkFailed
+
+PAGE = Path(__file__).resolve().parent / "page"
+#: Most bytes of a request, and of an uploaded drawing.
+MOST_BYTES = 20_000_000
+DRAWINGS = (".dxf", ".csv", ".geojson", ".json")
+#: A page that a job has made has its styles and pictures within, and no script of ours to reach.
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; media-src data:; sandbox"
+)
+
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: str = "") -> ASGIApp:
+    """The application.
+
+    Args:
+        workspace: that it shows.
+        first: case that is shown first; empty: any.
+        live: that answers the sliders.
+        token: that the browser must know.
+        port: that it is served on.
+    """
+    own = _Studio(workspace, Jobs(workspace), live, first)
+    routes = [
+        Route("/", _answering(own.page)),
+        Route("/api/workspace", _answering(own.overview)),
+        Route("/api/cases", _answering(own.create), methods=["POST"]),
+        Route("/api/cases/{name}", _answering(own.read)),
+        Route("/api/cases/{name}", _answering(own.save), methods=["PUT"]),
+        Route("/api/cases/{name}/view", _answering(own.view)),
+        Route("/api/cases/{name}/view", _answering(own.save_view), methods=["PUT"]),
+        Route("/api/cases/{name}/files/{file}", _answering(own.own_file)),
+        Route("/api/cases/{name}/files/{file}", _answering(own.save_file), methods=["PUT"]),
+        Route("/api/check", _answering(own.check), methods=["POST"]),
+        Route("/api/import", _answering(own.import_drawing), methods=["POST"]),
+        Route("/api/jobs", _answering(own.jobs)),
+        Route("/api/jobs", _answering(own.start_job), methods=["POST"]),
+        Route("/api/jobs/{job}", _answering(own.job)),
+        Route("/api/jobs/{job}/cancel", _answering(own.cancel_job), methods=["POST"]),
+        Route("/api/jobs/{job}/again", _answering(own.again_job), methods=["POST"]),
+        Route("/api/jobs/{job}/files/{file}", _answering(own.job_file)),
+        WebSocketRoute("/api/live", own.sliders),
+        Mount("/", StaticFiles(directory=PAGE)),
+    ]
+    return Guard(Starlette(routes=routes), token=token, port=port)
+
+
+def _answering(handler: Handler) -> Handler:
+    """A handler whose InputError is an answer."""
+
+    async def answer(request: Request) -> Response:
+        try:
+            return await handler(request)
+        except InputError as error:
+            return JSONResponse({"message": str(error)}, status_code=400)
+
+    return answer
+
+
+class _Studio:
+    """The handlers of the routes."""
+
+    def __init__(self, workspace: Workspace, jobs: Jobs, live: Live, first: str) -> None:
+        self.workspace, self.work, self.live, self.first = workspace, jobs, live, first
+
+    async def page(self, request: Request) -> Response:
+        """The page."""
+        return FileResponse(PAGE / "index.html")
+
+    # --- cases ---
+
+    async def overview(self, request: Request) -> Response:
+        """Cases, effects, kinds of jobs."""
+        return JSONResponse({
+            "folder": str(self.workspace.folder),
+            "cases": self.workspace.cases(),
+            "first": self.first,
+            "version": __version__,
+            "drawings": DRAWINGS,
+            "job_kinds": KINDS,
+            "effects": await run_in_threadpool(_effects),
+        })  # fmt: skip
+
+    async def create(self, request: Request) -> Response:
+        """A new case."""
+        asked = await _body(request)
+        name = str(asked.get("name", ""))
+        await run_in_threadpool(
+            self.workspace.create, name, asked.get("copy_of"), asked.get("scene")
+        )
+        return JSONResponse(await run_in_threadpool(self.workspace.read, name), status_code=201)
+
+    async def read(self, request: Request) -> Response:
+        """A case."""
+        return JSONResponse(
+            await run_in_threadpool(self.workspace.read, request.path_params["name"])
+        )
+
+    async def save(self, request: Request) -> Response:
+        """An edit of a case; 409 where its files were changed elsewhere."""
+        name, asked = request.path_params["name"], await _body(request)
+        revision = str(asked.get("revision", ""))
+        saved = await run_in_threadpool(self.workspace.save, name, revision, asked)
+        found = await run_in_threadpool(self.workspace.read, name)
+        if saved:
+            return JSONResponse(found)
+        words = "the files of this case were changed elsewhere"
+        return JSONResponse({"message": words, "case": found}, status_code=409)
+
+    async def check(self, request: Request) -> Response:
+        """Faults of documents that are not saved."""
+        asked = await _body(request)
+        faults = await run_in_threadpool(
+            self.workspace.faults, str(asked.get("name", "new")), asked
+        )
+        return JSONResponse({"faults": [vars(one) for one in faults]})
+
+    async def view(self, request: Request) -> Response:
+        """What the page remembers of a case."""
+        return JSONResponse(self.workspace.view(request.path_params["name"]))
+
+    async def save_view(self, request: Request) -> Response:
+        """Keep it."""
+        self.workspace.save_view(request.path_params["name"], await _body(request))
+        return JSONResponse({})
+
+    async def own_file(self, request: Request) -> Response:
+        """A picture of the page's own."""
+        path = self.workspace.hidden(request.path_params["name"], request.path_params["file"])
+        if not path.is_file() or path.suffix not in (".png", ".jpg"):
+            raise InputError(f"there is no picture {path.name!r}")
+        return FileResponse(path)
+
+    async def save_file(self, request: Request) -> Response:
+        """Keep one."""
+        content = await _bytes(request)
+        name, file = request.path_params["name"], request.path_params["file"]
+        await run_in_threadpool(self.workspace.save_file, name, file, content)
+        return JSONResponse({})
+
+    async def import_drawing(self, request: Request) -> Response:
+        """The body is the drawing; its name and unit are in the query."""
+        name = Path(request.query_params.get("name", "")).name
+        if Path(name).suffix.lower() not in DRAWINGS:
+            raise InputError(f"{name[:80]!r}: a drawing ends in {', '.join(DRAWINGS)}")
+        content = await _bytes(request)
+        unit = request.query_params.get("unit") or None
+        scene = await run_in_threadpool(_drawn, name, content, unit)
+        return JSONResponse({"scene": scene})
+
+    # --- jobs ---
+
+    async def jobs(self, request: Request) -> Response:
+        """All jobs."""
+        return JSONResponse(await run_in_threadpool(self.work.all))
+
+    async def start_job(self, request: Request) -> Response:
+        """Start one."""
+        asked = await _body(request)
+        kind, case = str(asked.get("kind", "")), str(asked.get("case", ""))
+        options = asked.get("options") or {}
+        return JSONResponse(
+            await run_in_threadpool(self.work.start, kind, case, options), status_code=201
+        )
+
+    async def job(self, request: Request) -> Response:
+        """One."""
+        return JSONResponse(await run_in_threadpool(self.work.state, request.path_params["job"]))
+
+    async def cancel_job(self, request: Request) -> Response:
+        """Stop one."""
+        return JSONResponse(await run_in_threadpool(self.work.cancel, request.path_params["job"]))
+
+    async def again_job(self, request: Request) -> Response:
+        """Go on with one that was stopped."""
+        return JSONResponse(await run_in_threadpool(self.work.again, request.path_params["job"]))
+
+    async def job_file(self, request: Request) -> Response:
+        """A file that one has left."""
+        path = await run_in_threadpool(
+            self.work.file, request.path_params["job"], request.path_params["file"]
+        )
+        headers = {"content-security-policy": REPORT_POLICY} if path.suffix == ".html" else {}
+        return FileResponse(path, headers=headers)
+
+    # --- sliders ---
+
+    async def sliders(self, socket: WebSocket) -> None:
+        """Questions of the sliders in, deposits out; the newest question wins."""
+        await socket.accept()
+        sending: set[asyncio.Task[None]] = set()
+        try:
+            while True:
+                text = await socket.receive_text()
+                if len(text) > MOST_BYTES:
+                    await socket.close(1009)
+                    return
+                task = asyncio.create_task(self._answer(socket, text))
+                sending.add(task)
+                task.add_done_callback(sending.discard)
+        except WebSocketDisconnect:
+            self.live.stop()
+        finally:
+            for task in sending:
+                task.cancel()
+
+    async def _answer(self, socket: WebSocket, text: str) -> None:
+        number = 0
+        try:
+            message = _object(text)
+            number = int(message.get("id", 0))
+            documents = message if message.get("scene") is not None else None
+            case = await run_in_threadpool(
+                self.workspace.case, str(message.get("case", "new")), documents
+            )
+            asked = question(message, case)
+            found = await asyncio.wrap_future(self.live.ask(asked))
+            if found is not None:
+                await socket.send_bytes(found)
+        except (InputError, WorkFailed, TypeError, KeyError, ValueError) as error:
+            await socket.send_json({"type": "failed", "id": number, "message": str(error)})
+
+
+async def _body(request: Request) -> dict[str, Any]:
+    return _object((await _bytes(request)).decode("utf-8", "replace"))
+
+
+async def _bytes(request: Request) -> bytes:
+    """The body, refused as soon as it is too long."""
+    found = b""
+    async for part in request.stream():
+        found += part
+        if len(found) > MOST_BYTES:
+            raise InputError(f"more than {MOST_BYTES / 1e6:.0f} MB")
+    return found
+
+
+def _object(text: str) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"no JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise InputError("must be a JSON object")
+    return found
+
+
+def _drawn(name: str, content: bytes, unit: str | None) -> dict[str, Any]:
+    from geometry.scenes.drawings import read_section, section_scene
+
+    with TemporaryDirectory(prefix="flowslide_import_") as folder:
+        path = Path(folder) / name
+        path.write_bytes(content)
+        try:
+            scene = section_scene(
+                read_section(path), source=name, name=path.stem, spacing=1.0, unit=unit
+            )
+        except InputError as error:
+            raise InputError(str(error).replace(f"{folder}/", "")) from None
+    return scene.model_dump(mode="json", exclude_none=True)
+
+
+def _effects() -> list[dict[str, Any]]:
+    """Effects that need no place, for the switches."""
+    from mpm_taichi.effects import effects
+
+    return [
+        {
+            "name": name,
+            "unit": one.amplitude.unit,
+            "low": one.amplitude.low,
+            "ladder": one.amplitude.ladder,
+            "meaning": one.amplitude.meaning,
+        }
+        for name, one in effects().items()
+        if not one.place and not one.internal
+    ]

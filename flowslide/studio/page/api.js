@@ -1,0 +1,67 @@
+// Talks to the server: JSON requests, and the WebSocket of the sliders with its binary messages.
+
+export async function get(path) {
+  return answered(await fetch(path));
+}
+
+export async function send(path, body, method = "POST") {
+  return answered(await fetch(path, {
+    method, headers: { "content-type": "application/json" }, body: JSON.stringify(body),
+  }));
+}
+
+async function answered(response) {
+  const text = await response.text();
+  let found;
+  try { found = JSON.parse(text); } catch { found = { message: text }; }
+  if (!response.ok) throw new Error(found.message || `error ${response.status}`);
+  return found;
+}
+
+const KINDS = { f4: Float32Array, u2: Uint16Array, u1: Uint8Array };
+
+/** Header and arrays of a binary message; the layout is that of flowslide/studio/frames.py. */
+export function unpack(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const arrays = {};
+  for (const { name, dtype, shape, offset } of header.arrays) {
+    const count = shape.reduce((a, b) => a * b, 1);
+    arrays[name] = new KINDS[dtype](buffer, 4 + length + offset, count);
+  }
+  return { header, ...arrays };
+}
+
+/** The sliders' socket; it connects again by itself. `on` has deposit, failed and connected. */
+export class Sliders {
+  constructor(on) {
+    this.on = on;
+    this.number = 0;
+    this.waiting = null;
+    this.connect();
+  }
+
+  connect() {
+    this.socket = new WebSocket(`ws://${location.host}/api/live`);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onopen = () => { this.on.connected(true); if (this.waiting) this.socket.send(this.waiting); };
+    this.socket.onclose = () => { this.on.connected(false); setTimeout(() => this.connect(), 1000); };
+    this.socket.onmessage = ({ data }) => {
+      if (data instanceof ArrayBuffer) {
+        const found = unpack(data);
+        if (found.header.id === this.number) { this.waiting = null; this.on.deposit(found); }
+      } else {
+        const found = JSON.parse(data);
+        if (found.id === this.number) { this.waiting = null; this.on.failed(found.message); }
+      }
+    };
+  }
+
+  /** Ask; answers to earlier questions are dropped. */
+  ask(question) {
+    this.number += 1;
+    this.waiting = JSON.stringify({ ...question, id: this.number });
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(this.waiting);
+    return this.number;
+  }
+}

@@ -1,0 +1,332 @@
+// Draws the section before the slide and the points of a deposit, with equal scales, pan and zoom.
+
+const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
+  "#6f8f3f", "#7c8794", "#c9785a", "#487d74", "#93793f", "#6977b8", "#a85a83", "#4f9a5e"];
+const LIQUEFIED = "#c8553d";
+const SCALES = {
+  displacement: { words: "displacement", unit: "m" },
+  plastic_strain: { words: "plastic shear strain", unit: "" },
+  speed: { words: "speed", unit: "m/s" },
+};
+// Light to dark, one hue after another of even lightness steps; works on both papers.
+const RAMP = [[236, 226, 180], [241, 176, 103], [222, 105, 84], [160, 50, 103], [73, 22, 97]];
+
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+export function ramp(share) {
+  const place = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1);
+  const k = Math.min(Math.floor(place), RAMP.length - 2);
+  return RAMP[k].map((low, c) => Math.round(low + (place - k) * (RAMP[k + 1][c] - low)));
+}
+
+export class View {
+  constructor(canvas, legend) {
+    this.canvas = canvas;
+    this.legend = legend;
+    this.scene = null;
+    this.deposit = null;
+    this.marks = [];
+    this.frame = 0;
+    this.colour = "zone";
+    this.before = true;
+    this.box = null; // [x at the left edge, y at the bottom edge, metres a pixel]
+    new ResizeObserver(() => this.resized()).observe(canvas);
+    canvas.addEventListener("wheel", (event) => this.zoom(event), { passive: false });
+    canvas.addEventListener("pointerdown", (event) => this.drag(event));
+    canvas.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  show(scene, keep = false) {
+    this.scene = scene;
+    if (!keep || !this.box) this.fit();
+    this.draw();
+  }
+
+  fit() {
+    if (!this.scene || !this.canvas.clientWidth) return;
+    const { domain } = this.scene;
+    const [low, high] = [lowest(this.scene), domain.y_max];
+    const [width, height] = [this.canvas.clientWidth - 60, this.canvas.clientHeight - 50];
+    const scale = Math.max((domain.x_max - domain.x_min) / width, (high - low) / height);
+    const x = 0.5 * (domain.x_min + domain.x_max) - 0.5 * scale * this.canvas.clientWidth - 5 * scale;
+    const y = 0.5 * (low + high) - 0.5 * scale * this.canvas.clientHeight - 8 * scale;
+    this.box = [x, y, scale];
+  }
+
+  resized() {
+    const ratio = devicePixelRatio || 1;
+    this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
+    this.canvas.height = Math.round(this.canvas.clientHeight * ratio);
+    this.fit();
+    this.draw();
+  }
+
+  zoom(event) {
+    event.preventDefault();
+    if (!this.box) return;
+    const factor = Math.exp(event.deltaY * 0.0015);
+    const { left, bottom } = this.canvas.getBoundingClientRect();
+    this.scaleAt(event.clientX - left, bottom - event.clientY, factor);
+  }
+
+  scaleAt(px, py, factor) {
+    const [x, y, scale] = this.box;
+    this.box = [x + px * scale * (1 - factor), y + py * scale * (1 - factor), scale * factor];
+    this.draw();
+  }
+
+  drag(event) {
+    if (!this.box) return;
+    const start = [event.clientX, event.clientY, ...this.box];
+    this.canvas.setPointerCapture(event.pointerId);
+    const move = (now) => {
+      this.box = [start[2] - (now.clientX - start[0]) * start[4], start[3] + (now.clientY - start[1]) * start[4], start[4]];
+      this.draw();
+    };
+    const end = () => { this.canvas.removeEventListener("pointermove", move); };
+    this.canvas.addEventListener("pointermove", move);
+    this.canvas.addEventListener("pointerup", end, { once: true });
+  }
+
+  key(event) {
+    if (!this.box) return;
+    const step = 40 * this.box[2];
+    const way = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
+    if (way) { this.box[0] += way[0]; this.box[1] += way[1]; this.draw(); event.preventDefault(); }
+    if (event.key === "+" || event.key === "-") {
+      this.scaleAt(this.canvas.clientWidth / 2, this.canvas.clientHeight / 2, event.key === "+" ? 0.8 : 1.25);
+    }
+  }
+
+  draw() {
+    if (!this.pending) {
+      this.pending = true;
+      requestAnimationFrame(() => { this.pending = false; this.paint(); });
+    }
+  }
+
+  paint() {
+    const { scene, box, canvas } = this;
+    const pen = canvas.getContext("2d");
+    const ratio = devicePixelRatio || 1;
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, canvas.width, canvas.height);
+    if (!scene || !box) return;
+    const [left, bottom, scale] = box;
+    const k = ratio / scale;
+    pen.setTransform(k, 0, 0, -k, -left * k, canvas.height + bottom * k);
+    this.paintWater(pen);
+    if (this.deposit) this.paintPoints();
+    pen.setTransform(k, 0, 0, -k, -left * k, canvas.height + bottom * k);
+    this.paintSection(pen, 1 / k);
+    this.paintGround(pen, 1 / k);
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.paintAxes(pen);
+    this.paintMarks(pen);
+  }
+
+  paintWater(pen) {
+    const { scene } = this;
+    const level = this.level ?? scene.water_level;
+    if (level === null || level === undefined) return;
+    const line = scene.phreatic_line && this.level === undefined
+      ? scene.phreatic_line : [[scene.domain.x_min, level], [scene.domain.x_max, level]];
+    pen.fillStyle = css("--water");
+    pen.globalAlpha = 0.22;
+    pen.beginPath();
+    pen.moveTo(scene.domain.x_min, lowest(scene));
+    pen.lineTo(scene.domain.x_min, line[0][1]);
+    for (const [x, y] of line) pen.lineTo(x, y);
+    pen.lineTo(scene.domain.x_max, line[line.length - 1][1]);
+    pen.lineTo(scene.domain.x_max, lowest(scene));
+    pen.fill();
+    pen.globalAlpha = 1;
+  }
+
+  /** Points go straight into pixels: thousands of them at the speed of the film. */
+  paintPoints() {
+    const { canvas, deposit, scene } = this;
+    const ratio = devicePixelRatio || 1;
+    const [left, bottom, scale] = this.box;
+    const k = ratio / scale;
+    const n = deposit.header.points;
+    const first = 2 * n * this.frame;
+    const colours = this.coloursOf(n);
+    const size = Math.max(Math.ceil(deposit.header.spacing_m * k * 1.12), 1);
+    const pen = canvas.getContext("2d");
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    // One fill style per colour: points are sorted by it once for each frame.
+    const groups = new Map();
+    for (let i = 0; i < n; i += 1) {
+      const colour = colours(i);
+      if (!groups.has(colour)) groups.set(colour, []);
+      groups.get(colour).push(i);
+    }
+    for (const [colour, members] of groups) {
+      pen.fillStyle = colour;
+      for (const i of members) {
+        const x = (deposit.positions[first + 2 * i] - left) * k;
+        const y = canvas.height - (deposit.positions[first + 2 * i + 1] - bottom) * k;
+        pen.fillRect(x - size / 2, y - size / 2, size, size);
+      }
+    }
+  }
+
+  coloursOf(n) {
+    const { deposit } = this;
+    if (this.colour === "zone") {
+      const palette = zoneColours(this.scene);
+      return (i) => palette[deposit.zone[i]];
+    }
+    const values = this.values(n);
+    const top = this.top();
+    return (i) => `rgb(${ramp(Math.round((24 * values(i)) / top) / 24).join(" ")})`;
+  }
+
+  values(n) {
+    const { deposit, frame } = this;
+    if (this.colour === "plastic_strain") return (i) => deposit.plastic_strain[i];
+    if (this.colour === "speed") return (i) => deposit.speed[frame * n + i];
+    const first = 2 * n * frame;
+    return (i) => Math.hypot(deposit.positions[first + 2 * i] - deposit.initial[2 * i],
+      deposit.positions[first + 2 * i + 1] - deposit.initial[2 * i + 1]);
+  }
+
+  /** Upper end of the scale: that of the whole film, so that colours keep their meaning. */
+  top() {
+    const { deposit } = this;
+    deposit.tops ??= {};
+    if (!(this.colour in deposit.tops)) {
+      const n = deposit.header.points;
+      const frames = this.colour === "plastic_strain" ? 1 : deposit.header.times.length;
+      const kept = this.frame;
+      const all = [];
+      for (let t = 0; t < frames; t += 1) {
+        this.frame = t;
+        const value = this.values(n);
+        for (let i = 0; i < n; i += 1) all.push(value(i));
+      }
+      this.frame = kept;
+      all.sort((a, b) => a - b);
+      deposit.tops[this.colour] = Math.max(all[Math.floor(0.98 * (all.length - 1))], 1e-6);
+    }
+    return deposit.tops[this.colour];
+  }
+
+  paintSection(pen, pixel) {
+    const { scene } = this;
+    const palette = zoneColours(scene);
+    scene.zones.forEach((zone, number) => {
+      pen.beginPath();
+      zone.polygon.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+      pen.closePath();
+      if (!this.deposit) {
+        pen.fillStyle = palette[number];
+        pen.fill();
+      }
+      if (this.before || !this.deposit) {
+        pen.strokeStyle = css("--ink");
+        pen.globalAlpha = this.deposit ? 0.45 : 0.7;
+        pen.lineWidth = pixel * (devicePixelRatio || 1);
+        pen.stroke();
+        pen.globalAlpha = 1;
+      }
+    });
+  }
+
+  paintGround(pen, pixel) {
+    const { points } = this.scene.ground;
+    pen.beginPath();
+    points.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.strokeStyle = css("--ground");
+    pen.lineWidth = 2.5 * pixel * (devicePixelRatio || 1);
+    pen.stroke();
+  }
+
+  paintAxes(pen) {
+    const [left, bottom, scale] = this.box;
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const step = niceStep(90 * scale);
+    pen.font = "11px system-ui, sans-serif";
+    pen.fillStyle = css("--soft");
+    pen.strokeStyle = css("--line");
+    pen.lineWidth = 1;
+    pen.textAlign = "center";
+    for (let x = Math.ceil(left / step) * step; x < left + width * scale; x += step) {
+      const px = (x - left) / scale;
+      pen.beginPath(); pen.moveTo(px, height - 20); pen.lineTo(px, height - 15); pen.stroke();
+      pen.fillText(`${round(x)}`, px, height - 4);
+    }
+    pen.textAlign = "left";
+    const rise = niceStep(60 * scale);
+    const first = Math.max(bottom + 30 * scale, lowest(this.scene));
+    for (let y = Math.ceil(first / rise) * rise; y < bottom + height * scale; y += rise) {
+      const py = height - (y - bottom) / scale;
+      pen.beginPath(); pen.moveTo(0, py); pen.lineTo(5, py); pen.stroke();
+      pen.fillText(`${round(y)}`, 8, py + 4);
+    }
+    pen.fillText("m", 8, height - 4);
+  }
+
+  paintMarks(pen) {
+    const [left, , scale] = this.box;
+    const { clientHeight: height } = this.canvas;
+    const sides = {};
+    for (const { x, words, colour, low } of this.marks) {
+      const px = (x - left) / scale;
+      pen.strokeStyle = css(colour);
+      pen.fillStyle = css(colour);
+      pen.setLineDash(low ? [2, 3] : [6, 4]);
+      pen.beginPath(); pen.moveTo(px, 34); pen.lineTo(px, height - 24); pen.stroke();
+      pen.setLineDash([]);
+      pen.textAlign = "center";
+      const row = sides[Math.round(px / 120)] = (sides[Math.round(px / 120)] ?? 0) + 1;
+      pen.fillText(words, px, 14 * row);
+    }
+  }
+
+  paintLegend() {
+    const items = [];
+    if (!this.scene) return;
+    if (this.colour === "zone" || !this.deposit) {
+      const palette = zoneColours(this.scene);
+      const shown = new Map();
+      this.scene.zones.forEach((zone, i) => shown.set(zone.material, palette[i]));
+      for (const [material, colour] of shown) items.push([colour, material.replaceAll("_", " ")]);
+      this.legend.replaceChildren(...items.map(([colour, words]) => {
+        const item = document.createElement("span");
+        const box = document.createElement("i");
+        box.style.background = colour;
+        item.append(box, words);
+        return item;
+      }));
+    } else {
+      const { words, unit } = SCALES[this.colour];
+      const bar = document.createElement("span");
+      bar.className = "scale";
+      const stops = RAMP.map((c, i) => `rgb(${c.join(" ")}) ${(100 * i) / (RAMP.length - 1)}%`);
+      bar.style.background = `linear-gradient(90deg, ${stops.join(", ")})`;
+      this.legend.replaceChildren(`${words}  0`, bar, `${this.top().toPrecision(3)} ${unit}`);
+    }
+  }
+}
+
+/** A colour for each zone: that of its material; what liquefied stands out. */
+export function zoneColours(scene) {
+  const names = Object.keys(scene.materials);
+  let next = 0;
+  const of = Object.fromEntries(names.map((name) => [name,
+    scene.materials[name].liquefied ? LIQUEFIED : COLOURS[next++ % COLOURS.length]]));
+  return scene.zones.map((zone) => of[zone.material]);
+}
+
+function lowest(scene) {
+  return Math.min(...scene.ground.points.map(([, y]) => y)) - 1;
+}
+
+function niceStep(wanted) {
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  return [1, 2, 5, 10].map((m) => m * power).find((step) => step >= wanted);
+}
+
+const round = (value) => Math.round(value * 100) / 100;

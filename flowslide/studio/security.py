@@ -1,0 +1,107 @@
+"""Who may talk to the studio: the browser that was given its address, and nothing else.
+
+The server listens on the loopback address. That keeps other machines away, but neither other users
+of this one nor pages of other sites that are open in the same browser. Hence:
+
+- a random token in the address; opening it once sets a cookie, and everything needs the cookie;
+- `Host` must be ours, or a name that was made to point here could read everything (DNS rebinding);
+- whatever changes something, and the WebSocket, needs an `Origin` that is ours.
+"""
+
+from __future__ import annotations
+
+import secrets
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs
+
+from starlette.datastructures import Headers
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+COOKIE = "flowslide_studio"
+SAFE = ("GET", "HEAD")
+#: Scripts, styles and pictures of ours alone; `blob:` is a picture that the page made.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'self'"
+)
+
+
+def new_token() -> str:
+    """A token that cannot be guessed."""
+    return secrets.token_urlsafe(24)
+
+
+class Guard:
+    """ASGI middleware that refuses everything that is not from the studio's own page."""
+
+    def __init__(self, app: ASGIApp, *, token: str, port: int) -> None:
+        self.app, self.token = app, token
+        self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+        self.origins = {f"http://{host}" for host in self.hosts}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, refuse, or pass on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        refused = self._refusal(scope)
+        if refused is None:
+            await self.app(scope, receive, _with_policy(send))
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 4403})
+        else:
+            await refused(scope, receive, send)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """What is answered in place of the page; None: go on."""
+        headers = Headers(scope=scope)
+        if headers.get("host", "") not in self.hosts:
+            return _no("this address is not the studio's")
+        shown = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        opening = scope["type"] == "http" and scope["path"] == "/" and shown
+        if opening and self._is_token(shown):
+            answer = RedirectResponse("/", status_code=303)
+            answer.set_cookie(COOKIE, self.token, httponly=True, samesite="strict")
+            return answer
+        if not self._is_token(_cookie(headers)):
+            return _no("open the studio by the address that `flowslide studio` printed")
+        changes = scope["type"] == "websocket" or scope["method"] not in SAFE
+        if changes and headers.get("origin", "") not in self.origins:
+            return _no("this request comes from another page")
+        return None
+
+    def _is_token(self, text: str) -> bool:
+        return secrets.compare_digest(text.encode(), self.token.encode())
+
+
+def _cookie(headers: Headers) -> str:
+    try:
+        found = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+    except CookieError:
+        return ""
+    return "" if found is None else found.value
+
+
+def _no(words: str) -> Response:
+    return PlainTextResponse(f"refused: {words}\n", status_code=403)
+
+
+def _with_policy(send: Send) -> Send:
+    async def answer(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            names = {name for name, _ in message["headers"]}
+            extra = {
+                b"content-security-policy": POLICY.encode(),
+                b"x-content-type-options": b"nosniff",
+                b"referrer-policy": b"no-referrer",
+                b"cache-control": b"no-store",
+            }
+            message["headers"] = [
+                *message["headers"],
+                *((name, value) for name, value in extra.items() if name not in names),
+            ]
+        await send(message)
+
+    return answer

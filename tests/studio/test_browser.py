@@ -1,0 +1,115 @@
+"""The page in a real Chromium: what somebody sees who opens it and moves a slider."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from playwright.sync_api import expect, sync_playwright
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+QUIET = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+WAIT_MS = 120_000
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        CHROMIUM is None and not os.environ.get("CI"), reason="there is no chromium on this machine"
+    ),
+]
+
+
+@pytest.fixture
+def address(workspace):
+    """Of a studio that runs in a process of its own."""
+    server = subprocess.Popen(
+        [sys.executable, "-m", "flowslide", "studio", str(workspace.folder / "small"),
+         "--no-browser", "--threads", "1"],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    )  # fmt: skip
+    for line in server.stdout:
+        if found := re.search(r"http://\S+", line):
+            break
+    yield found.group(0)
+    server.terminate()
+    server.communicate(timeout=30)
+
+
+@pytest.fixture
+def browser():
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        yield chromium
+        chromium.close()
+
+
+def _answered(page, number):
+    """Wait for the answer to a question; returns the simulated toe."""
+    expect(page.locator(f'body[data-answered="{number}"]')).to_have_count(1, timeout=WAIT_MS)
+    return page.locator("#readings tbody tr").first.locator("td").nth(2).inner_text()
+
+
+def test_somebody_moves_a_strength_and_watches_it_flow(address, browser, workspace):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    assert "token" not in page.url, "the address that is shown can be shared without harm"
+    before = _answered(page, 1)
+    expect(page.locator("#readings tbody tr").first).to_contain_text("14.0 ± 2")
+    strength = page.get_by_label("S_r, loose [kPa]")
+    expect(strength).to_have_value("8")
+    strength.fill("6")
+    strength.press("Enter")
+    weaker = _answered(page, 2)
+    assert float(weaker.split()[0]) > float(before.split()[0])
+    expect(page.locator("#status")).to_contain_text("at rest")
+
+    # The film, by the keyboard.
+    page.locator("#canvas").focus()
+    page.keyboard.press(" ")
+    expect(page.locator("#play")).to_have_text("Play", timeout=WAIT_MS)
+    page.get_by_label("Colour").select_option("displacement")
+    expect(page.locator("#legend")).to_contain_text("displacement")
+
+    # What may be missing: an effect by a switch.
+    page.get_by_label("add an effect").select_option("rate_strengthening")
+    expect(page.get_by_label("rate strengthening [", exact=False).first).to_be_visible()
+    expect(page.locator("#status")).to_contain_text("answered in", timeout=WAIT_MS)
+
+    # A reload begins with the files, which nothing has changed.
+    page.reload()
+    assert _answered(page, 1) == before
+    assert not (workspace.folder / ".studio").exists()
+    assert not errors
+
+    stranger = browser.new_context().new_page()
+    assert stranger.goto(address.split("?")[0]).status == 403
+    expect(stranger.locator("body")).to_contain_text("refused")
+
+
+def test_a_job_is_started_survives_a_reload_and_is_cancelled(address, browser):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.goto(address)
+    _answered(page, 1)
+    page.get_by_role("button", name="Back-analyse").click()
+    job = page.locator("#jobs li").first
+    expect(job).to_have_attribute("data-state", "running", timeout=WAIT_MS)
+    page.reload()
+    job = page.locator("#jobs li").first
+    expect(job).to_contain_text("back-analysis: small", timeout=WAIT_MS)
+    job.get_by_role("button", name="Cancel").click()
+    expect(job).to_have_attribute("data-state", "cancelled", timeout=WAIT_MS)
+    expect(job.get_by_role("button", name="Go on")).to_be_visible()

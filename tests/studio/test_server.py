@@ -1,0 +1,213 @@
+"""The server as a browser, another page and a program of somebody else meet it."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+
+import flowslide
+from flowslide.studio.app import MOST_BYTES, studio
+from flowslide.studio.frames import unpack
+from flowslide.studio.live import Live
+
+PORT, TOKEN = 8321, "the-token"
+OURS = {"origin": f"http://127.0.0.1:{PORT}"}
+LIVE = f"ws://127.0.0.1:{PORT}/api/live"
+
+
+@pytest.fixture
+def live():
+    solver = Live(threads=1)
+    yield solver
+    solver.close()
+
+
+@pytest.fixture
+def stranger(workspace, live):
+    """A client without the cookie."""
+    app = studio(workspace, live, token=TOKEN, port=PORT)
+    return TestClient(app, base_url=f"http://127.0.0.1:{PORT}", follow_redirects=False)
+
+
+@pytest.fixture
+def browser(stranger):
+    """A client that opened the address that was printed."""
+    answer = stranger.get("/", params={"token": TOKEN})
+    assert answer.status_code == 303 and answer.headers["location"] == "/"
+    assert "HttpOnly" in answer.headers["set-cookie"]
+    assert "SameSite=strict" in answer.headers["set-cookie"]
+    return stranger
+
+
+def test_the_page_and_its_parts_are_served_with_a_policy(browser):
+    page = browser.get("/")
+    assert page.status_code == 200 and "flowslide" in page.text
+    assert "script-src 'self'" in page.headers["content-security-policy"]
+    assert "unsafe" not in page.headers["content-security-policy"]
+    for part in ("studio.js", "api.js", "view.js", "studio.css"):
+        assert browser.get(f"/{part}").status_code == 200
+    assert browser.get("/../security.py").status_code in (403, 404)
+
+
+@pytest.mark.parametrize("path", ["/", "/?token=other", "/studio.js", "/api/workspace"])
+def test_nothing_is_shown_without_the_token(stranger, path):
+    answer = stranger.get(path)
+    assert answer.status_code == 403 and answer.text.count("\n") == 1
+    assert "set-cookie" not in answer.headers
+    stranger.cookies.set("flowslide_studio", "other")
+    assert stranger.get(path).status_code == 403
+
+
+def test_another_name_for_this_address_is_refused(browser):
+    answer = browser.get("/api/workspace", headers={"host": f"evil.example:{PORT}"})
+    assert answer.status_code == 403 and "not the studio's" in answer.text
+
+
+@pytest.mark.parametrize("origin", [None, "http://evil.example", "null", "http://127.0.0.1:1"])
+def test_another_page_changes_nothing(browser, workspace, origin):
+    headers = {} if origin is None else {"origin": origin}
+    body = {"name": "mine", "copy_of": "small"}
+    assert browser.post("/api/cases", json=body, headers=headers).status_code == 403
+    assert not (workspace.folder / "mine").exists()
+    with (
+        pytest.raises(WebSocketDisconnect),
+        browser.websocket_connect(LIVE, headers=headers) as socket,
+    ):
+        socket.receive_text()
+
+
+def test_a_case_is_read_copied_edited_and_two_tabs_notice(browser):
+    assert browser.get("/api/workspace").json()["cases"][0] == {"name": "small", "shipped": False}
+    made = browser.post("/api/cases", json={"name": "mine", "copy_of": "small"}, headers=OURS)
+    assert made.status_code == 201
+    case = made.json()
+    case["scene"]["spacing"] = 3.0
+    first = browser.put("/api/cases/mine", json=case, headers=OURS)
+    assert first.status_code == 200 and first.json()["derived"]["spacing_m"] == 3.0
+    second = browser.put("/api/cases/mine", json=case, headers=OURS)
+    assert second.status_code == 409
+    assert second.json()["case"]["revision"] == first.json()["revision"]
+    assert browser.get("/api/cases/none").json()["message"].startswith("case 'none'")
+
+
+def test_bad_bodies_get_one_line(browser):
+    for body in (b"", b"[1]", b"{", b"\xff\xfe"):
+        answer = browser.post("/api/cases", content=body, headers=OURS)
+        assert answer.status_code == 400 and "\n" not in answer.json()["message"]
+    answer = browser.put("/api/cases/small/files/underlay.png", content=b"x" * (MOST_BYTES + 1),
+                         headers=OURS)  # fmt: skip
+    assert answer.status_code == 400 and "20 MB" in answer.json()["message"]
+
+
+def test_a_drawing_is_imported_by_the_same_reader(browser):
+    text = "zone,x,y,material,friction_deg,cohesion_kpa,density,youngs_modulus_mpa,poisson_ratio\n"
+    rows = ["a,0,0,soil,30,1,1900,20,0.3", "a,10,0", "a,5,5"]
+    drawn = text + "\n".join(row + "," * (8 - row.count(",")) for row in rows) + "\n"
+    answer = browser.post("/api/import", params={"name": "dam.csv"}, content=drawn, headers=OURS)
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["scene"]["zones"][0]["name"] == "a"
+    for name, content in (("dam.exe", drawn), ("dam.csv", "x"), ("../dam.csv", "zone,x\n")):
+        bad = browser.post("/api/import", params={"name": name}, content=content, headers=OURS)
+        assert bad.status_code == 400 and "/tmp" not in bad.json()["message"]
+
+
+@pytest.mark.slow
+def test_a_slider_gets_the_numbers_of_the_command_line(browser, workspace):
+    with browser.websocket_connect(LIVE, headers=OURS) as socket:
+        ask = {"type": "run", "id": 1, "case": "small",
+               "changes": {"strengths_kpa": {"loose": 7.0}}}  # fmt: skip
+        socket.send_text(json.dumps(ask))
+        header, arrays = unpack(socket.receive_bytes())
+        assert header["id"] == 1 and not header["cached"] and len(header["times"]) == 1
+        socket.send_text(json.dumps({**ask, "id": 2, "film": True}))
+        again, film = unpack(socket.receive_bytes())
+        assert again["cached"] and film["positions"].shape[0] == len(again["times"]) > 5
+        socket.send_text(json.dumps({**ask, "id": 3, "changes": {"strengths_kpa": {"lose": 7.0}}}))
+        assert json.loads(socket.receive_text()) == {
+            "type": "failed", "id": 3, "message": "strengths_kpa: there is no material 'lose'",
+        }  # fmt: skip
+        socket.send_text("nonsense")
+        assert json.loads(socket.receive_text())["type"] == "failed"
+    done = flowslide.simulate(workspace.folder / "small", strengths_kpa={"loose": 7.0}, threads=1)
+    assert np.array_equal(arrays["positions"][0], done.run.positions[-1])
+    assert np.array_equal(film["positions"][-1], done.run.positions[-1])
+    simulated = [one["simulated"] for one in header["readings"]]
+    assert simulated == [one.simulated for one in done.readings]
+
+
+def test_the_newest_question_wins(workspace, live):
+    from flowslide.studio.live import question
+
+    case = workspace.case("small")
+    asked = [
+        live.ask(question({"id": k, "changes": {"strengths_kpa": {"loose": 5.0 + k}}}, case))
+        for k in range(6)
+    ]
+    answers = [one.result(60) for one in asked]
+    assert answers[-1] is not None and answers[1:5] == [None] * 4
+
+
+def _wait(browser, job, states):
+    for _ in range(600):
+        found = browser.get(f"/api/jobs/{job}").json()
+        if found["state"] in states:
+            return found
+        time.sleep(0.1)
+    raise AssertionError(found)
+
+
+@pytest.mark.slow
+def test_a_job_gives_the_result_of_the_command_line(browser, workspace, tmp_path):
+    options = {"spacing_m": 2.0, "quick": True}
+    asked = {"kind": "back_analyse", "case": "small", "options": options}
+    started = browser.post("/api/jobs", json=asked, headers=OURS)
+    assert started.status_code == 201
+    done = _wait(browser, started.json()["id"], ("done", "failed"))
+    assert done["state"] == "done", done
+    assert {"result.json", "report.html"} <= set(done["files"])
+    files = f"/api/jobs/{done['id']}/files"
+    page = browser.get(f"{files}/report.html")
+    assert "sandbox" in page.headers["content-security-policy"]
+    own = flowslide.back_analyse(workspace.folder / "small", out=tmp_path / "own", quick=True,
+                                 spacing_m=2.0)  # fmt: skip
+    found = browser.get(f"{files}/result.json").json()
+    assert found["answer"]["parameters"] == own.model_dump(mode="json")["answer"]["parameters"]
+    for name in ("../job.json", "state.json", "%2e%2e%2fjob.json", "log"):
+        assert browser.get(f"{files}/{name}").status_code in (400, 404)
+
+
+@pytest.mark.slow
+def test_a_job_is_cancelled_and_goes_on(browser, workspace):
+    asked = {"kind": "back_analyse", "case": "small", "options": {"spacing_m": 0.75}}
+    job = browser.post("/api/jobs", json=asked, headers=OURS).json()["id"]
+    for _ in range(600):
+        if browser.get(f"/api/jobs/{job}").json().get("done", 0) > 1:
+            break
+        time.sleep(0.05)
+    assert browser.post(f"/api/jobs/{job}/cancel", headers=OURS).json()["state"] == "cancelled"
+    kept = list(workspace.hidden("small", "runs").glob("**/*"))
+    assert kept, "finished simulations stay"
+    assert browser.post(f"/api/jobs/{job}/again", headers=OURS).json()["state"] == "running"
+    assert browser.post(f"/api/jobs/{job}/again", headers=OURS).status_code == 400
+    browser.post(f"/api/jobs/{job}/cancel", headers=OURS)
+
+
+def test_a_job_whose_process_is_gone_is_interrupted(browser, workspace):
+    folder = workspace.hidden("small", "jobs", "20260101-000000-abcdef")
+    folder.mkdir(parents=True)
+    (folder / "job.json").write_text(json.dumps({
+        "id": folder.name, "kind": "diagnose", "case": "small", "folder": "x", "options": {},
+    }))  # fmt: skip
+    (folder / "state.json").write_text(json.dumps({"state": "running", "process": 2**22 - 1}))
+    (found,) = browser.get("/api/jobs").json()
+    assert found["state"] == "interrupted" and found["words"].startswith("diagnosis")
+    bad = {"kind": "format", "case": "small"}
+    assert browser.post("/api/jobs", json=bad, headers=OURS).status_code == 400
+    bad = {"kind": "diagnose", "case": "small", "options": {"spacing_m": -1}}
+    answer = browser.post("/api/jobs", json=bad, headers=OURS)
+    assert answer.status_code == 400 and "spacing_m" in answer.json()["message"]
