@@ -141,6 +141,7 @@ class Flight3d:
     def __init__(self, problem: Problem3d, settings: SimulationSettings) -> None:
         self.problem, self.settings = problem, settings
         self.state = Arrays3d(problem, settings)
+        self.arrays = self.state.arrays()
         self.kernels = build_kernels(settings.volumetric_averaging)
         self.gravity = settings.gravity_m_per_s2
         self.frame_time = settings.frame_interval * float(np.sqrt(problem.spacing / self.gravity))
@@ -178,7 +179,6 @@ class Flight3d:
     def settle(self) -> None:
         """Relax the stress elastically on points that do not move; nothing if the run goes on."""
         state = self.state
-        self.arrays = state.arrays()
         if self.energies:
             return
         if state.settled:
@@ -281,12 +281,11 @@ class Flight3d:
     PLAIN = ("speed", "travelled", "steps", "settle_steps", "unbalanced", "quiet", "wall_time",
              "peak", "ended")  # fmt: skip
 
-    def key(self) -> str:
-        """Hash of all that the bits of this run depend on."""
+    def _hash(self) -> str:
+        """Hash of all that the bits of this run depend on, before its first step."""
         digest = hashlib.sha256(f"{PHYSICS_VERSION} {self.settings.model_dump_json()}".encode())
-        for name in ("motion", "home", "row", "volume", "kind", "surroundings", "water",
-                     "elastic", "strength", "settle_strength", "density"):  # fmt: skip
-            digest.update(np.ascontiguousarray(self._given[name]).tobytes())
+        for name in CARRIED + FIXED:
+            digest.update(getattr(self.state, name))
         return digest.hexdigest()
 
     def save(self, path: Path) -> None:
@@ -296,7 +295,7 @@ class Flight3d:
         plain = {name: getattr(self, name) for name in self.PLAIN}
         with atomic_path(path) as temporary, temporary.open("wb") as file:
             np.savez(
-                file, key=self.key(), label=state.label, first=state.first,
+                file, key=self.key, label=state.label, first=state.first,
                 frames=np.stack(self.frames), energies=np.array(self.energies), work=self.work,
                 top_speed=self.top_speed, initial_stress=self.initial_stress,
                 plain=json.dumps(plain), **arrays,
@@ -305,11 +304,11 @@ class Flight3d:
     def resume(self, path: Path) -> None:
         """Go on from a checkpoint of this very run; nothing if there is none."""
         state = self.state
-        self._given = {name: getattr(state, name).copy() for name in CARRIED + FIXED}
+        self.key = self._hash()
         if not path.is_file():
             return
         with np.load(path) as file:
-            if str(file["key"]) != self.key():
+            if str(file["key"]) != self.key:
                 return
             for name in (*CARRIED, "first"):
                 getattr(state, name)[:] = file[name]
