@@ -32,7 +32,7 @@ ROOMS = {
     ],
     "diagnosis": ["hypotheses", "adequacy", "signatures", "selection", "verdict"],
     "report": ["data", "sentences", "tables", "pictures", "charts"],
-    "flowslide": ["commands"],
+    "flowslide": ["studio", "commands"],
 }  # fmt: skip
 # The hooks of effects are compiled into the step and use one of its functions.
 JOINTS = {("mpm_taichi/effects/framework/hooks.py", "mpm_taichi/solver/transfer.py")}
