@@ -32,6 +32,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Serve until it is stopped."""
     import socket
     import webbrowser
+    from contextlib import suppress
     from importlib.util import find_spec
 
     from pipeline.cli import InputError
@@ -65,7 +66,8 @@ def run(arguments: argparse.Namespace) -> None:
                        ws_max_size=20_000_000)
     )  # fmt: skip
     try:
-        server.run(sockets=[listener])
+        with suppress(KeyboardInterrupt):  # it is how it is stopped
+            server.run(sockets=[listener])
     finally:
         live.close()
 
