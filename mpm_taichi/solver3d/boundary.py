@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from mpm_taichi.layout import vec4
 from mpm_taichi.solver.boundary import (
     BARRING,
     COLUMN,
@@ -32,12 +31,24 @@ from mpm_taichi.solver.boundary import (
 )
 from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE, weights_of_points
 from mpm_taichi.solver.water import water_force
-from mpm_taichi.solver3d.layout import AREA, COEFFICIENT, FLANK_AREA, NORMAL, PER_COVER, ROWS, vec3
+from mpm_taichi.solver3d.layout import (
+    AREA,
+    COEFFICIENT,
+    FLANK_AREA,
+    NORMAL,
+    PER_COVER,
+    ROWS,
+    vec2,
+    vec3,
+)
 from mpm_taichi.solver3d.problem import Problem3d
 from mpm_taichi.solver3d.transfer import FAR_EDGE, NEAR_EDGE
 
 ROUGH_FLANK, STICK_FLANK = 1 << 15, 1 << 16
 """Bits of a node's type: flank with the soil's own strength, bonded flank."""
+
+NEAR_FLANK, FAR_FLANK = 1 << 17, 1 << 18
+"""Bits of a node's type: on or behind the flank at y_min, at y_max."""
 
 CONTACT = {"no_slip": STICK, "coulomb": SLIDE, "slip": SLIDE, "rough": ROUGH}
 
@@ -157,10 +168,6 @@ def _lay_walls(
     kind[:, last[1] :] |= FAR_FLANK | flank
     for row in (MARGIN, last[1]):
         surroundings[:, row, :, FLANK_AREA] = grid.cell**2
-
-
-NEAR_FLANK, FAR_FLANK = 1 << 17, 1 << 18
-"""Bits of a node's type: on or behind the flank at y_min, at y_max."""
 
 
 def edge_bits(problem: Problem3d, grid: Grid3d) -> tuple[np.ndarray, np.ndarray]:
@@ -295,13 +302,13 @@ def contact(velocity, kind, surroundings, friction, adhesion, flank):
         v = vec3(0.0)
     elif kind & (BARRING | RESISTING):
         normal = vec3(surroundings[NORMAL], surroundings[NORMAL + 1], surroundings[NORMAL + 2])
-        v = slowed_along(v, normal, vec4(friction, adhesion, 0.0, 0.0), kind & BARRING)
+        v = slowed_along(v, normal, vec2(friction, adhesion), kind & BARRING)
     if kind & (NEAR_FLANK | FAR_FLANK):
         side = ti.select(kind & NEAR_FLANK, 1.0, -1.0)
         if kind & STICK_FLANK:
             v = vec3(0.0)
         elif kind & ROUGH_FLANK:
-            v = slowed_along(v, vec3(0.0, side, 0.0), vec4(flank[0], flank[1], 0.0, 0.0), 1)
+            v = slowed_along(v, vec3(0.0, side, 0.0), flank, 1)
         elif v[1] * side < 0.0:
             v[1] = 0.0
     if kind & LEFT:
