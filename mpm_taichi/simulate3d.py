@@ -95,6 +95,9 @@ def simulate_3d(
         InputError: a setting that three dimensions do not have, or points outside the domain.
     """
     refuse_settings(settings)
+    sloping = problem.water is not None and np.ptp(problem.water.values) > 0.0
+    if sloping and settings.water == "pore_pressure" and settings.water_face == "moving":
+        raise InputError("water_face 'moving': in three dimensions a sloping water level is fixed")
     _refuse_outside(problem)
     start("cpu", threads)
     flight = Flight3d(problem, settings)

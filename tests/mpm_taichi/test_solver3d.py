@@ -121,7 +121,10 @@ def test_water_carries_and_its_slope_pushes():
     carried = wet.initial_stress[:, 2].min() / dry.initial_stress[:, 2].min()
     assert carried == pytest.approx(1.0 - 1000.0 / 1800.0, abs=0.03)
     tilted = Raster((0.0, 0.0), 60.0, np.array([[45.0], [15.0]]))
-    pushed = simulate_3d(level_bank(water=tilted), SHORT, threads=1)
+    with pytest.raises(InputError, match="water_face"):
+        simulate_3d(level_bank(water=tilted), SHORT, threads=1)
+    still = SHORT.model_copy(update={"water_face": "fixed"})
+    pushed = simulate_3d(level_bank(water=tilted), still, threads=1)
     reach = [float(run.positions[-1, :, 0].mean()) for run in (wet, pushed)]
     assert reach[1] > reach[0] + 0.05
 
