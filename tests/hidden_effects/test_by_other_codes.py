@@ -32,8 +32,8 @@ def benchmark():
 
 def test_plan_has_what_is_asked_for(benchmark):
     row = plan_by_codes(benchmark)
-    assert Counter(one.kind for one in row) == {"null": 40, "single": 40, "outside": 16}
-    assert Counter(one.source for one in row) == {"newton": 24, "smoothed_particles": 72}
+    assert Counter(one.kind for one in row) == {"null": 20, "single": 20, "outside": 8}
+    assert Counter(one.source for one in row) == {"newton": 12, "smoothed_particles": 36}
     hidden = [THINGS[name] for one in row for name in one.effects if one.kind == "single"]
     assert {family for thing in hidden for family in thing.families} == set(FAMILIES)
     for one in row:
@@ -43,6 +43,8 @@ def test_plan_has_what_is_asked_for(benchmark):
             assert not THINGS[name].applies(section.scene)
             assert THINGS[name].stranger == (one.kind == "outside")
     assert plan_by_codes(benchmark) == row
+    grown = replace(benchmark, plan=benchmark.plan.model_copy(update={"cases": 96}))
+    assert plan_by_codes(grown)[: len(row)] == row, "a set that grows keeps its cases"
 
 
 def test_learning_set_has_other_cases(benchmark):
