@@ -8,6 +8,7 @@ nothing.
 from __future__ import annotations
 
 import csv
+import math
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -111,12 +112,17 @@ def simulate_case(
     return run
 
 
-def read_deposit(case: Case, run: Run) -> list[Reading]:
+def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading]:
     """Everything that was measured and not constructed, read at the end and at the start of a run.
 
     What was constructed is read too where it is a number, so that it can be shown.
+
+    Args:
+        case: that was simulated.
+        run: of it.
+        at_start: read the section before the slide as well; False: NaN, in half the time.
     """
-    end, start = _deposit(case, run), _deposit(case, run, moved=False)
+    end, start = _deposit(case, run), _deposit(case, run, moved=False) if at_start else None
     readings = []
     for measurement in case.measured:
         if measurement.as_one:
@@ -124,14 +130,14 @@ def read_deposit(case: Case, run: Run) -> list[Reading]:
                 readings.append(_reading_as_one(measurement, end, start))
             continue
         read = measurement.reading(end)
-        at_start = measurement.observe(start)
+        before = _observed(measurement, start)
         for place, part in enumerate(measurement.parts):
             readings.append(
                 Reading(
                     measurement.name,
                     measurement.type,
                     float(read.values[place]),
-                    float(at_start[place]),
+                    float(before[place]),
                     measurement,
                     float(measurement.values[place]),
                     part,
@@ -141,14 +147,22 @@ def read_deposit(case: Case, run: Run) -> list[Reading]:
         by_eye = measurement.by_eye(end)
         if by_eye is not None:
             name = f"{measurement.name}, by eye"
-            readings.append(Reading(name, BY_EYE, by_eye, measurement.by_eye(start)))
+            eye_before = math.nan if start is None else measurement.by_eye(start)
+            readings.append(Reading(name, BY_EYE, by_eye, eye_before))
     return readings
 
 
-def _reading_as_one(measurement: Measured, end: Deposit, start: Deposit) -> Reading:
+def _observed(measurement: Measured, deposit: Deposit | None) -> np.ndarray:
+    """What a measurement reads; NaN of no deposit."""
+    if deposit is None:
+        return np.full(len(measurement.values), np.nan)
+    return measurement.observe(deposit)
+
+
+def _reading_as_one(measurement: Measured, end: Deposit, start: Deposit | None) -> Reading:
     """A series as the root mean square of its differences."""
     rms = [
-        float(np.sqrt(np.mean((measurement.observe(deposit) - measurement.values) ** 2)))
+        float(np.sqrt(np.mean((_observed(measurement, deposit) - measurement.values) ** 2)))
         for deposit in (end, start)
     ]
     points = f"root mean square of {len(measurement.values)} points"

@@ -157,7 +157,7 @@ class Live:
 
 
 def _readings(case: Case, run: Run) -> list[Reading]:
-    return read_deposit(case, run) if case.survey is not None else []
+    return [] if case.survey is None else read_deposit(case, run, at_start=False)
 
 
 def _chi2(readings: list[Reading]) -> dict[str, float]:

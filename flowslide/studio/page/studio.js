@@ -7,7 +7,7 @@ const $ = (id) => document.getElementById(id);
 const view = new View($("canvas"), $("legend"));
 const SPACINGS = [0.5, 0.75, 1, 1.5, 2, 3, 4];
 
-const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false };
+const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false, film: false, answered: 0 };
 const sliders = new Sliders({
   connected(is) { say(is ? "connected" : "the server is gone: start it again, this page connects by itself", !is); },
   deposit: show,
@@ -150,10 +150,16 @@ function fillSpacings() {
 
 let asked = 0;
 
+/** The deposit first; the way there, with `film`, when it is shown. */
 function ask(film) {
   if (state.found.faults.some(({ document }) => document === "scene")) return;
+  state.film = film;
   asked = performance.now();
   say("simulating ...");
+  question(false);
+}
+
+function question(film) {
   sliders.ask({
     type: "run", case: state.name, spacing_m: state.spacing, film,
     changes: state.changes,
@@ -162,6 +168,7 @@ function ask(film) {
 }
 
 function show(found) {
+  const way = view.deposit && found.header.times.length > 1;
   view.deposit = found;
   const last = found.header.times.length - 1;
   view.frame = last;
@@ -176,12 +183,15 @@ function show(found) {
   view.marks = marks(found.header.readings);
   view.paintLegend();
   view.draw();
+  if (way) return; // the film of what is shown already
   const took = ((performance.now() - asked) / 1000).toFixed(2);
   const { points, computed_s: computed, cached, came_to_rest: rest } = found.header;
   say(`${points.toLocaleString("en")} points, ${rest ? "at rest" : "still moving"} after `
     + `${found.header.times[last].toFixed(1)} s; answered in ${took} s`
     + (cached ? ", kept from before" : `, ${computed.toFixed(2)} s of it simulated`));
-  document.body.dataset.answered = String(found.header.id);
+  state.answered += 1;
+  document.body.dataset.answered = String(state.answered);
+  if (state.film) setTimeout(() => question(true));
 }
 
 /** Toes, measured and simulated, as places on the section. */
