@@ -39,6 +39,11 @@ class CodeError(Document):
     )
 
 
+def source_errors(stated: Mapping[str, CodeError]) -> dict[str, SourceError]:
+    """Errors of a code by type of measurement, as the statistics take them."""
+    return {name: SourceError(one.std, one.correlation_length) for name, one in stated.items()}
+
+
 class HoldOutChoice(Document):
     """What no fit may see; takes the place of the flags in measurements.yaml."""
 
@@ -141,7 +146,7 @@ class DiagnosisQuestion(Document):
     @property
     def source_errors(self) -> dict[str, SourceError]:
         """`source` as the statistics take it."""
-        return {k: SourceError(one.std, one.correlation_length) for k, one in self.source.items()}
+        return source_errors(self.source)
 
     @property
     def held_out(self) -> HoldOut | None:

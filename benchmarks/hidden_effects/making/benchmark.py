@@ -20,7 +20,6 @@ from benchmarks.hidden_effects.making.sections import Section, load_section
 from benchmarks.hidden_effects.making.surveys import SURVEYS
 from diagnosis.question import CodeError
 from geometry.scenes.scene import Document, checked_document, document_error
-from inversion.estimation.covariance import SourceError
 from mpm_taichi.effects import effects, load_effects_file
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
@@ -57,11 +56,6 @@ class SourcePlan(Document):
         errors = {name: one.model_dump(exclude_none=True) for name, one in self.error.items()}
         return {key: value for key, value in
                 (("source_strength", self.strength), ("source", errors)) if value}  # fmt: skip
-
-    @property
-    def errors(self) -> dict[str, SourceError]:
-        """`error` as the statistics take it."""
-        return {k: SourceError(one.std, one.correlation_length) for k, one in self.error.items()}
 
 
 class BenchmarkPlan(Document):

@@ -34,6 +34,7 @@ from benchmarks.hidden_effects.making.seal import SALT, salt_of
 from benchmarks.hidden_effects.making.sections import Section, normal
 from benchmarks.hidden_effects.making.sight import is_slide
 from benchmarks.hidden_effects.making.truth import Made
+from diagnosis.question import source_errors
 from geometry.survey.measured import Measured
 from inversion.estimation.covariance import SourceError, source_covariance
 from pipeline.cli import InputError, WorkFailed
@@ -204,7 +205,7 @@ def _draw(
     lower = np.linalg.cholesky(surveys.covariance_of(entries))
     error = lower @ np.array([normal(stream) for _ in exact])
     measured = np.round(exact + error, 3)
-    known = plan.sources[planned.source].errors
+    known = source_errors(plan.sources[planned.source].error)
     truth = {
         "name": planned.name, "kind": planned.kind, "source": planned.source,
         "section": planned.section, "survey": planned.survey,
