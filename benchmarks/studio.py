@@ -15,7 +15,8 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -26,8 +27,18 @@ from pipeline.cli import InputError
 
 CASE, MOVES = "lower_san_fernando", 50
 ASKED = {"first paint": 1.5, "slider to deposit, p50": 0.3, "slider to deposit, p95": 0.6}
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+#: Options of a browser without a screen that asks nothing of the network.
+QUIET = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
 STATUS = re.compile(r"answered in ([\d.]+) s, ([\d.]+) s of it")
-QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,30 +46,34 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--picture", type=Path, help="PNG of the page")
     arguments = parser.parse_args(argv)
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
+    if CHROMIUM is None:
         raise InputError("the studio is measured in Chromium, which is not installed")
-    with TemporaryDirectory() as folder:
-        server = subprocess.Popen(
-            [sys.executable, "-m", "flowslide", "studio", CASE, "--no-browser"],
-            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        )  # fmt: skip
-        try:
-            address = next(line for line in server.stdout if line.startswith("http://")).strip()
-            measure(address, chromium, arguments.picture)
-        finally:
-            server.terminate()
-            server.communicate(timeout=30)
+    with TemporaryDirectory() as folder, serving(CASE, cwd=folder) as address:
+        measure(address, arguments.picture)
     return 0
 
 
-def measure(address: str, chromium: str, picture: Path | None) -> None:
+@contextmanager
+def serving(case: str | Path, *options: str, cwd: str | Path | None = None) -> Iterator[str]:
+    """A studio in a process of its own; its address with the token."""
+    server = subprocess.Popen(
+        [sys.executable, "-m", "flowslide", "studio", str(case), "--no-browser", *options],
+        cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    )  # fmt: skip
+    try:
+        yield next(line for line in server.stdout if line.startswith("http://")).strip()
+    finally:
+        server.terminate()
+        server.communicate(timeout=30)
+
+
+def measure(address: str, picture: Path | None) -> None:
     """Move the slider in a browser, and print what came of it."""
     from playwright.sync_api import expect, sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=chromium, args=[*QUIET, "--enable-precise-memory-info"]
+            executable_path=CHROMIUM, args=[*QUIET, "--enable-precise-memory-info"]
         )
         page = browser.new_page(viewport={"width": 1380, "height": 820})
         page.goto(address)

@@ -3,24 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
-import shutil
-import subprocess
-import sys
 
 import pytest
 from playwright.sync_api import expect, sync_playwright
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-QUIET = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
+from benchmarks.studio import CHROMIUM, QUIET, serving
+
 WAIT_MS = 120_000
 
 pytestmark = [
@@ -34,17 +22,8 @@ pytestmark = [
 @pytest.fixture
 def address(workspace):
     """Of a studio that runs in a process of its own."""
-    server = subprocess.Popen(
-        [sys.executable, "-m", "flowslide", "studio", str(workspace.folder / "small"),
-         "--no-browser", "--threads", "1"],
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-    )  # fmt: skip
-    for line in server.stdout:
-        if found := re.search(r"http://\S+", line):
-            break
-    yield found.group(0)
-    server.terminate()
-    server.communicate(timeout=30)
+    with serving(workspace.folder / "small", "--threads", "1") as found:
+        yield found
 
 
 @pytest.fixture
