@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flowslide.commands import options
+
 DESCRIPTION = (
     "Open a page in the browser: move the strengths, the water and the effects of a case, watch it "
     "flow, compare it with what was measured, and start back-analyses and diagnoses. It is served "
@@ -25,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--port", type=int, default=0, metavar="N", help="default: any that is free"
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address alone")
-    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
+    options.add_threads(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -41,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(NEEDS)
     import uvicorn
 
-    from flowslide.studio.app import studio
+    from flowslide.studio.app import MOST_BYTES, studio
     from flowslide.studio.live import Live
     from flowslide.studio.security import new_token
 
@@ -63,7 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
         webbrowser.open(address)
     server = uvicorn.Server(
         uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio",
-                       ws_max_size=20_000_000)
+                       ws_max_size=MOST_BYTES)
     )  # fmt: skip
     try:
         with suppress(KeyboardInterrupt):  # it is how it is stopped

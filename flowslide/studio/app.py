@@ -23,16 +23,17 @@ from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from flowslide.studio.jobs import KINDS, Jobs
-from flowslide.studio.live import Live, question
+from flowslide.studio.live import Asked, Live, question
 from flowslide.studio.security import Guard
 from flowslide.studio.workspace import Workspace
+from geometry.scenes.drawings import FORMATS, read_section, section_scene
+from geometry.scenes.scene import checked_document
 from pipeline import __version__
 from pipeline.cli import InputError, WorkFailed
 
 PAGE = Path(__file__).resolve().parent / "page"
 #: Most bytes of a request, and of an uploaded drawing.
 MOST_BYTES = 20_000_000
-DRAWINGS = (".dxf", ".csv", ".geojson", ".json")
 #: A page that a job has made has its styles and pictures within, and no script of ours to reach.
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; media-src data:; sandbox"
@@ -107,7 +108,7 @@ class _Studio:
             "cases": self.workspace.cases(),
             "first": self.first,
             "version": __version__,
-            "drawings": DRAWINGS,
+            "drawings": FORMATS,
             "job_kinds": KINDS,
             "effects": await run_in_threadpool(_effects),
         })  # fmt: skip
@@ -115,10 +116,9 @@ class _Studio:
     async def create(self, request: Request) -> Response:
         """A new case."""
         asked = await _body(request)
-        name = str(asked.get("name", ""))
-        await run_in_threadpool(
-            self.workspace.create, name, asked.get("copy_of"), asked.get("scene")
-        )
+        name, copied = str(asked.get("name", "")), asked.get("copy_of")
+        copied = None if copied is None else str(copied)
+        await run_in_threadpool(self.workspace.create, name, copied, asked.get("scene"))
         return JSONResponse(await run_in_threadpool(self.workspace.read, name), status_code=201)
 
     async def read(self, request: Request) -> Response:
@@ -171,9 +171,7 @@ class _Studio:
 
     async def import_drawing(self, request: Request) -> Response:
         """The body is the drawing; its name and unit are in the query."""
-        name = Path(request.query_params.get("name", "")).name
-        if Path(name).suffix.lower() not in DRAWINGS:
-            raise InputError(f"{name[:80]!r}: a drawing ends in {', '.join(DRAWINGS)}")
+        name = Path(request.query_params.get("name", "")).name or "drawing"
         content = await _bytes(request)
         unit = request.query_params.get("unit") or None
         scene = await run_in_threadpool(_drawn, name, content, unit)
@@ -239,16 +237,13 @@ class _Studio:
         number = 0
         try:
             message = _object(text)
-            number = int(message.get("id", 0))
-            documents = message if message.get("scene") is not None else None
-            case = await run_in_threadpool(
-                self.workspace.case, str(message.get("case", "new")), documents
-            )
-            asked = question(message, case)
-            found = await asyncio.wrap_future(self.live.ask(asked))
+            number = message.get("id", 0)
+            asked = checked_document(Asked, message, "question", "flowslide/studio/live.py")
+            case = await run_in_threadpool(self.workspace.case, asked.case, asked.documents)
+            found = await asyncio.wrap_future(self.live.ask(question(asked, case)))
             if found is not None:
                 await socket.send_bytes(found)
-        except (InputError, WorkFailed, TypeError, KeyError, ValueError) as error:
+        except (InputError, WorkFailed) as error:
             await socket.send_json({"type": "failed", "id": number, "message": str(error)})
 
 
@@ -277,8 +272,6 @@ def _object(text: str) -> dict[str, Any]:
 
 
 def _drawn(name: str, content: bytes, unit: str | None) -> dict[str, Any]:
-    from geometry.scenes.drawings import read_section, section_scene
-
     with TemporaryDirectory(prefix="flowslide_import_") as folder:
         path = Path(folder) / name
         path.write_bytes(content)

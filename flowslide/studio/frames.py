@@ -2,7 +2,7 @@
 
 `uint32` length of the header (little endian) | header, JSON padded with spaces to a multiple of
 four | arrays, one after another, each padded likewise. The header names each array with dtype
-("f4", "u2", "u1"), shape and offset from the end of the header.
+("f4", "u2"), shape and offset from the end of the header.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mpm_taichi.trajectory import Run
 
 #: Most frames of a film: two a second of a slide of half a minute.
 FRAMES = 60
-DTYPES = {"f4": np.dtype("<f4"), "u2": np.dtype("<u2"), "u1": np.dtype("u1")}
+DTYPES = {"f4": np.dtype("<f4"), "u2": np.dtype("<u2")}
 
 
 def message(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:
@@ -37,19 +37,6 @@ def message(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> byte
     text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     return struct.pack("<I", len(text)) + text + b"".join(parts)
-
-
-def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The header and the arrays of a message."""
-    (length,) = struct.unpack_from("<I", data)
-    header = json.loads(data[4 : 4 + length])
-    arrays = {}
-    for entry in header["arrays"]:
-        dtype = DTYPES[entry["dtype"]]
-        count = int(np.prod(entry["shape"], dtype=int))
-        found = np.frombuffer(data, dtype, count, 4 + length + entry["offset"])
-        arrays[entry["name"]] = found.reshape(entry["shape"])
-    return header, arrays
 
 
 def deposit(case: Case, run: Run, readings: list[Reading], *, film: bool, **more: Any) -> bytes:
@@ -70,7 +57,7 @@ def deposit(case: Case, run: Run, readings: list[Reading], *, film: bool, **more
     arrays = {
         "positions": positions.astype("<f4"),
         "initial": run.positions[0].astype("<f4"),
-        "zone": run.zone.astype("u1"),
+        "zone": run.zone.astype("<u2"),
         "speed": _speed(run, places).astype("<f4"),
         "plastic_strain": run.plastic_shear_strain.astype("<f4"),
     }

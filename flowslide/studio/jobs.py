@@ -19,10 +19,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from flowslide.studio.workspace import Workspace
-from geometry.scenes.scene import document_error
+from geometry.scenes.scene import checked_document
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import make_folder, read_json, write_json
@@ -80,10 +80,7 @@ class Jobs:
         """
         if kind not in KINDS:
             raise InputError(f"kind {kind!r}: one of {', '.join(KINDS)}")
-        try:
-            wanted = JobOptions.model_validate(options)
-        except ValidationError as error:
-            raise InputError(document_error(error, "options")) from None
+        wanted = checked_document(JobOptions, options, "options", "flowslide/studio/jobs.py")
         source = self.workspace.source(case)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
         job = Job(id=number, kind=kind, case=case, folder=str(source), options=wanted)

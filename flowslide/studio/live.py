@@ -9,19 +9,22 @@ the same settings, the same readings.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from threading import Event, Lock
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import Field
 
 from flowslide.studio.frames import deposit
 from geometry.case import Case
 from geometry.scenes.scene import scene_from_mapping, scene_hash
 from geometry.survey.measured import Measured
+from geometry.survey.measurements import Measurements
 from mpm_taichi.comparison import Reading, read_deposit, simulate_case
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
+from pipeline.documents import StrictDocument
 from pipeline.files import content_hash
 from pipeline.progress import Cancelled
 
@@ -29,9 +32,46 @@ from pipeline.progress import Cancelled
 KEPT_BYTES = 400e6
 
 
+class Changes(StrictDocument):
+    """Values of the sliders."""
+
+    strengths_kpa: dict[str, float] = Field(default_factory=dict, description="by material")
+    friction_deg: dict[str, float] = Field(default_factory=dict, description="by material")
+    water_level: float | None = Field(None, description="[m]; null: no water; absent: as it is")
+
+
+class Switched(StrictDocument):
+    """An effect that is switched on."""
+
+    name: str
+    amplitude: float
+
+
+class Asked(StrictDocument):
+    """A question as the page sends it; with documents, of a case that is not saved."""
+
+    type: Literal["run"]
+    id: int = Field(0, description="which the answer repeats")
+    case: str = Field("new", description="name of the case")
+    set: str | None = Field(None, description="of measurements; null: the one that the file names")
+    spacing_m: float | None = Field(None, gt=0)
+    film: bool = Field(False, description="send the way to the deposit as well")
+    changes: Changes = Changes()
+    effects: list[Switched] = Field(default_factory=list)
+    scene: dict[str, Any] | None = None
+    measurements: dict[str, Any] | None = None
+
+    @property
+    def documents(self) -> dict[str, Any] | None:
+        """Of the case; None: those of its files."""
+        if self.scene is None:
+            return None
+        return {"scene": self.scene, "measurements": self.measurements}
+
+
 @dataclass(frozen=True)
 class Question:
-    """What a page asks for.
+    """What is to be answered.
 
     Attributes:
         number: of the question, which the answer repeats.
@@ -44,37 +84,53 @@ class Question:
     film: bool
 
 
-def question(message: Mapping[str, Any], case: Case) -> Question:
-    """Read a question of the page about a case.
-
-    Args:
-        message: `id`, `film`, `spacing_m`, `effects` ([{name, amplitude}]) and `changes`:
-            `strengths_kpa` and `friction_deg` by material, `water_level` [m].
-        case: that it is about.
+def question(asked: Asked, case: Case) -> Question:
+    """What a page asks about a case.
 
     Raises:
-        InputError: a number that cannot be; one line.
+        InputError: no such set or material, or a number that cannot be; one line.
     """
     if case.survey is not None:
-        case = case.with_set(message.get("set"))
-    case = case.resolved(spacing_m=message.get("spacing_m"))
-    document = case.scene.model_dump()
-    changes = message.get("changes") or {}
+        case = case.with_set(asked.set)
+    case = case.resolved(spacing_m=asked.spacing_m)
+    document, changes = case.scene.model_dump(), asked.changes
     for key, values in (("cohesion_kpa", "strengths_kpa"), ("friction_deg", "friction_deg")):
-        for material, value in (changes.get(values) or {}).items():
+        for material, value in getattr(changes, values).items():
             if material not in document["materials"]:
                 raise InputError(f"{values}: there is no material {material!r}")
             document["materials"][material][key] = value
-    if "water_level" in changes:
-        document["water_level"] = changes["water_level"]
-        if changes["water_level"] is None:
+    if "water_level" in changes.model_fields_set:
+        document["water_level"] = changes.water_level
+        if changes.water_level is None:
             document["phreatic_line"] = None
-    effects = {one["name"]: one["amplitude"] for one in message.get("effects") or []}
-    document["effects"] = {**document["effects"], **effects}
+    document["effects"] |= {one.name: one.amplitude for one in asked.effects}
     scene = scene_from_mapping(document, "scene with the sliders' values")
-    return Question(
-        int(message.get("id", 0)), replace(case, scene=scene), bool(message.get("film"))
-    )
+    return Question(asked.id, replace(case, scene=scene), asked.film)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A run that is kept, and its readings by a set of measurements."""
+
+    run: Run
+    survey: Measurements | None
+    measurement_set: str
+    readings: list[Reading]
+
+    @classmethod
+    def of(cls, case: Case, run: Run) -> Kept:
+        """A run with its readings."""
+        readings = [] if case.survey is None else read_deposit(case, run, at_start=False)
+        return cls(run, case.survey, case.measurement_set, readings)
+
+    def is_of(self, case: Case) -> bool:
+        """The readings are by the measurements of this case, as they were read."""
+        return self.survey is case.survey and self.measurement_set == case.measurement_set
+
+    @property
+    def size(self) -> int:
+        """Bytes, about."""
+        return self.run.positions.nbytes + 60 * self.run.points
 
 
 class Live:
@@ -89,7 +145,7 @@ class Live:
         self._owner = ThreadPoolExecutor(1, thread_name_prefix="solver")
         self._lock = Lock()
         self._newest: Event | None = None
-        self._kept: OrderedDict[str, tuple[Run, list[Reading]]] = OrderedDict()
+        self._kept: OrderedDict[str, Kept] = OrderedDict()
 
     def warm(self, case: Case) -> Future[Any]:
         """Have the kernels compiled before the first question."""
@@ -122,23 +178,24 @@ class Live:
     def _answer(self, asked: Question, stop: Event) -> bytes | None:
         if stop.is_set():
             return None
+        case = asked.case
         key = content_hash({
-            "scene": scene_hash(asked.case.scene),
-            "measured": [one.model_dump(mode="json") for one in asked.case.measured],
-            "settings": asked.case.simulation.model_dump(mode="json"),
+            "scene": scene_hash(case.scene),
+            "settings": case.simulation.model_dump(mode="json"),
         })  # fmt: skip
-        cached = key in self._kept
-        if not cached:
+        kept = self._kept.get(key)
+        cached = kept is not None
+        if kept is None:
             try:
-                run = self._run(asked.case, stop)
+                kept = Kept.of(case, self._run(case, stop))
             except Cancelled:
                 return None
-            self._keep(key, run, _readings(asked.case, run))
-        self._kept.move_to_end(key)
-        run, readings = self._kept[key]
+        elif not kept.is_of(case):
+            kept = Kept.of(case, kept.run)
+        self._keep(key, kept)
         return deposit(
-            asked.case, run, readings, film=asked.film, id=asked.number, cached=cached,
-            chi2=_chi2(readings),
+            case, kept.run, kept.readings, film=asked.film, id=asked.number, cached=cached,
+            chi2=_chi2(kept.readings),
         )  # fmt: skip
 
     def _run(self, case: Case, stop: Event) -> Run:
@@ -148,16 +205,12 @@ class Live:
 
         return simulate_case(case, threads=self.threads, on_time=on_time)
 
-    def _keep(self, key: str, run: Run, readings: list[Reading]) -> None:
-        self._kept[key] = run, readings
-        while (
-            len(self._kept) > 1 and sum(_size(run) for run, _ in self._kept.values()) > KEPT_BYTES
-        ):
+    def _keep(self, key: str, kept: Kept) -> None:
+        """Keep a run as the newest; the oldest go."""
+        self._kept[key] = kept
+        self._kept.move_to_end(key)
+        while len(self._kept) > 1 and sum(one.size for one in self._kept.values()) > KEPT_BYTES:
             self._kept.popitem(last=False)
-
-
-def _readings(case: Case, run: Run) -> list[Reading]:
-    return [] if case.survey is None else read_deposit(case, run, at_start=False)
 
 
 def _chi2(readings: list[Reading]) -> dict[str, float]:
@@ -171,7 +224,3 @@ def _chi2(readings: list[Reading]) -> dict[str, float]:
         if measured is not None and one.difference_in_std is not None:
             total["held_out" if measured.held_out else "fitted"] += one.difference_in_std**2
     return total
-
-
-def _size(run: Run) -> int:
-    return run.positions.nbytes + 60 * run.points

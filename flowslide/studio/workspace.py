@@ -127,14 +127,14 @@ class Workspace:
         """A case as the page has it: its documents, what is wrong with them, what follows."""
         source = self.source(name)
         files = _documents(source)
-        documents = files
+        documents, is_shipped = files, self.is_shipped(name)
         draft = self.hidden(name, "draft.json")
-        if draft.is_file() and not self.is_shipped(name):
+        if draft.is_file() and not is_shipped:
             documents = read_json(draft)["documents"]
         faults = self.faults(name, documents)
         return {
             "name": name,
-            "shipped": self.is_shipped(name),
+            "shipped": is_shipped,
             "revision": content_hash(files),
             "draft": documents != files,
             **documents,
@@ -145,7 +145,7 @@ class Workspace:
     def faults(self, name: str, documents: Mapping[str, Any]) -> list[Fault]:
         """What is wrong; the first fault of each document."""
         try:
-            scene = scene_from_mapping(documents["scene"], SCENE_FILE)
+            scene = scene_from_mapping(documents.get("scene"), SCENE_FILE)
         except InputError as error:
             return [Fault("scene", _shown(error, SCENE_FILE))]
         found = []
@@ -156,7 +156,7 @@ class Workspace:
                 try:
                     check(folder, scene)
                 except InputError as error:
-                    found.append(Fault(part, _shown(error, f"{folder / DOCUMENTS[part]}")))
+                    found.append(Fault(part, _shown(error, str(folder / DOCUMENTS[part]))))
         return found
 
     def case(self, name: str, documents: Mapping[str, Any] | None = None) -> Case:
@@ -174,8 +174,7 @@ class Workspace:
                 self._loaded[name] = key, load_case(source)
             return self._loaded[name][1]
         with self._as_folder(name, documents) as folder:
-            found = load_case(folder)
-            return found if found.survey is None else found.with_set(None)
+            return load_case(folder)
 
     def _derived(self, name: str, documents: Mapping[str, Any]) -> dict[str, Any]:
         """What follows from a case without faults."""

@@ -12,8 +12,8 @@ from starlette.websockets import WebSocketDisconnect
 
 import flowslide
 from flowslide.studio.app import MOST_BYTES, studio
-from flowslide.studio.frames import unpack
-from flowslide.studio.live import Live
+from flowslide.studio.live import Asked, Live, question
+from tests.studio.messages import unpack
 
 PORT, TOKEN = 8321, "the-token"
 OURS = {"origin": f"http://127.0.0.1:{PORT}"}
@@ -99,6 +99,10 @@ def test_bad_bodies_get_one_line(browser):
     for body in (b"", b"[1]", b"{", b"\xff\xfe"):
         answer = browser.post("/api/cases", content=body, headers=OURS)
         assert answer.status_code == 400 and "\n" not in answer.json()["message"]
+    nothing = browser.post("/api/check", json={}, headers=OURS).json()
+    assert [one["document"] for one in nothing["faults"]] == ["scene"]
+    answer = browser.post("/api/cases", json={"name": "mine", "copy_of": 5}, headers=OURS)
+    assert answer.status_code == 400 and "case '5'" in answer.json()["message"]
     answer = browser.put("/api/cases/small/files/underlay.png", content=b"x" * (MOST_BYTES + 1),
                          headers=OURS)  # fmt: skip
     assert answer.status_code == 400 and "20 MB" in answer.json()["message"]
@@ -131,6 +135,10 @@ def test_a_slider_gets_the_numbers_of_the_command_line(browser, workspace):
         assert json.loads(socket.receive_text()) == {
             "type": "failed", "id": 3, "message": "strengths_kpa: there is no material 'lose'",
         }  # fmt: skip
+        for wrong in ({"changes": [1]}, {"spacing_m": -1}, {"spacng_m": 2}, {"set": "none"}):
+            socket.send_text(json.dumps({**ask, "id": 4, **wrong}))
+            said = json.loads(socket.receive_text())
+            assert said["id"] == 4 and "\n" not in said["message"], said
         socket.send_text("nonsense")
         assert json.loads(socket.receive_text())["type"] == "failed"
     done = flowslide.simulate(workspace.folder / "small", strengths_kpa={"loose": 7.0}, threads=1)
@@ -140,14 +148,36 @@ def test_a_slider_gets_the_numbers_of_the_command_line(browser, workspace):
     assert simulated == [one.simulated for one in done.readings]
 
 
-def test_the_newest_question_wins(workspace, live):
-    from flowslide.studio.live import question
+@pytest.mark.slow
+def test_a_kept_run_is_read_by_the_measurements_of_now(browser, workspace):
+    ask = {"type": "run", "case": "small"}
+    with browser.websocket_connect(LIVE, headers=OURS) as socket:
 
+        def answer():
+            socket.send_text(json.dumps(ask))
+            return unpack(socket.receive_bytes())[0]
+
+        before = answer()
+        case = workspace.read("small")
+        case["measurements"]["sets"]["field"][0]["value_m"] = 99.0
+        assert workspace.save("small", case["revision"], case)
+        after = answer()
+        assert after["cached"] and not before["cached"]
+        assert after["readings"][0]["measured"] == 99.0
+        assert after["readings"][0]["simulated"] == before["readings"][0]["simulated"]
+        # A case that is not saved: its documents come along.
+        ask |= {"case": "drawn", "scene": case["scene"], "measurements": case["measurements"]}
+        assert answer()["readings"] == after["readings"]
+
+
+def test_the_newest_question_wins(workspace, live):
     case = workspace.case("small")
     asked = [
-        live.ask(question({"id": k, "changes": {"strengths_kpa": {"loose": 5.0 + k}}}, case))
+        live.ask(question(
+            Asked(type="run", id=k, changes={"strengths_kpa": {"loose": 5.0 + k}}), case
+        ))
         for k in range(6)
-    ]
+    ]  # fmt: skip
     answers = [one.result(60) for one in asked]
     assert answers[-1] is not None and answers[1:5] == [None] * 4
 

@@ -301,7 +301,7 @@ function jobLine(job) {
   line.append(`${job.words}: ${job.case.replaceAll("_", " ")}${at}`);
   const note = Object.assign(document.createElement("div"), { className: "note" });
   const seconds = job.seconds === undefined ? "" : `, ${Math.round(job.seconds)} s`;
-  note.textContent = [job.state + seconds, job.answer || job.message].filter(Boolean).join(": ");
+  note.textContent = [job.state + seconds, job.message].filter(Boolean).join(": ");
   line.append(note);
   if (job.state === "running") {
     const bar = document.createElement("progress");

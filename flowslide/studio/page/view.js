@@ -36,9 +36,9 @@ export class View {
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
 
-  show(scene, keep = false) {
+  show(scene) {
     this.scene = scene;
-    if (!keep || !this.box) this.fit();
+    this.fit();
     this.draw();
   }
 
