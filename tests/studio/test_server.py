@@ -49,7 +49,7 @@ def test_the_page_and_its_parts_are_served_with_a_policy(browser):
     assert page.status_code == 200 and "flowslide" in page.text
     assert "script-src 'self'" in page.headers["content-security-policy"]
     assert "unsafe" not in page.headers["content-security-policy"]
-    for part in ("studio.js", "api.js", "view.js", "studio.css"):
+    for part in ("studio.js", "answer.js", "api.js", "view.js", "studio.css"):
         assert browser.get(f"/{part}").status_code == 200
     assert browser.get("/../security.py").status_code in (403, 404)
 

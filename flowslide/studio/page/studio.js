@@ -1,6 +1,7 @@
-// The page: a case, its sliders, the deposit that follows, its measurements, and jobs.
+// The page: a case, its sliders, the deposit that follows, its measurements.
 
-import { get, send, Sliders } from "./api.js";
+import { answers } from "./answer.js";
+import { get, Sliders } from "./api.js";
 import { View } from "./view.js";
 
 const $ = (id) => document.getElementById(id);
@@ -262,74 +263,6 @@ function step() {
   setTimeout(step, 60);
 }
 
-// --- jobs ---
-
-const QUESTIONS = [
-  ["back_analyse", "Back-analyse", {}], ["back_analyse", "Quick", { quick: true }],
-  ["posterior", "Posterior", {}], ["from_blow_counts", "From blow counts", {}], ["diagnose", "What is missing?", {}],
-];
-
-function buildQuestions() {
-  $("ask").replaceChildren(...QUESTIONS.map(([kind, words, options], i) => {
-    const button = Object.assign(document.createElement("button"), { textContent: words });
-    button.title = `${state.workspace.job_kinds[kind]}, at the spacing chosen on the left`;
-    if (i === 0) button.className = "main";
-    button.addEventListener("click", async () => {
-      try {
-        await send("/api/jobs", { kind, case: state.name, options: { ...options, spacing_m: state.spacing } });
-        watchJobs();
-      } catch (error) { say(error.message, true); }
-    });
-    return button;
-  }));
-}
-
-let watching = 0;
-
-async function watchJobs() {
-  clearTimeout(watching);
-  let jobs = [];
-  try { jobs = await get("/api/jobs"); } catch { /* the server is gone: said elsewhere */ }
-  $("jobs").replaceChildren(...jobs.slice(0, 12).map(jobLine));
-  watching = setTimeout(watchJobs, jobs.some(({ state: now }) => now === "running") ? 700 : 5000);
-}
-
-function jobLine(job) {
-  const line = document.createElement("li");
-  line.dataset.state = job.state;
-  const at = job.options.spacing_m ? ` at ${job.options.spacing_m} m` : "";
-  line.append(`${job.words}: ${job.case.replaceAll("_", " ")}${at}`);
-  const note = Object.assign(document.createElement("div"), { className: "note" });
-  const seconds = job.seconds === undefined ? "" : `, ${Math.round(job.seconds)} s`;
-  note.textContent = [job.state + seconds, job.message].filter(Boolean).join(": ");
-  line.append(note);
-  if (job.state === "running") {
-    const bar = document.createElement("progress");
-    if (job.total) Object.assign(bar, { max: job.total, value: Math.min(job.done, job.total) });
-    line.append(bar);
-  }
-  const buttons = Object.assign(document.createElement("div"), { className: "buttons" });
-  const add = (words, act) => {
-    const button = Object.assign(document.createElement("button"), { textContent: words });
-    button.addEventListener("click", act);
-    buttons.append(button);
-  };
-  const post = (what) => async () => {
-    try { await send(`/api/jobs/${job.id}/${what}`, {}); } catch (error) { say(error.message, true); }
-    watchJobs();
-  };
-  if (job.state === "running") add("Cancel", post("cancel"));
-  if (["cancelled", "interrupted", "failed"].includes(job.state)) add("Go on", post("again"));
-  if (job.state === "done" && job.files.includes("report.html")) {
-    add("Open the report", () => {
-      $("frame").src = `/api/jobs/${job.id}/files/report.html`;
-      $("report").showModal();
-    });
-  }
-  line.append(buttons);
-  return line;
-}
-
 // --- the page ---
 
 function keys(event) {
@@ -361,10 +294,8 @@ async function start() {
   $("colour").addEventListener("change", () => { view.colour = $("colour").value; view.paintLegend(); view.draw(); });
   $("before").addEventListener("change", () => { view.before = $("before").checked; view.draw(); });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  $("close").addEventListener("click", () => $("report").close());
   document.addEventListener("keydown", keys);
-  buildQuestions();
-  watchJobs();
+  answers(state, say);
   const wanted = decodeURIComponent(location.hash.slice(1)) || state.workspace.first;
   const name = cases.some((one) => one.name === wanted) ? wanted : cases[0]?.name;
   if (!name) { say(`no case in ${state.workspace.folder}`, true); return; }
