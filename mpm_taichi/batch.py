@@ -25,6 +25,7 @@ import h5py
 import geometry
 from mpm_taichi import PHYSICS_VERSION
 from mpm_taichi.effects import key_of_effects
+from mpm_taichi.materials.registry import key_of_law
 from mpm_taichi.trajectory import Run, RunSummary, group_name, list_runs, run_indices, summary
 from mpm_taichi.trajectory import write_run as _write_run
 from pipeline.cli import InputError, WorkFailed
@@ -60,7 +61,7 @@ def run_key(scene: Scene, settings: SimulationSettings, device: str) -> str:
     Effects that are off leave no trace in it, and other ways to write the same effects none either.
 
     Raises:
-        InputError: the scene has an effect that does not exist, or a number out of range.
+        InputError: the scene has an effect or a law that does not exist, or a number out of range.
     """
     effects = key_of_effects(scene)
     return content_hash(
@@ -71,6 +72,7 @@ def run_key(scene: Scene, settings: SimulationSettings, device: str) -> str:
             "physics": PHYSICS_VERSION,
             "geometry": geometry.PHYSICS_VERSION,
             **effects,
+            **key_of_law(scene),
         }
     )
 

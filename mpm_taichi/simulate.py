@@ -17,7 +17,7 @@ from mpm_taichi import layout
 from mpm_taichi.effects.framework.base import Effect
 from mpm_taichi.effects.framework.registry import effects_on, kernel_effects
 from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB
+from mpm_taichi.materials.registry import law_of
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.solver.initial_state import PreparedScene, prepare
 from mpm_taichi.solver.kernels import build_kernels
@@ -55,7 +55,6 @@ def simulate(
     threads: int | None = None,
     on_frame: OnFrame | None = None,
     on_finished: OnFinished | None = None,
-    law: MaterialLaw = MOHR_COULOMB,
 ) -> list[Run]:
     """Simulate scenes and return their runs in the order of the scenes.
 
@@ -66,15 +65,14 @@ def simulate(
         threads: CPU threads; None: all this process may use.
         on_frame: called with (place in `scenes`, time [s], kinetic energy [J/m]) per chunk.
         on_finished: called with (place in `scenes`, run) as soon as a run is done.
-        law: the material law of all soils.
 
     Raises:
-        InputError: an effect that does not exist or that the law does not know, a moving kinematic
-            zone, an unknown device.
+        InputError: a law or an effect that does not exist, an effect that the law does not know, a
+            moving kinematic zone, an unknown device.
     """
     runs: list[Run | None] = [None] * len(scenes)
     for place, run in simulate_each(
-        scenes, settings, device=device, threads=threads, on_frame=on_frame, law=law
+        scenes, settings, device=device, threads=threads, on_frame=on_frame
     ):
         runs[place] = run
         if on_finished is not None:
@@ -89,20 +87,20 @@ def simulate_each(
     device: str = "cpu",
     threads: int | None = None,
     on_frame: OnFrame | None = None,
-    law: MaterialLaw = MOHR_COULOMB,
 ) -> Iterator[tuple[int, Run]]:
     """Yield (place in `scenes`, run) as runs end; holds only the runs in flight. See `simulate`.
 
-    Scenes that need the same kernels are run together: those without effects, those with effects
-    of the library whichever they are, and those with the same effects of a user.
+    Scenes that need the same kernels are run together: those of a law without effects, with effects
+    of the library whichever they are, and with the same effects of a user.
     """
-    groups: dict[tuple[Effect, ...], list[tuple[int, Scene]]] = {}
+    groups: dict[tuple[MaterialLaw, tuple[Effect, ...]], list[tuple[int, Scene]]] = {}
     for place, scene in enumerate(scenes):
+        law = law_of(scene)
         check_scene(scene, law)
-        groups.setdefault(kernel_effects(scene), []).append((place, scene))
+        groups.setdefault((law, kernel_effects(scene)), []).append((place, scene))
     threads = start(device, threads)
     in_flight = max(SLOTS[device], PER_THREAD * threads if device == "cpu" else 0)
-    for effects, members in groups.items():
+    for (law, effects), members in groups.items():
         kernels = build_kernels(
             affine=settings.transfer in ("affine_flip", "apic"),
             averaged=settings.volumetric_averaging,
@@ -114,18 +112,19 @@ def simulate_each(
 
 
 def _compile(slots: Slots) -> None:
-    """Have the kernels compiled; where a user's effect cannot be, say so in one line."""
-    table = slots.kernels.table
-    users = [one for one in (table.effects if table else ()) if one.version]
+    """Have the kernels compiled; where a user's effect or law cannot be, say so in one line."""
+    table, law = slots.kernels.table, slots.kernels.law
+    users = [repr(one.name) for one in (table.effects if table else ()) if one.version]
+    users = [f"effect {', '.join(users)}"] if users else []
+    users += [f"law {law.name!r}"] if law.version else []
     try:
         slots.compile()
     except Exception as error:
         if not users:
             raise
-        names = ", ".join(repr(one.name) for one in users)
         # The end of Taichi's message says what is wrong, the rest where in its own pieces.
         words = " ".join(word for word in str(error).split() if set(word) - set("^~"))
-        raise InputError(f"effect {names}: does not compile: ... {words[-300:]}") from error
+        raise InputError(f"{' or '.join(users)}: does not compile: ... {words[-300:]}") from error
 
 
 def _simulate_group(
@@ -169,7 +168,7 @@ def _simulate_group(
                 del flying[slot]
 
 
-def check_scene(scene: Scene, law: MaterialLaw = MOHR_COULOMB) -> None:
+def check_scene(scene: Scene, law: MaterialLaw) -> None:
     """Refuse what a scene may say but the solver cannot do; one line for a person."""
     for one in effects_on(scene):
         if one.effect.strength is not None and law.strength_constants is None:

@@ -38,7 +38,7 @@ def root() -> Path:
 
 @pytest.fixture(autouse=True, scope="module")
 def _users_code_ends_with_its_file() -> Iterator[None]:
-    """Effects and measurements of users that a file of tests has loaded end with it."""
+    """Effects, laws and measurements of users that a file of tests has loaded end with it."""
     before = {name: dict(_of_users(name)) for name in REGISTRIES}
     yield
     for name, known in before.items():
@@ -47,12 +47,16 @@ def _users_code_ends_with_its_file() -> Iterator[None]:
         after.update(known)
 
 
-REGISTRIES = ("mpm_taichi.effects.framework.registry", "geometry.survey.registry")
+REGISTRIES = (
+    ("mpm_taichi.effects.framework.registry", "_users"),
+    ("mpm_taichi.materials.registry", "users"),
+    ("geometry.survey.registry", "_users"),
+)
 
 
-def _of_users(name: str) -> dict:
-    registry = sys.modules.get(name)
-    return registry._users if registry else {}
+def _of_users(name: tuple[str, str]) -> dict:
+    registry = sys.modules.get(name[0])
+    return getattr(registry, name[1]) if registry else {}
 
 
 @pytest.fixture

@@ -3,10 +3,10 @@
 The shear strength is k = c + H gamma: the cohesion c of the scene's material, and the plastic shear
 strain gamma that the point has gone through times H. In plane strain without hardening such a soil
 flows as a Mohr-Coulomb soil with phi = 0 and the same c does. Source: de Souza Neto, Peric and Owen
-(2008), Computational Methods for Plasticity, ch. 7. Run it with
+(2008), Computational Methods for Plasticity, ch. 7. Run it with `law: hardening_von_mises` in
+scene.yaml and
 
-    from docs.examples.my_law import hardening
-    simulate(scenes, settings, law=hardening(200e3))
+    flowslide scenes simulate my_dam/scene.yaml --effects docs/examples/my_law.py --out results
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -59,3 +59,6 @@ def hardening(modulus: float) -> MaterialLaw:
         ground_strength=ground_strength,
         variables=1,
     )
+
+
+HARDENING_VON_MISES = hardening(200e3)

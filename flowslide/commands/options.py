@@ -75,7 +75,8 @@ def add_effects(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FILE",
         dest="effect_files",
-        help="Python file with your own effects; it is executed (docs/how-to/your-own-effect.md)",
+        help="Python file with your own effects or material law; it is executed "
+        "(docs/how-to/your-own-effect.md)",
     )
 
 

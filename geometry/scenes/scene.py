@@ -16,7 +16,15 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from geometry.scenes.limits import check_density, check_level, extent
 from geometry.scenes.polygon_checks import check_ground, check_zones
@@ -29,6 +37,9 @@ Point = tuple[float, float]
 
 PAGE = "docs/method/geometry.md"
 """Lists the keys of a scene."""
+
+MOHR_COULOMB = "mohr_coulomb"
+"""Material law of a scene that names none."""
 
 #: A pair of numbers that the JSON writer has spread over four lines.
 _PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
@@ -214,11 +225,22 @@ class Scene(Document):
         0.0, ge=0, lt=1, description="each point moves by up to jitter x spacing / 2 in x and y"
     )
     seed: int = Field(0, ge=0, lt=2**63, description="seed of the jitter")
+    law: str = Field(
+        MOHR_COULOMB, description="material law of all soils; the solver refuses unknown names"
+    )
     effects: dict[str, float | dict[str, float]] = Field(
         default_factory=dict,
         description="name -> amplitude, or amplitude and parameters; 0 is off; the solver refuses "
         "unknown names",
     )
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """The usual law is not written: scenes without another keep their hashes."""
+        document = write(self)
+        if self.law == MOHR_COULOMB:
+            del document["law"]
+        return document
 
     @field_validator("effects", mode="before")
     @classmethod

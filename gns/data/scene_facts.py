@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.scenes.fill import fill
+from geometry.scenes.scene import MOHR_COULOMB
 from mpm_taichi.effects import effects_on
 from mpm_taichi.solver.water import water_force
 from pipeline.cli import InputError
@@ -259,6 +260,10 @@ def _check_known(scene: Scene, settings: SimulationSettings) -> None:
         raise InputError(
             f"{scene.name}: effects: {on[0].effect.name} is on; the learned simulator knows the "
             "base physics alone"
+        )
+    if scene.law != MOHR_COULOMB:
+        raise InputError(
+            f"{scene.name}: law: {scene.law}; the learned simulator knows {MOHR_COULOMB} alone"
         )
     if _thrusts(scene, settings) and settings.water_face == "moving":
         raise InputError(

@@ -50,6 +50,7 @@ class MaterialLaw:
             [Pa] and `cap` [Pa] that effects leave of a point; None: no effect may change strength.
         variables: number of history variables of a point.
         initial_variables: their values at t = 0 for a material; None: zero.
+        version: hash of the user's file that defines it; empty: of the library.
     """
 
     name: str
@@ -63,3 +64,4 @@ class MaterialLaw:
     strength_constants: Callable | None = None
     variables: int = 0
     initial_variables: Callable[[Material], Sequence[float]] | None = None
+    version: str = ""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from geometry.scenes.fill import fill
+from geometry.scenes.scene import MOHR_COULOMB
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
@@ -75,12 +76,13 @@ def extruded(
     """A section over a width [m] between vertical flanks, its points repeated at their spacing.
 
     Raises:
-        InputError: open walls, effects, kinematic zones: the solver does not have them in three
-            dimensions.
+        InputError: open walls, effects, another law, kinematic zones: the solver does not have them
+            in three dimensions.
     """
     lacking = {
         "domain.walls: open": scene.domain.walls == "open",
         "effects": bool(scene.effects),
+        f"law: {scene.law}": scene.law != MOHR_COULOMB,
         "kinematic zones": any(zone.kinematic for zone in scene.zones),
     }
     if any(lacking.values()):

@@ -4,15 +4,26 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 import taichi as ti
 
 from docs.examples.my_law import SHEARED, hardening
-from geometry.scenes.scene import scene_from_mapping
+from geometry.scenes.scene import (
+    MOHR_COULOMB,
+    save_scene,
+    scene_from_mapping,
+    scene_hash,
+    scene_text,
+)
+from gns.data.scene_facts import start_of
 from mpm_taichi import simulate as simulation
+from mpm_taichi.batch import run_key
+from mpm_taichi.effects import given_effects, load_effects_file
 from mpm_taichi.layout import DISSIPATED, DVX_DX, DVY_DY, SHEAR, XX, YY, A, Step
+from mpm_taichi.materials import registry
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.simulate import simulate
 from mpm_taichi.solver.initial_state import prepare
@@ -20,11 +31,14 @@ from mpm_taichi.solver.kernel_arguments import state_kernel
 from mpm_taichi.solver.kernels import build_kernels
 from mpm_taichi.solver.point_functions import point_functions
 from mpm_taichi.solver.runtime import Slots, start
+from mpm_taichi.solver3d.problem import extruded
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.mpm_taichi import effects_slump
 from tests.mpm_taichi.arrays import arrays
 
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "my_law.py"
+LAW = "hardening_von_mises"
 SHORT = SimulationSettings(duration_s=2.0, early_stop=False)
 COHESION, MODULUS = 5e3, 40e3
 YOUNG, POISSON = 3e6, 0.3
@@ -87,11 +101,22 @@ def test_pure_shear_follows_the_hardening(before):
     assert history[DISSIPATED] == pytest.approx(work, rel=1e-2)
 
 
+@pytest.fixture
+def laws():
+    """Laws that a scene can name, for the length of a test."""
+    before = dict(registry.users)
+    yield registry.users
+    registry.users.clear()
+    registry.users.update(before)
+
+
 @pytest.mark.slow
-def test_perfectly_plastic_it_flows_as_mohr_coulomb_and_hardening_shortens_the_runout():
-    reference, perfect, hard = (
-        simulate([slump()], SHORT, **options)[0]
-        for options in ({}, {"law": hardening(0.0)}, {"law": hardening(60e3)})
+def test_perfectly_plastic_it_flows_as_mohr_coulomb_and_hardening_shortens_the_runout(
+    laws,
+):
+    laws |= {"perfect": hardening(0.0), "hard": hardening(60e3)}
+    reference, perfect, hard = simulate(
+        [slump(), slump(law="perfect"), slump(law="hard")], SHORT, threads=1
     )
     travel = [np.ptp(run.positions[-1, :, 0]) - 20.0 for run in (reference, perfect, hard)]
     assert all(run.status == "finished" for run in (reference, perfect, hard))
@@ -101,11 +126,11 @@ def test_perfectly_plastic_it_flows_as_mohr_coulomb_and_hardening_shortens_the_r
 
 
 @pytest.mark.slow
-def test_both_schedules_run_it(monkeypatch):
-    law = hardening(20e3)
-    (by_scene,) = simulate([slump()], SHORT, law=law)
+def test_both_schedules_run_it(monkeypatch, laws):
+    laws["hard"] = hardening(20e3)
+    (by_scene,) = simulate([slump(law="hard")], SHORT)
     monkeypatch.setitem(simulation.SCHEDULES, "cpu", "point")
-    (by_point,) = simulate([slump()], SHORT, law=law)
+    (by_point,) = simulate([slump(law="hard")], SHORT)
     assert by_scene.status == by_point.status == "finished"
     assert by_scene.steps == by_point.steps
     off = np.abs(by_scene.positions - by_point.positions)
@@ -133,7 +158,63 @@ def test_history_variables_begin_as_the_law_says_and_follow_the_points():
     assert np.array_equal(larger.variables[larger.point_range(0)], slots.variables[where])
 
 
-def test_an_effect_on_strength_is_refused_where_the_law_does_not_provide_for_it():
-    scene = effects_slump.slump({"strain_softening": 1.0})
+def test_an_effect_on_strength_is_refused_where_the_law_does_not_provide_for_it(laws):
+    laws["perfect"] = hardening(0.0)
+    scene = effects_slump.slump({"strain_softening": 1.0}, law="perfect")
     with pytest.raises(InputError, match=r"slump: effects: strain_softening: changes the strength"):
-        simulate([scene], SHORT, law=hardening(0.0))
+        simulate([scene], SHORT)
+
+
+def test_a_scene_that_names_no_law_is_written_without_one():
+    usual, other = slump(), slump(law=LAW)
+    assert usual == slump(law=MOHR_COULOMB)
+    assert "law" not in usual.model_dump() and "law" not in scene_text(usual, ".yaml")
+    assert other.changed(spacing=2.0).law == LAW
+    assert scene_from_mapping(other.model_dump(mode="json")) == other
+    assert scene_hash(other) != scene_hash(usual)
+
+
+def test_a_law_that_is_not_there_is_refused_in_one_line(laws):
+    message = "slump: law: no material law 'clay'; there are mohr_coulomb; your own needs --effects"
+    for asked in (lambda scene: simulate([scene], SHORT), lambda scene: run_key(scene, SHORT, "")):
+        with pytest.raises(InputError, match=message) as error:
+            asked(slump(law="clay"))
+        assert "\n" not in str(error.value)
+
+
+def test_the_key_holds_the_content_of_the_file(laws, tmp_path):
+    with given_effects([EXAMPLE]):
+        key = run_key(slump(law=LAW), SHORT, "cpu")
+        assert key != run_key(slump(), SHORT, "cpu")
+    assert LAW not in laws
+    changed = tmp_path / "mine.py"
+    changed.write_text(EXAMPLE.read_text().replace("hardening(200e3)", "hardening(300e3)"))
+    with given_effects([changed]):
+        assert run_key(slump(law=LAW), SHORT, "cpu") != key
+    with given_effects([EXAMPLE]):
+        assert run_key(slump(law=LAW), SHORT, "cpu") == key
+
+
+def test_a_name_of_the_library_is_taken(laws, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(EXAMPLE.read_text().replace(LAW, MOHR_COULOMB))
+    with pytest.raises(InputError, match="'mohr_coulomb': the library has a law of this name"):
+        load_effects_file(path)
+
+
+def test_what_does_not_know_other_laws_refuses_them():
+    with pytest.raises(InputError, match=f"slump: law: {LAW}: not in three dimensions"):
+        extruded(slump(law=LAW), 4.0)
+    with pytest.raises(InputError, match=f"slump: law: {LAW}; the learned simulator knows"):
+        start_of(slump(law=LAW), SHORT)
+
+
+@pytest.mark.slow
+def test_a_scene_of_a_users_law_runs_from_the_command_line(tmp_path, run_module):
+    save_scene(slump(law=LAW), tmp_path / "scene.yaml")
+    run = ["mpm_taichi", "run", tmp_path / "scene.yaml", "--out", tmp_path, "--threads", "1"]
+    run += ["--quiet", "--set", "simulation.duration_s=0.5"]
+    assert "no material law 'hardening_von_mises'" in run_module(*run).stderr
+    done = run_module(*run, "--effects", EXAMPLE)
+    assert done.returncode == 0, done.stderr
+    assert "1 runs, 0 failed" in done.stdout

@@ -1,7 +1,8 @@
 """The effects there are, and which of them a scene has on.
 
-A new effect of the library is one file in this folder and its name in `LIBRARY`. A user's effects
-come from a file of their own (`--effects FILE`): it is code, and is run only when it is named.
+A new effect of the library is one file in this folder and its name in `LIBRARY`. A user's effects,
+and material laws, come from a file of their own (`--effects FILE`): it is code, and is run only
+when it is named.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpm_taichi.effects.framework.base import Active, Effect
 from mpm_taichi.effects.framework.faults import faults
+from mpm_taichi.materials import registry as laws
 from pipeline.cli import InputError
 from pipeline.user_code import load_user_code
 
@@ -195,24 +197,27 @@ def key_of_effects(scene: Scene) -> dict[str, Any]:
 
 
 def load_effects_file(path: str | Path) -> list[Effect]:
-    """Run a Python file and register every `Effect` it defines at its top level.
+    """Run a Python file and register every `Effect` and `MaterialLaw` of its top level.
 
-    The version of such an effect is the hash of the file. Loading the same file again changes
-    nothing; a changed file replaces its effects.
+    Their version is the hash of the file. Loading the same file again changes nothing; a changed
+    file replaces what it defines.
 
     Returns:
         the effects of the file, in the order in which it defines them.
 
     Raises:
-        InputError: no such file, an error in it, no effect in it, a name that is taken or no name,
-            fields of the wrong kind, numbers that do not fit together; one line.
+        InputError: no such file, an error in it, neither effect nor law in it, a name that is taken
+            or no name, fields of the wrong kind, numbers that do not fit together; one line.
     """
     module, version = load_user_code(path, "flowslide_effects")
     found = [value for value in vars(module).values() if isinstance(value, Effect)]
     mine = {id(one) for one in library()}
     own = [one for one in dict.fromkeys(found) if id(one) not in mine]
-    if not own:
-        raise InputError(f"{path}: defines no Effect; see docs/how-to/your-own-effect.md")
+    own_laws = laws.laws_in(module)
+    if not own and not own_laws:
+        raise InputError(
+            f"{path}: defines no Effect and no MaterialLaw; see docs/how-to/your-own-effect.md"
+        )
     taken, names = [one.name for one in library()], [one.name for one in own]
     for one in own:
         reason = faults(one)
@@ -225,6 +230,10 @@ def load_effects_file(path: str | Path) -> list[Effect]:
         if reason:
             raise InputError(f"{path}: effect {one.name!r}: {reason}")
         object.__setattr__(one, "version", version)
+    for law in own_laws:
+        if law.name in laws.library():
+            raise InputError(f"{path}: law {law.name!r}: the library has a law of this name")
+        object.__setattr__(law, "version", version)
     before = dict(_users)
     _users.update({one.name: one for one in own})
     if sum(one.on_device for one in (*library(), *_users.values())) > MOST_ON_DEVICE:
@@ -233,17 +242,19 @@ def load_effects_file(path: str | Path) -> list[Effect]:
         raise InputError(
             f"{path}: more than {MOST_ON_DEVICE} effects with hooks on points or nodes"
         )
+    laws.users.update({law.name: law for law in own_laws})
     return own
 
 
 @contextmanager
 def given_effects(paths: Iterable[str | Path]) -> Iterator[None]:
     """Load files of effects for the length of a `with` block; see `load_effects_file`."""
-    before = dict(_users)
+    before = [(known, dict(known)) for known in (_users, laws.users)]
     try:
         for path in paths:
             load_effects_file(path)
         yield
     finally:
-        _users.clear()
-        _users.update(before)
+        for known, kept in before:
+            known.clear()
+            known.update(kept)
