@@ -39,10 +39,11 @@ from typing import TYPE_CHECKING, Any, Literal
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import Config
 from pipeline.config import load_config as load_settings
-from pipeline.progress import Cancel, Cancelled, Report, Watch
+from pipeline.progress import Cancel, Cancelled, Evaluated, Report, Watch
 
 if TYPE_CHECKING:
-    from diagnosis.verdict.verdict import Verdict
+    from diagnosis.session import Session
+    from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
     from geometry.case import Case
     from inversion.back_analysis.case import InversionCase
     from inversion.back_analysis.engine_choice import Choice
@@ -58,7 +59,10 @@ __all__ = [
     "Simulation",
     "WorkFailed",
     "back_analyse",
+    "classical",
+    "compare",
     "diagnose",
+    "explain",
     "load_case",
     "load_settings",
     "posterior",
@@ -68,7 +72,7 @@ __all__ = [
     "write_report",
 ]
 
-PREDICTION, PREDICTION_PICTURE = "prediction.json", "prediction.png"
+PREDICTION = "prediction.json"
 BLOW_COUNT_PREDICTION = "from_blow_counts.json"
 Files = Sequence[str | os.PathLike[str]]
 
@@ -222,6 +226,7 @@ def back_analyse(
     effect_files: Files = (),
     measurement_files: Files = (),
     progress: Report | None = None,
+    evaluated: Evaluated | None = None,
     cancel: Cancel | None = None,
 ) -> Result:
     """Find the strengths that the question of a case asks for, and how certain they are.
@@ -244,6 +249,8 @@ def back_analyse(
         effect_files: see above.
         measurement_files: see above.
         progress: see above.
+        evaluated: called as `evaluated(simulations, values, loss)` with the values by name that
+            the search for the answer has tried, in outside units, after each of them.
         cancel: see above.
 
     Returns:
@@ -257,7 +264,7 @@ def back_analyse(
     from inversion.back_analysis.case import inversion_case
     from inversion.back_analysis.engine_choice import chosen_engine
 
-    watch = Watch(progress, cancel)
+    watch = Watch(progress, cancel, evaluated)
     with own_code(effect_files, measurement_files), _folder(out) as folder:
         asked = inversion_case(
             with_choices(load_case(case, settings=settings), method, quick),
@@ -389,7 +396,7 @@ def predict(
         strengths: mean and standard deviation [kPa] such as "18+-5", of some zones "1,6=4+-1".
             Empty: those of `posterior`.
         posterior: in place of strengths: `out` of a `posterior`, whose draws are the strengths.
-        out: see above; `prediction.json` is written there.
+        out: see above; `prediction.json` and its page are written there.
         zones: of a single strength; empty: those whose strength `inversion.yaml` seeks, else the
             liquefied ones.
         distribution: of strengths that are given as text.
@@ -420,7 +427,7 @@ def predict(
     from inversion.prediction.prediction_case import prediction_case
     from inversion.prediction.prediction_document import document_of
     from pipeline.files import write_json
-    from report.prediction import save_prediction_picture
+    from report.prediction import write_report as write_page
 
     for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
         if value < least:
@@ -453,7 +460,7 @@ def predict(
         sections = prediction.envelope(found, spacing=section.scene.spacing, ground=section.ground)
         document = document_of(section, known, found, sections)
         write_json(folder / PREDICTION, document)
-        save_prediction_picture(section.scene, document, folder / PREDICTION_PICTURE)
+        write_page(section.scene, document, folder)
         return document
 
 
@@ -513,6 +520,51 @@ def predict_from_blow_counts(
         return document
 
 
+def classical(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    run: str | os.PathLike[str] | None = None,
+    slide: str | None = None,
+    judgement: Mapping[str, Any] | None = None,
+    settings: Config | None = None,
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> dict[str, Any]:
+    """Find S_r by the classical methods on the sections before and after a slide.
+
+    Args:
+        case: with a section, a measured side, and a surface after the slide.
+        out: see above; `classical.json`, its page and a picture per slide are written there.
+        run: trajectory whose deposit is the section after the slide; None: as surveyed.
+        slide: the only one; None: every slide of the case.
+        judgement: calls that replace those of `classical.yaml`, by name (docs/method/classical.md).
+        settings: see above.
+        measurement_files: see above.
+        progress: called for each slide.
+        cancel: asked between slides.
+
+    Returns:
+        what `classical.json` holds.
+
+    Raises:
+        InputError: bad input, or a slide that cannot be analysed.
+        Cancelled: the caller asked for it.
+    """
+    from inversion.classical.sections_of_case import case_sections
+    from inversion.classical.slides import analyse_slides
+    from report.classical import save_all
+
+    watch = Watch(progress, cancel)
+    with own_code((), measurement_files), _folder(out) as folder:
+        sections = case_sections(load_case(case, settings=settings), run=run)
+        analyses, refused = analyse_slides(
+            sections, slide=slide, changes=judgement, on_slide=watch.reach
+        )
+        return save_all(sections, analyses, refused, folder)
+
+
 def diagnose(
     case: str | os.PathLike[str] | Case,
     *,
@@ -549,12 +601,128 @@ def diagnose(
         Cancelled: the caller asked for it.
     """
     from diagnosis.answers import diagnosed
+
+    with (
+        own_code(effect_files, measurement_files),
+        _session("diagnosis", case, out, hypothesis, spacing_m, settings, threads,
+                 Watch(progress, cancel)) as session,
+    ):  # fmt: skip
+        found = diagnosed(session)
+        session.write_timing("run")
+        return found
+
+
+def compare(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    hypothesis: str | None = None,
+    spacing_m: float | None = None,
+    settings: Config | None = None,
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> CompareDocument:
+    """Calibrate the model of a case, and test whether it explains the measurements.
+
+    Args:
+        case: with a section, measurements and a question.
+        out: see above; `compare.json`, `sections.npz` and the hypothesis are written there.
+        hypothesis: to go on from: a file, or its name in `out`; None: the base model.
+        spacing_m: see above.
+        settings: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: called for each run; the total is the budget, which is rarely used up.
+        cancel: see above.
+
+    Returns:
+        what `compare.json` holds.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: no run of the base model could be read.
+        Cancelled: the caller asked for it.
+    """
+    from diagnosis.answers import compared
+
+    with (
+        own_code(effect_files, measurement_files),
+        _session("comparison", case, out, hypothesis, spacing_m, settings, threads,
+                 Watch(progress, cancel)) as session,
+    ):  # fmt: skip
+        found = compared(session)
+        session.write_timing("compare")
+        return found
+
+
+def explain(
+    case: str | os.PathLike[str] | Case,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    hypothesis: str | None = None,
+    spacing_m: float | None = None,
+    settings: Config | None = None,
+    threads: int | None = None,
+    effect_files: Files = (),
+    measurement_files: Files = (),
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> ExplainDocument:
+    """Rank the effects that would explain the misfit of a case, and say what cannot be told apart.
+
+    Args:
+        case: with a section, measurements and a question.
+        out: see above; `explain.json` and `sections.npz` are written there.
+        hypothesis: to go on from: a file, or its name in `out`; None: the base model.
+        spacing_m: see above.
+        settings: see above.
+        threads: see above.
+        effect_files: see above.
+        measurement_files: see above.
+        progress: called for each run; the total is the budget, which is rarely used up.
+        cancel: see above.
+
+    Returns:
+        what `explain.json` holds.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: no run of the base model could be read.
+        Cancelled: the caller asked for it.
+    """
+    from diagnosis.answers import explained
+
+    with (
+        own_code(effect_files, measurement_files),
+        _session("explanation", case, out, hypothesis, spacing_m, settings, threads,
+                 Watch(progress, cancel)) as session,
+    ):  # fmt: skip
+        found = explained(session)
+        session.write_timing("explain")
+        return found
+
+
+@contextmanager
+def _session(
+    what: str,
+    case: str | os.PathLike[str] | Case,
+    out: str | os.PathLike[str] | None,
+    hypothesis: str | None,
+    spacing_m: float | None,
+    settings: Config | None,
+    threads: int | None,
+    watch: Watch,
+) -> Iterator[Session]:
+    """A session of a diagnosis within a stage of this name."""
     from diagnosis.session import open_session
 
-    watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), _folder(out) as folder:
+    with _folder(out) as folder:
         case = load_case(case, settings=settings)
-        watch.plan({"diagnosis": case.config.diagnosis.max_runs})
+        watch.plan({what: case.config.diagnosis.max_runs})
         session = open_session(
             case,
             out=folder,
@@ -564,10 +732,8 @@ def diagnose(
             say=watch.say,
             on_run=watch.run_done,
         )
-        with watch.stage("diagnosis"):
-            verdict = diagnosed(session)
-        session.write_timing("run")
-        return verdict
+        with watch.stage(what):
+            yield session
 
 
 def write_report(

@@ -33,6 +33,10 @@ Report = Callable[[int, int, str], None]
 """Called with (pieces of work done, in all, what is being done or was found); the number in all may
 be an estimate that changes."""
 
+Evaluated = Callable[[int, Mapping[str, float], float], None]
+"""Called with (simulations so far, values that were tried by name, how far from the data they are);
+not finite: the simulation failed."""
+
 Cancel = Callable[[], bool] | Event
 """Asked between simulations whether to stop."""
 
@@ -48,11 +52,18 @@ class Watch:
         report: called for each run and each line; None: nobody.
         cancel: a function that returns True, or an event that is set, to stop the work at the next
             run; None: never.
+        evaluated: called for each evaluation of a search; None: nobody.
     """
 
-    def __init__(self, report: Report | None = None, cancel: Cancel | None = None) -> None:
+    def __init__(
+        self,
+        report: Report | None = None,
+        cancel: Cancel | None = None,
+        evaluated: Evaluated | None = None,
+    ) -> None:
         self._report = report
         self._cancel = cancel
+        self._evaluated = evaluated
         self._plan: dict[str, int] = {}
         self._done, self._of = 0, -1
         self._before = 0  # runs that were done when the present stage began
@@ -101,6 +112,11 @@ class Watch:
             Cancelled: the caller asks the work to stop.
         """
         self._tell(line)
+
+    def evaluated(self, runs: int, values: Mapping[str, float], loss: float) -> None:
+        """A search has tried these values, by name, after so many simulations."""
+        if self._evaluated is not None:
+            self._evaluated(runs, values, loss)
 
     def _words(self) -> str:
         stages = [name for name, runs in self._plan.items() if runs or name == self._stage]

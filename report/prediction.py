@@ -1,7 +1,7 @@
-"""The report of a prediction: a table for the terminal, and one picture.
+"""The report of a prediction: a table for the terminal, one picture, and a page.
 
 In: the document of `inversion.prediction`, and the scene. Out: text; a PNG with the section, the
-band of final surfaces and the exceedance curves of the toes.
+band of final surfaces and the exceedance curves of the toes; the page that shows both.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from matplotlib.axes import Axes
 from geometry.scenes.scene import Scene
 from inversion.prediction.prediction_document import QUANTILES
 from report.numbers import fixed
+from report.page import Section, said, shown, tabulated, write_page
 from report.pictures.scene import draw_section
 from report.style import LINE, labels, new_figure, panel, save_figure, tidy
 from report.table import Table
 
+PAGE, PICTURE = "prediction.html", "prediction.png"
 #: Least share of slides at the edge of the domain that is reported.
 EDGE_SHOWN = 1e-3
 TOES = ("#0072b2", "#cc79a7")
@@ -28,6 +30,53 @@ BAND, MEDIAN, MEASURED = "#222222", "#111111", "#009e73"
 
 def summary(document: dict[str, Any]) -> str:
     """The answer for a terminal or a log."""
+    toes = _toes(document)
+    lines = [
+        f"{document['case']}: {strength_words(document)}", "", quantity_table(document).text(), "",
+        _exceedances(toes).text() if toes else "no toe moves", *remarks(document),
+        f"{len(document['runs'])} simulations, {document['samples']} samples",
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
+    """Write the page of a prediction and its picture into a folder.
+
+    Args:
+        scene: before the slide.
+        document: as `prediction_document.document_of` makes it.
+        folder: to write into.
+    """
+    picture = folder / PICTURE
+    save_prediction_picture(scene, document, picture)
+    toes = _toes(document)
+    parts = [
+        *shown(
+            picture,
+            "Section with the band of the final surfaces, and the probability that each toe runs "
+            "farther than a distance.",
+            "Band: final surfaces between 5 and 95 % of all slides that the strengths allow. Under "
+            "it: the probability that a toe runs farther.",
+            least_width_px=820,
+        ),
+        *tabulated(quantity_table(document), _exceedances(toes) if toes else None),
+        *said([f"{line[0].upper()}{line[1:]}." for line in remarks(document)]),
+        *said([f"{len(document['runs'])} simulations, {document['samples']} samples, points every "
+               f"{document['spacing_m']:g} m."]),
+    ]  # fmt: skip
+    title = f"{document['case'].replace('_', ' ')}: prediction"
+    lead = f"Assumed S_r: {strength_words(document)}."
+    write_page(folder / PAGE, title, [Section("How far it would run", parts)], lead=lead)
+    return folder / PAGE
+
+
+def strength_words(document: dict[str, Any]) -> str:
+    """The strengths that were assumed."""
+    return "; ".join(strength["words"] for strength in document["strengths"])
+
+
+def quantity_table(document: dict[str, Any]) -> Table:
+    """Every predicted number with its distribution, and what was measured."""
     rows = []
     for entry in document["quantities"]:
         probability = entry["probability_beyond_measured"]
@@ -39,10 +88,12 @@ def summary(document: dict[str, Any]) -> str:
         )  # fmt: skip
     header = ["quantity", "mean", "std", *(f"{percent} %" for percent in QUANTILES), "measured",
               "P(beyond it)"]  # fmt: skip
-    strengths = "; ".join(strength["words"] for strength in document["strengths"])
-    lines = [f"{document['case']}: {strengths}", "", Table(header, rows).text(), ""]
-    toes = _toes(document)
-    lines.append(_exceedances(toes).text() if toes else "no toe moves")
+    return Table(header, rows)
+
+
+def remarks(document: dict[str, Any]) -> list[str]:
+    """What the numbers do not say by themselves, and doubts."""
+    lines = []
     for entry in document["quantities"]:
         if entry["censored"]:
             lines.append(
@@ -50,7 +101,7 @@ def summary(document: dict[str, Any]) -> str:
                 f"{entry['measured']:g} {entry['unit']}, is "
                 f"{100 * entry['probability_beyond_measured']:.1f} %"
             )
-    for entry in toes:
+    for entry in _toes(document):
         if entry["probability_at_the_edge"] > EDGE_SHOWN:
             lines.append(
                 f"{entry['name']}: {100 * entry['probability_at_the_edge']:.1f} % of the slides "
@@ -64,8 +115,7 @@ def summary(document: dict[str, Any]) -> str:
             f"{document['runs_cut_off']} simulations were cut off in motion and would run farther; "
             "increase duration_s of inversion.yaml, or use --set simulation.duration_s"
         )
-    lines.append(f"{len(document['runs'])} simulations, {document['samples']} samples")
-    return "\n".join(lines)
+    return lines
 
 
 def _measured(entry: dict[str, Any]) -> str:
@@ -116,10 +166,11 @@ def save_prediction_picture(scene: Scene, document: dict[str, Any], path: str | 
     ax.set(xlim=(left, right), ylim=(scene.ground.lowest - 0.05 * top, top))
     _draw_band(ax, document["sections"])
     labels(ax, "x (m)", "y (m)")
-    words = "; ".join(strength["words"] for strength in document["strengths"])
     figure.text(0.075, 1 - 0.3 / total, document["case"].replace("_", " "), fontsize=12,
                 weight="bold", va="center")  # fmt: skip
-    figure.text(0.075, 1 - 0.55 / total, f"S_r = {words}", fontsize=9, va="center")
+    figure.text(
+        0.075, 1 - 0.55 / total, f"S_r = {strength_words(document)}", fontsize=9, va="center"
+    )
     _draw_curves(panel(figure, 0.75, 0.55, 9.1, 2.75), document)
     save_figure(figure, path, dpi=150)
 

@@ -1,24 +1,17 @@
 """`flowslide classical CASE`: Kinetics, ZIF and IMM on one case.
 
-Prints a table and writes `classical.json` and one picture per slide. Judgement calls come from the
-case's `classical.yaml`; an option given here replaces the same call of every slide.
+Prints a table and writes `classical.json`, its page and one picture per slide. Judgement calls come
+from the `classical.yaml` of the case; an option given here replaces the same call of every slide.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flowslide.commands import options
-from pipeline.cli import InputError, add_common
-
-if TYPE_CHECKING:
-    from inversion.classical.analysis import Analysis
-    from inversion.classical.judgement import Judgement
-    from inversion.classical.sections_of_case import CaseSections
-
-RESULT = "classical.json"
+from pipeline.cli import add_common
 
 #: Options that replace a judgement call, by the name of its field in `Judgement`.
 CALLS: list[tuple[str, str, dict[str, Any]]] = [
@@ -111,76 +104,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
     from geometry.case import load_case
-    from inversion.classical.document import document, table
+    from inversion.classical.document import table
     from inversion.classical.sections_of_case import case_sections
+    from inversion.classical.slides import analyse_slides
     from pipeline.config import load_config
-    from pipeline.files import write_json
-    from report.pictures.classical import save_picture
+    from report.classical import save_all
 
     config = load_config(arguments.config, arguments.overrides)
     case = case_sections(load_case(arguments.case, config), run=arguments.run)
     out = Path(arguments.out or Path(config.results_folder) / case.name / "classical")
-    analyses, refused = analyse_all(case, arguments)
+    analyses, refused = analyse_slides(case, slide=arguments.slide, changes=_changes(arguments))
     for analysis in analyses:
         print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")
-        save_picture(case, analysis, out / f"{_file_name(analysis.judgement.name)}.png")
     for reason in refused:
         print(f"Not analysed: {reason}")
-    write_json(out / RESULT, document(case, analyses, refused))
-    print(f"wrote {out / RESULT} and {len(analyses)} picture{'' if len(analyses) == 1 else 's'}")
+    save_all(case, analyses, refused, out)
+    print(f"wrote {out}")
     return 0
-
-
-def analyse_all(
-    case: CaseSections, arguments: argparse.Namespace
-) -> tuple[list[Analysis], list[str]]:
-    """Every slide of a case, and why others could not be analysed.
-
-    Without a `classical.yaml` nobody has said that these sections make a slide, so sections that do
-    not belong together are a finding and no error.
-
-    Raises:
-        InputError: what the file or the options ask for cannot be.
-    """
-    from inversion.classical.analysis import analyse
-    from inversion.classical.judgement import FILE_NAME
-
-    asked = (case.folder / FILE_NAME).is_file() or arguments.slide is not None
-    analyses, refused = [], []
-    try:
-        judgements = _judgements(case, arguments)
-    except InputError as problem:
-        if asked or _changes(arguments):
-            raise
-        return [], [str(problem)]
-    for judgement in judgements:
-        try:
-            analyses.append(analyse(case, judgement))
-        except InputError as problem:
-            if asked or _changes(arguments):
-                raise
-            refused.append(str(problem))
-    return analyses, refused
-
-
-def _judgements(case: CaseSections, arguments: argparse.Namespace) -> list[Judgement]:
-    """The judgements of the case with the options given on the command line."""
-    from pydantic import ValidationError
-
-    from geometry.scenes.scene import document_error
-    from inversion.classical.judgement import FILE_NAME, Judgement, load_judgements
-
-    changes = _changes(arguments)
-    judgements = load_judgements(case.folder, case.measurements)
-    if arguments.slide is not None:
-        names = [judgement.name for judgement in judgements]
-        if arguments.slide not in names:
-            raise InputError(f"--slide {arguments.slide}: the case has {', '.join(names)}")
-        judgements = [j for j in judgements if j.name == arguments.slide]
-    try:
-        return [Judgement.model_validate(j.model_dump() | changes) for j in judgements]
-    except ValidationError as error:
-        raise InputError(document_error(error, f"{FILE_NAME} with the options given")) from None
 
 
 def _changes(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -189,7 +129,3 @@ def _changes(arguments: argparse.Namespace) -> dict[str, Any]:
         name: value for _, name, _ in CALLS if (value := getattr(arguments, name)) is not None
     }
     return changes | ({"count_others": False} if arguments.liquefied_alone else {})
-
-
-def _file_name(name: str) -> str:
-    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)

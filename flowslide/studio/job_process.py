@@ -1,18 +1,21 @@
 """The process of a job: `python -m flowslide.studio.job_process FOLDER` of `flowslide.studio.jobs`.
 
-It calls the function of `flowslide` that the job names with the job's folder as `out`, and says in
-`state.json` how far it is.
+It calls the function of `flowslide` that the job names, with a folder of the job as `out`, and says
+in `state.json` how far it is, which values a search has tried, and in the end what was found.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from flowslide.studio.jobs import JOB, STATE, Job
+from flowslide.studio.jobs import JOB, RESULTS, STATE, Job, Kind
 from pipeline.cli import InputError, WorkFailed
 from pipeline.files import make_folder, read_json, write_json
 
@@ -20,56 +23,139 @@ from pipeline.files import make_folder, read_json, write_json
 OFTEN = 0.3
 
 
+class Told:
+    """What a job says of itself, in its `state.json`.
+
+    Args:
+        folder: of the job.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.began, self.last = time.time(), 0.0
+        self.said: dict[str, Any] = {"state": "running", "process": os.getpid(), "history": []}
+
+    def report(self, done: int, total: int, message: str) -> None:
+        """Progress, as `flowslide` reports it."""
+        self.said.update(done=done, total=total, message=message or self.said.get("message", ""))
+        if time.time() - self.last > OFTEN:
+            self.last = time.time()
+            self._write(self.said)
+
+    def evaluated(self, runs: int, values: Mapping[str, float], loss: float) -> None:
+        """Values that a search has tried, as `flowslide` reports them."""
+        self.said["history"].append(
+            {"runs": runs, "values": dict(values), "loss": loss if math.isfinite(loss) else None}
+        )
+
+    def end(self, found: Mapping[str, Any]) -> None:
+        """The last word."""
+        self._write({**{k: v for k, v in self.said.items() if k != "process"}, **found})
+
+    def _write(self, said: Mapping[str, Any]) -> None:
+        seconds = round(time.time() - self.began, 1)
+        write_json(self.folder / STATE, {**said, "seconds": seconds})
+
+
 def main(folder: Path) -> int:
     """Run the job of a folder; the exit code is 0 where it is done."""
     job = Job.model_validate(read_json(folder / JOB))
-    began, last = time.time(), 0.0
-    said: dict[str, Any] = {"state": "running", "process": os.getpid()}
-
-    def report(done: int, total: int, message: str) -> None:
-        nonlocal last
-        said.update(done=done, total=total, message=message or said.get("message", ""))
-        if time.time() - last > OFTEN:
-            last = time.time()
-            write_json(folder / STATE, {**said, "seconds": round(last - began, 1)})
-
-    report(0, 0, "starting")
-    end = {"state": "failed", "message": "ended by an error of the program: log.txt"}
+    told = Told(folder)
+    told.report(0, 0, "starting")
+    end: dict[str, Any] = {
+        "state": "failed", "message": "ended by an error of the program: log.txt",
+    }  # fmt: skip
     try:
-        _work(job, folder, report)
-        end = {"state": "done", "message": ""}
+        end = {"state": "done", "message": "", **_work(job, folder, told)}
     except (InputError, WorkFailed) as error:
         end = {"state": "failed", "message": str(error)}
     finally:
-        said.pop("process")
-        write_json(folder / STATE, {**said, **end, "seconds": round(time.time() - began, 1)})
+        told.end(end)
     return 0 if end["state"] == "done" else 1
 
 
-def _work(job: Job, folder: Path, report: Any) -> None:
+def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
+    """Answer; what was found, for the list of jobs."""
     import flowslide
+    from flowslide.studio import job_answers
+    from report import diagnosis as pages
 
+    out = make_folder(folder / RESULTS[job.kind])
+    common: dict[str, Any] = {"out": out, "progress": told.report}
+    if job.kind == "classical":
+        return job_answers.classical(flowslide.classical(job.folder, **common))
     # One store of finished simulations for all jobs of a case.
     store = make_folder(folder.parent.parent / "runs")
-    runs = folder / "runs"
+    runs = out / "runs"
     if not runs.exists():
         runs.symlink_to(store.resolve(), target_is_directory=True)
-    common: dict[str, Any] = {"out": folder, "progress": report, "spacing_m": job.options.spacing_m}
+    common["spacing_m"] = job.options.spacing_m
     match job.kind:
         case "simulate":
-            flowslide.simulate(job.folder, film="gif", **common)
+            return job_answers.simulation(flowslide.simulate(job.folder, film="gif", **common))
         case "back_analyse":
-            flowslide.back_analyse(job.folder, quick=job.options.quick, **common)
-            flowslide.write_report(folder, case=job.folder)
+            if not job.options.quick:
+                _classical(job, folder, told)
+            _neighbour(job, folder, "diagnose")
+            quick = job.options.quick
+            result = flowslide.back_analyse(
+                job.folder, quick=quick, evaluated=told.evaluated, **common
+            )
+            flowslide.write_report(out, case=job.folder)
+            return job_answers.back_analysis(result)
         case "posterior":
-            flowslide.posterior(job.folder, **common)
+            return job_answers.posterior(flowslide.posterior(job.folder, **common))
         case "predict":
-            flowslide.predict(job.folder, job.options.strengths, **common)
+            strengths, drawn = job.options.strengths, job.options.posterior
+            found = flowslide.predict(
+                job.folder, strengths, distribution=job.options.distribution,
+                posterior=None if drawn is None else folder.parent / drawn / RESULTS["posterior"],
+                **common,
+            )  # fmt: skip
+            return job_answers.prediction(found)
         case "from_blow_counts":
-            flowslide.predict_from_blow_counts(job.folder, **common)
+            found = flowslide.predict_from_blow_counts(job.folder, **common)
+            return job_answers.from_blow_counts(found)
+        case "compare":
+            compared = flowslide.compare(job.folder, **common)
+            pages.write_compare(out)
+            return job_answers.comparison(compared)
+        case "explain":
+            explained = flowslide.explain(job.folder, **common)
+            pages.write_explain(out)
+            return job_answers.comparison(explained)
         case "diagnose":
-            flowslide.diagnose(job.folder, **common)
-            flowslide.write_report(folder)
+            _neighbour(job, folder, "back_analyse")
+            verdict = flowslide.diagnose(job.folder, **common)
+            flowslide.write_report(out)
+            return job_answers.verdict(verdict)
+    raise InputError(f"kind {job.kind!r}: nobody does it")
+
+
+def _classical(job: Job, folder: Path, told: Told) -> None:
+    """The classical methods next to a back-analysis, where the case has what they need."""
+    import flowslide
+
+    if not _neighbour(job, folder, "classical"):
+        with suppress(InputError):
+            out = folder / RESULTS["classical"]
+            flowslide.classical(job.folder, out=out, progress=told.report)
+
+
+def _neighbour(job: Job, folder: Path, kind: Kind) -> bool:
+    """Put the newest results of another job on the same files of the case next to the job's own."""
+    place = folder / RESULTS[kind]
+    if any(place.glob("*.json")):
+        return True
+    for other in sorted(folder.parent.glob(f"*/{JOB}"), reverse=True):
+        state = other.parent / STATE
+        asked = Job.model_validate(read_json(other))
+        if (asked.kind, asked.revision) != (kind, job.revision) or not state.is_file():
+            continue
+        if read_json(state)["state"] == "done":
+            place.symlink_to(Path("..") / asked.id / RESULTS[kind], target_is_directory=True)
+            return True
+    return False
 
 
 if __name__ == "__main__":

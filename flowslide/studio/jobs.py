@@ -1,10 +1,10 @@
 """Jobs: back-analysis, posterior, prediction, diagnosis, each in a process of its own.
 
 A job is a folder `.studio/<case>/jobs/<id>/`: `job.json` (what was asked), `state.json` (what its
-process last said), `log.txt`, and the results as the command of the same name leaves them. The
-process runs `flowslide.studio.job_process`, and lives on where the page is reloaded. All jobs of a
-case share one store of finished simulations, so that a job that was stopped, or whose server was
-killed, goes on where it was.
+process last said), `log.txt`, and a folder with the results as the command of the same name leaves
+them. The process runs `flowslide.studio.job_process`, and lives on where the page is reloaded. All
+jobs of a case share one store of finished simulations, so that a job that was stopped, or whose
+server was killed, goes on where it was.
 """
 
 from __future__ import annotations
@@ -23,22 +23,43 @@ from pydantic import Field
 
 from flowslide.studio.workspace import Workspace
 from geometry.scenes.scene import checked_document
+from inversion.prediction.known_strength import parse_strength
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import make_folder, read_json, write_json
 
 Kind = Literal[
-    "simulate", "back_analyse", "posterior", "predict", "from_blow_counts", "diagnose"
+    "simulate", "back_analyse", "classical", "posterior", "predict", "from_blow_counts", "compare",
+    "explain", "diagnose",
 ]  # fmt: skip
 KINDS: dict[Kind, str] = {
     "simulate": "simulation with a film",
     "back_analyse": "back-analysis",
+    "classical": "classical methods",
     "posterior": "posterior",
     "predict": "prediction",
     "from_blow_counts": "prediction from blow counts",
+    "compare": "model against measurements",
+    "explain": "which effects would explain it?",
     "diagnose": "diagnosis: what is missing?",
 }
+#: Folder of the results: as the command line and the workflow name it, for reports look for the
+#: results of other methods under these names next to their own.
+RESULTS: dict[Kind, str] = {
+    "simulate": "simulation",
+    "back_analyse": "inversion",
+    "classical": "classical",
+    "posterior": "posterior",
+    "predict": "prediction",
+    "from_blow_counts": "prediction",
+    "compare": "diagnosis",
+    "explain": "diagnosis",
+    "diagnose": "diagnosis",
+}
 JOB, STATE, LOG = "job.json", "state.json", "log.txt"
+#: Pages of results, of which a job has one.
+PAGES = ("report.html", "compare.html", "explain.html", "prediction.html", "from_blow_counts.html",
+         "classical.html")  # fmt: skip
 #: Files that the page may open.
 SHOWN = (".html", ".json", ".csv", ".png", ".txt", ".mp4", ".gif", ".nc", ".svg")
 
@@ -48,7 +69,15 @@ class JobOptions(StrictDocument):
 
     spacing_m: float | None = Field(None, gt=0)
     quick: bool = Field(False, description="back-analysis: the answer alone")
-    strengths: list[str] = Field(default_factory=list, description="prediction: 18+-5")
+    strengths: list[str] = Field(
+        default_factory=list, description="prediction: zones=mean+-std, such as 1,6=4+-1 [kPa]"
+    )
+    distribution: Literal["lognormal", "normal"] = Field(
+        "lognormal", description="prediction: of these strengths"
+    )
+    posterior: str | None = Field(
+        None, description="prediction: job whose draws are the strengths, in place of these"
+    )
 
 
 class Job(StrictDocument):
@@ -58,6 +87,7 @@ class Job(StrictDocument):
     kind: Kind
     case: str
     folder: str = Field(description="of the case")
+    revision: str = Field("", description="of the case when the job was asked for")
     options: JobOptions
 
 
@@ -82,12 +112,26 @@ class Jobs:
             raise InputError(f"kind {kind!r}: one of {', '.join(KINDS)}")
         wanted = checked_document(JobOptions, options, "options", "flowslide/studio/jobs.py")
         source = self.workspace.source(case)
+        if kind == "predict":
+            self._check_prediction(case, wanted)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
-        job = Job(id=number, kind=kind, case=case, folder=str(source), options=wanted)
+        job = Job(id=number, kind=kind, case=case, folder=str(source), options=wanted,
+                  revision=self.workspace.revision(case))  # fmt: skip
         folder = make_folder(self._folder(case, number))
         write_json(folder / JOB, job.model_dump(mode="json"))
         self._launch(folder, number)
         return self.state(number)
+
+    def _check_prediction(self, case: str, options: JobOptions) -> None:
+        """Strengths are given, or a posterior of this case that is done."""
+        if bool(options.strengths) == (options.posterior is not None):
+            raise InputError("prediction: give strengths or a posterior, one of the two")
+        for text in options.strengths:
+            parse_strength(text, options.distribution)
+        if options.posterior is not None:
+            drawn = self.state(options.posterior)
+            if (drawn["case"], drawn["kind"], drawn["state"]) != (case, "posterior", "done"):
+                raise InputError(f"prediction: {options.posterior} is no posterior of {case}")
 
     def _launch(self, folder: Path, number: str) -> None:
         with (folder / LOG).open("ab") as log:
@@ -147,13 +191,15 @@ class Jobs:
             said = read_json(folder / STATE)
             if said["state"] == "running":
                 said = {"state": "interrupted"}
-        left = (path for path in folder.iterdir() if path.suffix in SHOWN and path.is_file())
-        files = sorted(path.name for path in left if path.name not in (JOB, STATE))
+        left = [folder / LOG, *(folder / RESULTS[job["kind"]]).glob("*")]
+        files = sorted(path.name for path in left if path.suffix in SHOWN and path.is_file())
         return {
             **{key: job[key] for key in ("id", "kind", "case", "options")},
+            "revision": job.get("revision", ""),
             "words": KINDS[job["kind"]],
             **{key: value for key, value in said.items() if key != "process"},
             "files": files,
+            "page": next((name for name in PAGES if name in files), None),
         }
 
     def file(self, number: str, name: str) -> Path:
@@ -162,9 +208,10 @@ class Jobs:
         Raises:
             InputError: there is none of that name.
         """
-        if name not in self.state(number)["files"]:
+        state = self.state(number)
+        if name not in state["files"]:
             raise InputError(f"job {number}: has no file {name[:80]!r}")
-        return self._find(number) / name
+        return self._find(number) / ("" if name == LOG else RESULTS[state["kind"]]) / name
 
     def _lives(self, number: str, process: int | None) -> bool:
         own = self._running.get(number)

@@ -142,6 +142,10 @@ class Workspace:
             "derived": None if faults else self._derived(name, documents),
         }
 
+    def revision(self, name: str) -> str:
+        """Hash of what the files of a case say."""
+        return content_hash(_documents(self.source(name)))
+
     def faults(self, name: str, documents: Mapping[str, Any]) -> list[Fault]:
         """What is wrong; the first fault of each document."""
         try:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -229,7 +229,7 @@ class BackAnalysis:
 
         slope = coarse.best.derivative * parameters.value_per_fitted(coarse.values)[None, :]
         engine = KnownDerivative(self.engine, slope)
-        search = self._search(engine, self.steps, tell=True)
+        search = self._search(engine, self.steps, tell=True, runs_before=coarse.runs)
         found = refine(search, coarse.values, method=method, sampled=agreeing)
         self.move = self._move(coarse.best, found.best)
         return self._with_fine_derivative(found).after(coarse, method)
@@ -532,6 +532,7 @@ class BackAnalysis:
         *,
         seeds: list[Forward] | tuple = (),
         tell: bool = False,
+        runs_before: int = 0,
     ) -> Search:
         settings = self.case.config.inversion
         return Search(
@@ -541,7 +542,7 @@ class BackAnalysis:
             seeds=seeds,
             max_iterations=settings.max_iterations,
             max_runs=settings.max_runs,
-            on_evaluation=self._tell_evaluation if tell else None,
+            on_evaluation=partial(self._tell_evaluation, runs_before) if tell else None,
         )
 
     def _calibrated(
@@ -633,7 +634,7 @@ class BackAnalysis:
             resolve([one for one in problems if not self._short(one)])
         self.runs += sum(problem.engine.runs for problem in problems)
 
-    def _tell_evaluation(self, evaluation: Evaluation) -> None:
+    def _tell_evaluation(self, runs_before: int, evaluation: Evaluation) -> None:
         parameters, targets = self.case.parameters, self.objective.targets
         values = ", ".join(
             f"{spec.name} {value:.4g} {spec.unit}"
@@ -650,7 +651,9 @@ class BackAnalysis:
             if np.isfinite(evaluation.loss)
             else evaluation.prediction.reason
         )
-        self.say(f"{name}: {values}: {predicted}: {loss} ({evaluation.runs} simulations)")
+        runs = runs_before + evaluation.runs
+        self.say(f"{name}: {values}: {predicted}: {loss} ({runs} simulations)")
+        self.watch.evaluated(runs, parameters.as_mapping(evaluation.values), evaluation.loss)
 
     def _told(self, found: SearchResult) -> str:
         return f"{self._listed(found.values)}: {found.words} ({found.runs} simulations)"

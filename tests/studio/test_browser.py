@@ -92,3 +92,37 @@ def test_a_job_is_started_survives_a_reload_and_is_cancelled(address, browser):
     job.get_by_role("button", name="Cancel").click()
     expect(job).to_have_attribute("data-state", "cancelled", timeout=WAIT_MS)
     expect(job.get_by_role("button", name="Go on")).to_be_visible()
+
+
+def test_an_answer_shows_its_search_and_a_prediction_asks_for_its_strength(address, browser):
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    _answered(page, 1)
+    page.get_by_label("Spacing of points").select_option("2 m")
+    page.get_by_role("button", name="Quick").click()
+    job = page.locator("#jobs li").first
+    expect(job).to_have_attribute("data-state", "done", timeout=WAIT_MS)
+    expect(job.locator(".found")).to_contain_text("S_r: ")
+    expect(job.locator(".found")).to_contain_text("95 %")
+    expect(job.locator("svg.history circle").nth(1)).to_be_visible()
+    expect(page.locator("#strengths tbody tr")).to_contain_text("back-analysis")
+    value = page.locator("#strengths tbody td").nth(1).inner_text()
+
+    page.get_by_role("button", name="Predict ...").click()
+    dialog = page.get_by_role("dialog", name="Predict")
+    dialog.get_by_role("button", name="Predict").click()
+    expect(dialog.get_by_role("alert")).to_contain_text("MEAN+-STD")
+    dialog.get_by_role("button", name="As found for this case").click()
+    mean = dialog.get_by_label("mean of S_r").input_value()
+    assert f"{float(mean):.1f}" == value
+    expect(dialog.locator("output")).to_contain_text(" to ")
+    dialog.get_by_role("button", name="Predict").click()
+    job = page.locator("#jobs li").first
+    expect(job).to_contain_text("prediction: small at 2 m", timeout=WAIT_MS)
+    expect(job).to_have_attribute("data-state", "done", timeout=WAIT_MS)
+    expect(job.locator(".found")).to_contain_text("toe: ")
+    job.get_by_role("button", name="Open the report").click()
+    expect(page.frame_locator("#frame").locator("h2")).to_have_text("How far it would run")
+    assert not errors

@@ -1,81 +1,226 @@
-// Questions about a case, the jobs that answer them, and their reports.
+// Questions about a case, the jobs that answer them, what they found, and their reports.
 
 import { get, send } from "./api.js";
+import { askStrengths } from "./predict.js";
 
 const $ = (id) => document.getElementById(id);
 
+/** [kind of job, words, options], by what is asked. */
+const QUESTIONS = [
+  ["Which strength?", [
+    ["back_analyse", "Back-analyse", {}], ["back_analyse", "Quick", { quick: true }],
+    ["posterior", "Posterior", {}], ["classical", "Classical methods", {}],
+  ]],
+  ["How far would it run?", [
+    ["predict", "Predict ...", {}], ["from_blow_counts", "From blow counts", {}],
+  ]],
+  ["Is the model enough?", [
+    ["compare", "Compare", {}], ["explain", "Explain", {}], ["diagnose", "What is missing?", {}],
+  ]],
+];
+
+let state, say, watching, jobs = [];
+const lines = new Map(); // number of a job -> { json, line }
+
 /**
  * Fills the questions and the list of jobs, and keeps the list up to date.
- * `state` has the workspace, the name of the case and the spacing; `say` shows a line.
+ * `state` has the workspace, the case that is open and the spacing; `say` shows a line.
  */
-export function answers(state, say) {
-  buildQuestions(state, say);
-  watchJobs(say);
+export function answers(page, tell) {
+  state = page;
+  say = tell;
+  buildQuestions();
+  watchJobs();
   $("close").addEventListener("click", () => $("report").close());
 }
 
-const QUESTIONS = [
-  ["back_analyse", "Back-analyse", {}], ["back_analyse", "Quick", { quick: true }],
-  ["posterior", "Posterior", {}], ["from_blow_counts", "From blow counts", {}], ["diagnose", "What is missing?", {}],
-];
-
-function buildQuestions(state, say) {
-  $("ask").replaceChildren(...QUESTIONS.map(([kind, words, options], i) => {
-    const button = Object.assign(document.createElement("button"), { textContent: words });
-    button.title = `${state.workspace.job_kinds[kind]}, at the spacing chosen on the left`;
-    if (i === 0) button.className = "main";
-    button.addEventListener("click", async () => {
-      try {
-        await send("/api/jobs", { kind, case: state.name, options: { ...options, spacing_m: state.spacing } });
-        watchJobs(say);
-      } catch (error) { say(error.message, true); }
-    });
-    return button;
-  }));
+function make(tag, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
 }
 
-let watching = 0;
+// --- questions ---
 
-async function watchJobs(say) {
+function buildQuestions() {
+  $("ask").replaceChildren(...QUESTIONS.map(([words, group]) => make("div", {},
+    make("span", { textContent: words }),
+    ...group.map(([kind, label, options]) => {
+      const button = make("button", { textContent: label, className: label === "Back-analyse" ? "main" : "" });
+      button.title = state.workspace.job_kinds[kind] + (kind === "classical" ? "" : ", at the spacing chosen on the left");
+      button.addEventListener("click", () => (kind === "predict" ? predict() : start(kind, options)));
+      return button;
+    }))));
+}
+
+async function start(kind, options) {
+  try {
+    const spacing = kind === "classical" ? {} : { spacing_m: state.spacing };
+    await send("/api/jobs", { kind, case: state.name, options: { ...options, ...spacing } });
+    watchJobs();
+    return "";
+  } catch (error) {
+    say(error.message, true);
+    return error.message;
+  }
+}
+
+function predict() {
+  if (state.found.faults.length) { say(state.found.faults[0].message, true); return; }
+  askStrengths(state, ofThisCase(), (options) => start("predict", options));
+}
+
+/** Jobs that are done, on the case as it is now; the newest first. */
+function ofThisCase() {
+  return jobs.filter((job) => job.case === state.name && job.state === "done"
+    && job.revision === state.found?.revision);
+}
+
+// --- jobs ---
+
+async function watchJobs() {
   clearTimeout(watching);
-  let jobs = [];
   try { jobs = await get("/api/jobs"); } catch { /* the server is gone: said elsewhere */ }
-  $("jobs").replaceChildren(...jobs.slice(0, 12).map((job) => jobLine(job, say)));
-  watching = setTimeout(() => watchJobs(say), jobs.some(({ state: now }) => now === "running") ? 700 : 5000);
+  const shown = jobs.slice(0, 12);
+  const focused = document.activeElement;
+  const held = { job: focused?.closest("#jobs li")?.dataset.job, words: focused?.textContent };
+  for (const number of lines.keys()) {
+    if (!shown.some((job) => job.id === number)) lines.delete(number);
+  }
+  for (const job of shown) {
+    // What has not changed stays as it is, so that the keyboard keeps its place.
+    const json = JSON.stringify([job, isOld(job)]);
+    if (lines.get(job.id)?.json !== json) lines.set(job.id, { json, line: jobLine(job) });
+  }
+  const wanted = shown.map((job) => lines.get(job.id).line);
+  if (wanted.some((line, i) => $("jobs").children[i] !== line) || wanted.length !== $("jobs").children.length) {
+    $("jobs").replaceChildren(...wanted);
+    if (held.job) {
+      const again = lines.get(held.job)?.line.querySelectorAll("button, a") ?? [];
+      [...again].find((one) => one.textContent === held.words)?.focus();
+    }
+  }
+  showStrengths();
+  watching = setTimeout(watchJobs, jobs.some(({ state: now }) => now === "running") ? 700 : 5000);
 }
 
-function jobLine(job, say) {
-  const line = document.createElement("li");
+const isOld = (job) => job.case === state.name && Boolean(state.found) && job.revision !== state.found.revision;
+
+function jobLine(job) {
+  const line = make("li");
   line.dataset.state = job.state;
+  line.dataset.job = job.id;
+  const quick = job.options.quick ? ", quick" : "";
   const at = job.options.spacing_m ? ` at ${job.options.spacing_m} m` : "";
-  line.append(`${job.words}: ${job.case.replaceAll("_", " ")}${at}`);
-  const note = Object.assign(document.createElement("div"), { className: "note" });
+  line.append(`${job.words}${quick}: ${job.case.replaceAll("_", " ")}${at}`);
+  if (job.answer) line.append(make("div", { className: "found" }, ...job.answer.map((text) => make("p", { textContent: text }))));
   const seconds = job.seconds === undefined ? "" : `, ${Math.round(job.seconds)} s`;
-  note.textContent = [job.state + seconds, job.message].filter(Boolean).join(": ");
-  line.append(note);
+  const counted = job.state === "running" && job.total ? `, ${job.done} of about ${job.total} simulations` : "";
+  const note = [job.state + seconds + counted, job.message].filter(Boolean).join(": ");
+  line.append(make("div", { className: "note state", textContent: note }));
+  if (isOld(job)) line.append(make("div", { className: "note", textContent: "the case has changed since" }));
   if (job.state === "running") {
-    const bar = document.createElement("progress");
+    const bar = make("progress");
+    bar.setAttribute("aria-label", job.words);
     if (job.total) Object.assign(bar, { max: job.total, value: Math.min(job.done, job.total) });
     line.append(bar);
   }
-  const buttons = Object.assign(document.createElement("div"), { className: "buttons" });
+  if (job.history?.length) line.append(historyChart(job.history, job.state));
+  line.append(jobButtons(job));
+  return line;
+}
+
+function jobButtons(job) {
+  const buttons = make("div", { className: "buttons" });
   const add = (words, act) => {
-    const button = Object.assign(document.createElement("button"), { textContent: words });
+    const button = make("button", { textContent: words });
     button.addEventListener("click", act);
     buttons.append(button);
   };
   const post = (what) => async () => {
     try { await send(`/api/jobs/${job.id}/${what}`, {}); } catch (error) { say(error.message, true); }
-    watchJobs(say);
+    watchJobs();
   };
   if (job.state === "running") add("Cancel", post("cancel"));
   if (["cancelled", "interrupted", "failed"].includes(job.state)) add("Go on", post("again"));
-  if (job.state === "done" && job.files.includes("report.html")) {
+  if (job.state === "done" && job.page) {
     add("Open the report", () => {
-      $("frame").src = `/api/jobs/${job.id}/files/report.html`;
+      $("frame").src = `/api/jobs/${job.id}/files/${job.page}`;
       $("report").showModal();
     });
   }
-  line.append(buttons);
-  return line;
+  return buttons;
+}
+
+// --- drawings ---
+
+function draw(tag, attributes, text = "") {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.textContent = text;
+  return made;
+}
+
+const short = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toFixed(1));
+
+/** What a search has tried: every parameter against the number of simulations. */
+function historyChart(history, now) {
+  const [width, height, left, right, top, foot] = [308, 96, 34, 8, 8, 18];
+  const names = Object.keys(history[0].values);
+  const values = history.flatMap((one) => Object.values(one.values));
+  let [low, high] = [Math.min(...values), Math.max(...values)];
+  if (high - low < 1e-9) [low, high] = [low - 1, high + 1];
+  const last = Math.max(history.at(-1).runs, 1);
+  const x = (runs) => left + ((width - left - right) * runs) / last;
+  const y = (value) => top + ((height - top - foot) * (high - value)) / (high - low);
+  const chart = draw("svg", { viewBox: `0 0 ${width} ${height}`, class: "history", role: "img" });
+  const end = names.map((name) => `${name.replaceAll("_", " ")} ${short(history.at(-1).values[name])}`).join(", ");
+  chart.append(draw("title", {}, `tried so far, after ${last} simulations: ${end}`));
+  for (const value of [low, high]) {
+    chart.append(draw("line", { class: "axis", x1: left, x2: width - right, y1: y(value), y2: y(value) }));
+    chart.append(draw("text", { x: left - 4, y: y(value) + 3, "text-anchor": "end" }, short(value)));
+  }
+  names.forEach((name, i) => {
+    const points = history.map((one) => `${x(one.runs)},${y(one.values[name])}`).join(" ");
+    chart.append(draw("polyline", { class: i ? "line other" : "line", points }));
+  });
+  for (const one of history) {
+    chart.append(draw("circle", { class: "value", cx: x(one.runs), cy: y(one.values[names[0]]), r: 2.5 }));
+  }
+  const words = `${names[0].replaceAll("_", " ")}${names.length > 1 ? " and others (dashed)" : ""}, by simulation`;
+  chart.append(draw("text", { x: left, y: height - 4 }, words));
+  chart.append(draw("text", { x: width - right, y: height - 4, "text-anchor": "end" }, `${last}${now === "running" ? " ..." : ""}`));
+  return chart;
+}
+
+/** The newest strength by every method, on the case as it is. */
+function showStrengths() {
+  const newest = new Map();
+  for (const job of ofThisCase()) {
+    for (const one of job.strengths ?? []) {
+      const key = `${one.method}, ${one.label}`;
+      if (!newest.has(key)) newest.set(key, one);
+    }
+  }
+  const rank = ({ method }) => -["diagnosis", "posterior", "back-analysis"].findIndex((own) => method.startsWith(own));
+  const rows = [...newest.values()].sort((a, b) => rank(a) - rank(b));
+  const json = JSON.stringify(rows);
+  if ($("strengths").dataset.json === json) return;
+  $("strengths").dataset.json = json;
+  const most = Math.max(...rows.flatMap((one) => [one.value, one.high ?? 0])) * 1.02;
+  const several = new Set(rows.map((one) => one.label)).size > 1;
+  const body = rows.map((one) => {
+    const bar = draw("svg", { viewBox: "0 0 88 12", width: 88, height: 12, "aria-hidden": "true" });
+    const at = (value) => 3 + (82 * value) / most;
+    const [low, high] = [one.low ?? one.value, one.high ?? (one.low === null ? one.value : most)];
+    bar.append(draw("line", { class: "range", x1: at(low), x2: at(high), y1: 6, y2: 6 }));
+    bar.append(draw("circle", { class: "value", cx: at(one.value), cy: 6, r: 3 }));
+    const row = make("tr", { title: `${one.label}; range: ${one.range}` },
+      make("td", { textContent: several ? `${one.method}: ${one.label}` : one.method }),
+      make("td", { textContent: (one.high === null && one.low !== null ? "≥ " : "") + one.value.toFixed(1) }),
+      make("td", { className: "range" }, bar));
+    return row;
+  });
+  const head = make("thead", {}, make("tr", {}, ...["strength by", "kPa", "range"].map((text) => make("th", { textContent: text }))));
+  $("strengths").replaceChildren(...(rows.length ? [make("table", {}, head, make("tbody", {}, ...body))] : []));
 }

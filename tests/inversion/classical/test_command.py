@@ -78,6 +78,9 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
     assert motion["velocity_m_per_s"][-1] == 0.0
     assert motion["time_s"][-1] == pytest.approx(motion["duration_s"], abs=1e-3)
     assert (out / "upstream.png").stat().st_size > 50_000
+    page = (out / "classical.html").read_text()
+    for method in slide["methods"]:
+        assert f"{method['value_kpa']:.1f}" in page, method["title"]
 
 
 @pytest.mark.parametrize(
@@ -99,8 +102,9 @@ def test_lower_san_fernando(lsfd, tmp_path, capsys):
 @pytest.mark.slow
 def test_every_option_has_an_effect(lsfd, option, value):
     """Each judgement call changes a method's answer (solved without the other alternatives)."""
-    from flowslide.commands.classical import _judgements, add_arguments
+    from flowslide.commands.classical import _changes, add_arguments
     from inversion.classical.analysis import SOLVERS, Workbench
+    from inversion.classical.slides import judgements
     from pipeline.cli import base_parser
 
     parser = base_parser("test", "")
@@ -110,7 +114,7 @@ def test_every_option_has_an_effect(lsfd, option, value):
     found = []
     for extra in ([], given):
         arguments = parser.parse_args(["x", "--sections", "5", *extra])
-        (judgement,) = _judgements(case, arguments)
+        (judgement,) = judgements(case, changes=_changes(arguments))
         bench = Workbench(case, judgement)
         found.append([SOLVERS[method](bench, judgement).strength for method in SOLVERS])
     assert max(abs(a - b) for a, b in zip(*found, strict=True)) > 10.0

@@ -1,0 +1,155 @@
+"""What a job has found, as its line in the page's list: sentences and strengths.
+
+In: what the functions of `flowslide` return. Out: `answer`, lines in the words and digits of the
+reports; `strengths`, those found with their ranges in full digits, for the table of all methods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
+from flowslide.api import Simulation
+from inversion.back_analysis.result import ParameterAnswer, Result
+from inversion.posterior.document import PosteriorDocument
+from report import classical as classical_report
+from report import from_blow_counts as blow_counts_report
+from report import prediction as prediction_report
+from report.numbers import at_least, fixed, number, plus_minus, span, unit_of, with_unit
+from report.posterior import answer_sentence
+from report.sentences.back_analysis import answer_words
+
+Found = dict[str, Any]
+UNEXPLAINED = ("suspect", "unknown_effect")
+"""Verdicts with which a strength that is quoted is a range and no result."""
+STRENGTHS = ("residual_strength_kpa", "cohesion_kpa")
+
+
+def _found(lines: Iterable[str], strengths: Iterable[Found] = ()) -> Found:
+    return {"answer": [line for line in lines if line], "strengths": list(strengths)}
+
+
+def _strength(
+    method: str,
+    label: str,
+    value: float,
+    ends: Sequence[float | None],
+    words: str,
+    *,
+    std: float | None = None,
+    zones: Sequence[str] = (),
+) -> Found:
+    """A strength [kPa] with the ends of its range; `words`: what the range is."""
+    return {"method": method, "label": label, "value": value, "low": ends[0], "high": ends[1],
+            "range": words, "std": std, "zones": list(zones)}  # fmt: skip
+
+
+def simulation(done: Simulation) -> Found:
+    """What was read from the deposit."""
+    return _found(
+        f"{one.name}: {fixed(one.simulated)} {one.unit}"
+        for one in done.readings
+        if one.simulated is not None
+    )
+
+
+def back_analysis(result: Result) -> Found:
+    """Every parameter with its 95 % interval."""
+    lines = [_parameter(p) for p in result.answer.parameters]
+    if not result.sensitivities and result.noise is None:
+        lines.append("Standard deviation of the survey alone; the full back-analysis has the rest.")
+    if not result.answer.reached:
+        lines.append(f"Not fitted: {result.answer.words}.")
+    strengths = []
+    for p in result.answer.parameters:
+        if p.property in STRENGTHS and p.lower_bound_95 is not None:
+            ends = p.lower_bound_95, None
+            strengths.append(_strength("back-analysis", p.label, ends[0], ends, "at least, 95 %"))
+        elif p.property in STRENGTHS:
+            strengths.append(
+                _strength("back-analysis", p.label, p.value, p.interval_95, "95 %",
+                          std=p.std_total, zones=p.zones)
+            )  # fmt: skip
+    return _found(lines, strengths)
+
+
+def _parameter(p: ParameterAnswer) -> str:
+    if p.lower_bound_95 is not None:
+        return f"{p.label} {at_least(p.lower_bound_95, p.std_total, p.unit)}: nothing ran"
+    doubt = "" if p.determined else "; not determined by the data"
+    return f"{answer_words(p)}, 95 % {span(*p.interval_95)} {unit_of(p.unit)}{doubt}"
+
+
+def posterior(document: PosteriorDocument) -> Found:
+    """Every parameter with its 95 % interval."""
+    strengths = [
+        _strength(
+            "posterior",
+            one.label,
+            one.after.median,
+            one.after.interval_95,
+            "95 %",
+            std=one.after.std,
+            zones=one.zones,
+        )  # fmt: skip
+        for one in document.parameters
+        if one.property in STRENGTHS
+    ]
+    return _found([answer_sentence(document)], strengths)
+
+
+def prediction(document: Found) -> Found:
+    """Every predicted number with its range."""
+    lines = [
+        f"{one['name']}: {fixed(one['mean'])} ± {fixed(one['std'])} {one['unit']}, 5 to 95 % "
+        f"{span(one['quantiles']['5'], one['quantiles']['95'])}"
+        for one in document["quantities"]
+    ]
+    return _found([f"S_r {prediction_report.strength_words(document)}", *lines])
+
+
+def from_blow_counts(document: Found) -> Found:
+    """How many relations predict what was measured, and doubts."""
+    return _found(blow_counts_report.remarks(document))
+
+
+def classical(document: Found) -> Found:
+    """The strength of every method, slide by slide."""
+    strengths = [
+        _strength(
+            method["title"], f"{slide['name']} slide", method["value_kpa"],
+            (method["low_kpa"], method["high_kpa"]), "over the judgement calls",
+        )
+        for slide in document["analyses"]
+        for method in slide["methods"]
+        if method["value_kpa"] is not None
+    ]  # fmt: skip
+    refused = [f"Not analysed: {reason}" for reason in document["not_analysed"]]
+    return _found([classical_report.lead(document), *refused], strengths)
+
+
+def comparison(document: CompareDocument | ExplainDocument) -> Found:
+    """The finding."""
+    return _found([document.sentence])
+
+
+def verdict(document: Verdict) -> Found:
+    """The verdict, the strength to use, and what to measure next."""
+    lines = [f"{document.verdict.replace('_', ' ').capitalize()}. {document.sentence}"]
+    strengths = []
+    for p in document.parameters:
+        used = document.quoted.get(p.name)
+        if used is None:
+            continue
+        low, high = used.intervals["95%"]
+        value = plus_minus(used.value, used.std, p.unit)
+        only = "only a range, no result: " if document.verdict in UNEXPLAINED else ""
+        lines.append(f"{p.words}: {only}{value}, 95 % {number(low)} to {with_unit(high, p.unit)}")
+        if p.strength:
+            method = f"diagnosis, {'only a range' if only else 'all explanations'}"
+            strengths.append(_strength(method, p.words, used.value, (low, high), "95 %"))
+    if document.next_measurement:
+        best = document.next_measurement[0]
+        lines.append(f"Measure next: {best.words} (gain {number(best.gain, 2)})")
+    return _found(lines, strengths)

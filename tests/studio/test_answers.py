@@ -1,0 +1,150 @@
+"""What jobs find is what the command line finds, to the last digit, and the page shows it."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+import yaml
+from starlette.testclient import TestClient
+
+from diagnosis.verdict.verdict import CompareDocument, FittedModelSummary
+from flowslide.command_line import main
+from flowslide.studio.app import studio
+from flowslide.studio.job_answers import back_analysis
+from flowslide.studio.live import Live
+from inversion.back_analysis.result import load_result
+from tests.dams import dam_with_pool
+
+PORT, TOKEN = 8321, "the-token"
+OURS = {"origin": f"http://127.0.0.1:{PORT}"}
+SPACING = 2.0
+STRENGTH = "loose=8+-2"
+CREST = """
+    - {name: crest, type: crest_settlement, at: initial_crest_x, x_m: 70.0, value_m: 3.0,
+       std_m: 0.5, std_is: assumed, confidence: published, source: test}
+"""
+
+
+@pytest.fixture
+def browser(workspace):
+    live = Live(threads=1)
+    app = studio(workspace, live, token=TOKEN, port=PORT)
+    client = TestClient(app, base_url=f"http://127.0.0.1:{PORT}", follow_redirects=False)
+    client.get("/", params={"token": TOKEN})
+    yield client
+    live.close()
+
+
+def ask(browser, kind, case="small", **options) -> dict:
+    """A job that is done."""
+    body = {"kind": kind, "case": case, "options": options}
+    answer = browser.post("/api/jobs", json=body, headers=OURS)
+    assert answer.status_code == 201, answer.text
+    number = answer.json()["id"]
+    for _ in range(600):
+        found = browser.get(f"/api/jobs/{number}").json()
+        if found["state"] != "running":
+            assert found["state"] == "done", found
+            return found
+        time.sleep(0.1)
+    raise AssertionError(found)
+
+
+def left(browser, job, name) -> dict:
+    return browser.get(f"/api/jobs/{job['id']}/files/{name}").json()
+
+
+def command(capsys, *words) -> str:
+    capsys.readouterr()
+    assert main([*map(str, words), "--quiet"]) in (0, None)
+    return capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_strength_and_runout_are_those_of_the_command_line(browser, workspace, tmp_path, capsys):
+    case = workspace.folder / "small"
+    job = ask(browser, "back_analyse", spacing_m=SPACING, quick=True)
+    out = tmp_path / "inversion"
+    shared = ["--spacing", SPACING, "--threads", 1]
+    command(capsys, "invert", case, "--out", out, "--quick", "--report", "none", *shared)
+    own = load_result(out)
+    assert {name: job[name] for name in ("answer", "strengths")} == back_analysis(own)
+    assert job["answer"][0].startswith("S_r: ") and "95 %" in job["answer"][0]
+    assert "survey alone" in job["answer"][1]
+    (found,) = job["strengths"]
+    (p,) = own.answer.parameters
+    assert (found["value"], found["std"]) == (p.value, p.std_total)
+    assert (found["low"], found["high"]) == p.interval_95
+    tried = [(one["runs"], one["values"], one["loss"]) for one in job["history"]]
+    assert tried == [(line.runs_so_far, line.values, line.loss) for line in own.iterations]
+    assert job["page"] == "report.html"
+
+    job = ask(browser, "predict", spacing_m=SPACING, strengths=[STRENGTH])
+    said = command(capsys, "predict", case, "--residual-strength", STRENGTH, "--out",
+                   tmp_path / "prediction", *shared)  # fmt: skip
+    document = json.loads((tmp_path / "prediction" / "prediction.json").read_text())
+    assert left(browser, job, "prediction.json") == document
+    (toe,) = [line for line in job["answer"] if line.startswith("toe")]
+    (row,) = [line for line in said.splitlines() if line.startswith("toe (m)")]
+    for digits in toe.replace("±", " ").split(":")[1].split("5 to 95 %")[0].split()[:2]:
+        assert digits.strip(",") in row.split(), (digits, row)
+    page = browser.get(f"/api/jobs/{job['id']}/files/{job['page']}").text.replace("\xa0", " ")
+    assert "How far it would run" in page and "8 ± 2 kPa in zone loose" in page
+
+
+@pytest.mark.slow
+def test_the_comparison_is_that_of_the_command_line(browser, workspace, tmp_path, capsys):
+    with (workspace.folder / "small" / "measurements.yaml").open("a") as file:
+        file.write(CREST)
+    job = ask(browser, "compare", spacing_m=SPACING)
+    said = command(capsys, "diagnose", "compare", workspace.folder / "small", "--out",
+                   tmp_path / "diagnosis", "--spacing", SPACING, "--threads", 1)  # fmt: skip
+    own = json.loads((tmp_path / "diagnosis" / "compare.json").read_text())
+    found = left(browser, job, "compare.json")
+    assert found == own and set(found["base"]) == set(FittedModelSummary.model_fields)
+    assert CompareDocument.model_validate(found).sentence == job["answer"][0]
+    assert said.startswith(job["answer"][0].replace("±", "+-"))
+    assert job["page"] == "compare.html"
+
+
+@pytest.mark.slow
+def test_classical_methods_stand_next_to_a_back_analysis(browser, workspace, tmp_path, capsys):
+    folder = dam_with_pool(workspace.folder / "dam")
+    path = folder / "classical.yaml"
+    calls = yaml.safe_load(path.read_text())
+    calls["analyses"][0].update(sections=5, alternatives={
+        "unit_weight_factors": [], "zif_shares": [0.4], "sections": [], "slip_surfaces": [],
+    })  # fmt: skip
+    path.write_text(yaml.safe_dump(calls))
+    job = ask(browser, "classical", "dam")
+    said = command(capsys, "classical", folder, "--out", tmp_path / "classical")
+    own = json.loads((tmp_path / "classical" / "classical.json").read_text())
+    assert left(browser, job, "classical.json") == own
+    methods = own["analyses"][0]["methods"]
+    assert [one["value"] for one in job["strengths"]] == [one["value_kpa"] for one in methods]
+    for one in methods:
+        assert f"{one['title']} {one['value_kpa']:.1f} kPa" in job["answer"][0]
+        assert f"{one['value_kpa']:.1f}" in said
+    assert job["page"] == "classical.html" and "upstream.png" in job["files"]
+
+    quick = ask(browser, "back_analyse", "dam", spacing_m=4.0, quick=True)
+    assert left(browser, quick, "result.json")["classical"] == [], "only the full one asks for them"
+
+
+def test_a_prediction_is_asked_for_with_strengths(browser):
+    for options, words in (
+        ({}, "strengths or a posterior"),
+        ({"strengths": ["loose=8"]}, "MEAN+-STD"),
+        ({"strengths": ["loose=8+-"]}, "MEAN+-STD"),
+        ({"strengths": ["loose=8+-9"]}, "exceeds the mean"),
+        ({"strengths": [STRENGTH], "posterior": "x"}, "one of the two"),
+        ({"posterior": "20260101-000000-abcdef"}, "there is none"),
+        ({"posterior": "../../x"}, "there is none"),
+        ({"strengths": [STRENGTH], "distribution": "flat"}, "distribution"),
+    ):
+        body = {"kind": "predict", "case": "small", "options": options}
+        answer = browser.post("/api/jobs", json=body, headers=OURS)
+        assert answer.status_code == 400 and words in answer.json()["message"], answer.text
+    assert browser.get("/api/jobs").json() == []
