@@ -17,7 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.hypotheses.model import Candidate
-from geometry.scenes.scene import Scene
 from inversion.engines.setup import Setup
 from inversion.problem.question import Sensitivity
 from pipeline.cli import InputError
@@ -40,14 +39,6 @@ class Assumption:
 
 Found = tuple[list[Assumption], dict[str, str]]
 """Assumptions of a family, and why others can do nothing here."""
-
-
-def with_scene(setup: Setup, scene: Scene) -> Setup:
-    """The setup of another section; the survey measured from its foot."""
-    own = setup.scene
-    # Where the foot moves, so does the zero of a runout.
-    foot = {side: x + scene.foot(side) - own.foot(side) for side, x in setup.foot.items()}
-    return replace(setup, scene=scene, foot=foot)
 
 
 def with_setting(setup: Setup, **changes: object) -> Setup:

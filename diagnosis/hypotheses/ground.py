@@ -21,7 +21,6 @@ from diagnosis.hypotheses.assumption import (
     Found,
     Sensitivities,
     possible,
-    with_scene,
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
@@ -128,7 +127,7 @@ def _coefficient(own: float) -> Assumption:
 def _touching(setup: Setup, contact: str, coefficient: float | None = None) -> Setup:
     changes = {"contact": contact, "friction_coefficient": coefficient}
     scene = setup.scene.changed(ground=setup.scene.ground.model_dump() | changes)
-    return with_scene(setup, scene)
+    return setup.with_scene(scene)
 
 
 def _below(scene: Scene) -> list[Assumption]:
@@ -170,7 +169,7 @@ def _moved_base(name: str, ends: tuple[float, float]) -> Callable[[Setup, float]
             (right - fade, ends[1] * amplitude),
             (right, 0.0),
         ]
-        return with_scene(setup, with_base(setup.scene, knots, name))
+        return setup.with_scene(with_base(setup.scene, knots, name))
 
     return change
 
@@ -183,7 +182,7 @@ def _beyond(scene: Scene, side: Side) -> list[Assumption]:
     def sloped(setup: Setup, slope: float) -> Setup:
         length = FORELAND_LENGTH * height
         knots = [(foot, 0.0), (foot + outward * length, slope * length)]
-        return with_scene(setup, with_base(setup.scene, sorted(knots), FORELAND))
+        return setup.with_scene(with_base(setup.scene, sorted(knots), FORELAND))
 
     found = [
         Assumption(
@@ -208,7 +207,7 @@ def _beyond(scene: Scene, side: Side) -> list[Assumption]:
         def raised(setup: Setup, rise: float, top: float = top) -> Setup:
             half = BUMP_FACE * rise
             knots = [(top - half, 0.0), (top, rise), (top + half, 0.0)]
-            return with_scene(setup, with_base(setup.scene, knots, BUMP))
+            return setup.with_scene(with_base(setup.scene, knots, BUMP))
 
         scale = min(height, HIGHEST_BUMP_M / BUMP_HEIGHTS[-1])
         ladder = tuple(share * scale for share in BUMP_HEIGHTS)

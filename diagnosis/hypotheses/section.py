@@ -12,10 +12,9 @@ from diagnosis.hypotheses.assumption import (
     Sensitivities,
     possible,
     slug,
-    with_scene,
 )
 from diagnosis.hypotheses.model import Candidate
-from inversion.back_analysis.variants import moved
+from inversion.back_analysis.deviations import deviating
 from inversion.engines.setup import Setup
 from inversion.problem.question import ZoneBoundary
 
@@ -36,10 +35,9 @@ def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
         if not isinstance(one, ZoneBoundary):
             continue
         name = BOUNDARY + slug(one.name)
-        signs = {"both": (-1.0, 1.0), "plus": (1.0,), "minus": (-1.0,)}[one.sides]
-        wanted = [sign * rung for sign in signs for rung in RUNGS]
+        wanted = [sign * rung for sign in one.senses for rung in RUNGS]
         tried = _boundary(one, name, wanted)
-        moved(setup.scene, one.vertices, 0.0, one.name)  # its vertices exist
+        deviating(setup, [one], [0.0], one.name)  # its vertices exist
         rungs = [rung for rung in wanted if possible(tried, setup, rung)]
         if rungs:
             found.append(_boundary(one, name, rungs))
@@ -60,8 +58,4 @@ def _boundary(one: ZoneBoundary, name: str, rungs: list[float]) -> Assumption:
         prior_mean=0.0,
         prior_std=1.0,
     )
-
-    def change(setup: Setup, amplitude: float) -> Setup:
-        return with_scene(setup, moved(setup.scene, one.vertices, amplitude, name))
-
-    return Assumption(candidate, change)
+    return Assumption(candidate, lambda setup, score: deviating(setup, [one], [score], name))

@@ -9,21 +9,17 @@ from __future__ import annotations
 
 import math
 
-from pydantic import ValidationError
-
 from diagnosis.hypotheses.assumption import (
     Assumption,
     Found,
     Sensitivities,
     slug,
-    with_scene,
 )
 from diagnosis.hypotheses.model import Candidate
-from geometry.scenes.scene import Material, Scene, document_error
+from geometry.scenes.scene import Material, Scene
+from inversion.back_analysis.deviations import property_changes, with_changes
 from inversion.engines.setup import Setup
 from inversion.problem.question import FixedProperty, material_key
-from inversion.problem.scene_changes import with_properties
-from pipeline.cli import InputError
 
 #: One standard deviation where nothing is known: as shares of the value, and as it is.
 SHARES = {"cohesion_kpa": 0.25, "density": 0.05}
@@ -107,17 +103,7 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
     )
 
     def change(setup: Setup, amplitude: float) -> Setup:
-        soils = {zone.name: setup.scene.materials[zone.material] for zone in setup.scene.zones}
-        changes = []
-        for zone in zones:
-            value = getattr(soils[zone], key)
-            other = (
-                value * math.exp(amplitude) if key == "youngs_modulus_mpa" else value + amplitude
-            )
-            changes.append((zone, key, other if key == "density" else max(other, 0.0)))
-        try:
-            return with_scene(setup, with_properties(setup.scene, changes))
-        except ValidationError as error:
-            raise InputError(document_error(error, candidate.name)) from None
+        changes = property_changes(setup.scene, zones, key, amplitude)
+        return setup.with_scene(with_changes(setup.scene, changes, candidate.name))
 
     return Assumption(candidate, change)

@@ -13,7 +13,6 @@ from diagnosis.hypotheses.assumption import (
     Found,
     Sensitivities,
     slug,
-    with_scene,
     with_setting,
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
@@ -110,6 +109,6 @@ def _late(setup: Setup, zone: str) -> Assumption:
         if LATENESS in effects:
             raise InputError(f"{name}: another zone liquefied late already")
         entry = {"amplitude": delay, "hold": HOLD, "zone": float(number)}
-        return with_scene(setup, setup.scene.changed(effects={**effects, LATENESS: entry}))
+        return setup.with_scene(setup.scene.changed(effects={**effects, LATENESS: entry}))
 
     return Assumption(candidate, change)

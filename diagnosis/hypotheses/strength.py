@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from shapely.ops import unary_union
 
-from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities, with_scene
+from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Scene
 from inversion.engines.setup import Setup
@@ -93,6 +93,6 @@ def _part(name: str, words: str, place: dict[str, float]) -> Assumption:
         if CONTRAST in effects:
             raise InputError(f"{name}: another part has its own strength already")
         entry = {"amplitude": size, **place}
-        return with_scene(setup, setup.scene.changed(effects={**effects, CONTRAST: entry}))
+        return setup.with_scene(setup.scene.changed(effects={**effects, CONTRAST: entry}))
 
     return Assumption(candidate, change)

@@ -17,7 +17,6 @@ from diagnosis.hypotheses.assumption import (
     Assumption,
     Found,
     Sensitivities,
-    with_scene,
     with_setting,
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
@@ -69,7 +68,7 @@ def _pool(scene: Scene, side: Side | None) -> Assumption:
         level = own.extent[0] + depth
         line = None if side is None else _falling(own, level, side)
         changes = {"water_level": level, "phreatic_line": line}
-        return with_scene(setup, _changed(own, changes, candidate.name))
+        return setup.with_scene(_changed(own, changes, candidate.name))
 
     return Assumption(candidate, change)
 
@@ -103,8 +102,8 @@ def _forms(setup: Setup) -> Found:
     found = [
         Assumption(
             switch_of(NO_WATER, "water", "there was no water"),
-            lambda setup, _: with_scene(
-                setup, _changed(setup.scene, {"water_level": None}, NO_WATER)
+            lambda setup, _: setup.with_scene(
+                _changed(setup.scene, {"water_level": None}, NO_WATER)
             ),
         )
     ]
@@ -162,7 +161,7 @@ def _drawdown(scene: Scene) -> Assumption | None:
                 break
             line = _drawn_down(own, line, side, (high, low), level)
         changes: dict[str, Any] = {"water_level": level, "phreatic_line": line or None}
-        return with_scene(setup, _changed(own, changes, DRAWDOWN))
+        return setup.with_scene(_changed(own, changes, DRAWDOWN))
 
     return Assumption(candidate, change)
 

@@ -11,9 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
-from geometry.scenes.scene import Point, Scene, document_error, scene_from_mapping
+from geometry.scenes.scene import Scene, scene_from_mapping
+from inversion.back_analysis.deviations import (
+    Uncertain,
+    deviating,
+    property_changes,
+    with_changes,
+)
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
@@ -21,7 +26,6 @@ from inversion.problem.changes import WATER_WORDS, Changes, OtherProperty
 from inversion.problem.question import (
     CellSize,
     FixedProperty,
-    MovedVertex,
     OtherSetting,
     Sensitivity,
     Target,
@@ -31,8 +35,7 @@ from inversion.problem.question import (
     ZoneBoundary,
     material_key,
 )
-from inversion.problem.scene_changes import with_properties
-from inversion.problem.water_level import SAME_PLACE_M, pool_at
+from inversion.problem.water_level import pool_at
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 
@@ -87,7 +90,7 @@ def apply_changes(setup: Setup, changes: Changes, where: str) -> Changed:
         _refuse_sought_level(setup, f"{where}: pool_level_m")
         level = changes.pool_level_m
         raised = pool_at(scene, level) if scene.has_water else {"water_level": level}
-        scene = _checked({**scene.model_dump(), **raised}, where)
+        scene = scene_from_mapping({**scene.model_dump(), **raised}, where)
         words.append(f"pool at {changes.pool_level_m:g} m")
     if changes.water == "none":
         _refuse_sought_level(setup, f"{where}: water: none")
@@ -134,7 +137,7 @@ def _shared_otherwise(setup: Setup, zones: Mapping[str, Sequence[str]], where: s
         specs[places[0]] = specs[places[0]].model_copy(update={"zones": list(shared)})
     used = {zone["material"] for zone in document["zones"]}
     document["materials"] = {k: v for k, v in document["materials"].items() if k in used}
-    return replace(setup, scene=_checked(document, where), parameters=Parameters(specs))
+    return replace(setup, scene=scene_from_mapping(document, where), parameters=Parameters(specs))
 
 
 def _other_soil(setup: Setup, properties: Sequence[OtherProperty], where: str) -> Scene:
@@ -156,10 +159,7 @@ def _other_soil(setup: Setup, properties: Sequence[OtherProperty], where: str) -
             if (zone, one.property) in calibrated:
                 raise InputError(f"{where}: properties: {one.property} of {zone} is calibrated")
             changes.append((zone, one.property, one.value))
-    try:
-        return with_properties(setup.scene, changes)
-    except ValidationError as error:
-        raise InputError(document_error(error, f"{where}: properties")) from None
+    return with_changes(setup.scene, changes, f"{where}: properties")
 
 
 def _simulated(
@@ -189,87 +189,66 @@ def sides(setup: Setup, sensitivity: Sensitivity, source: str) -> list[Changed]:
     """The setups of a sensitivity: one, or one for each sense of a standard deviation."""
     where = f"{source}: sensitivities: {sensitivity.name}"
     match sensitivity:
-        case ZoneBoundary():
-            return _boundary(setup, sensitivity, where)
-        case WaterLevel():
-            return _levels(setup, sensitivity, where)
+        case ZoneBoundary() | WaterLevel() | FixedProperty():
+            return _deviation(setup, sensitivity, where)
         case CellSize():
             spacing = setup.scene.spacing * sensitivity.factor
-            scene = _checked({**setup.scene.model_dump(), "spacing": spacing}, where)
+            scene = scene_from_mapping({**setup.scene.model_dump(), "spacing": spacing}, where)
             return [Changed(replace(setup, scene=scene), f"spacing {spacing:.3g} m")]
         case TimeStep():
             return [_time_step(setup, sensitivity, where)]
         case OtherSetting():
             settings, words = _simulated(setup.settings, sensitivity.simulation)
             return [Changed(replace(setup, settings=settings), words)]
-        case FixedProperty():
-            return _property(setup, sensitivity, where)
         case Target():
             return _target(setup, sensitivity, where)
 
 
-def _boundary(setup: Setup, sensitivity: ZoneBoundary, where: str) -> list[Changed]:
-    senses = {"both": (1.0, -1.0), "plus": (1.0,), "minus": (-1.0,)}[sensitivity.sides]
+def _deviation(setup: Setup, sensitivity: Uncertain, where: str) -> list[Changed]:
+    """One standard deviation to either side, or to the side that is asked for."""
+    senses: tuple[float, ...] = (1.0, -1.0)
+    match sensitivity:
+        case ZoneBoundary():
+            senses = sensitivity.senses
+        case WaterLevel():
+            if setup.scene.water_level is None:
+                raise InputError(f"{where}: the scene has no water_level")
+            _refuse_sought_level(setup, where)
+        case FixedProperty():
+            _refuse_calibrated(setup, sensitivity, where)
     found = []
     for sense in senses:
-        scene = moved(setup.scene, sensitivity.vertices, sense, where)
-        # The survey measured from the foot of the section: where the foot moves, so does its zero.
-        foot = {
-            side: x + scene.foot(side) - setup.scene.foot(side) for side, x in setup.foot.items()
-        }
-        farthest = max(sensitivity.vertices, key=lambda v: np.hypot(*v.move)).move
-        dx, dy = (sense * part + 0.0 for part in farthest)
-        words = f"moved by ({dx:+.3g}, {dy:+.3g}) m"
-        found.append(Changed(replace(setup, scene=scene, foot=foot), words))
+        words, what = _deviation_words(setup.scene, sensitivity, sense)
+        changed = deviating(setup, [sensitivity], [sense], where + what)
+        found.append(Changed(changed, words))
     return found
 
 
-def moved(scene: Scene, vertices: Sequence[MovedVertex], sense: float, where: str) -> Scene:
-    """The scene with vertices moved in every line that has them, by `sense` times their move.
+def _deviation_words(scene: Scene, sensitivity: Uncertain, sense: float) -> tuple[str, str]:
+    """What is different, and the end of what messages about it begin with."""
+    match sensitivity:
+        case ZoneBoundary():
+            farthest = max(sensitivity.vertices, key=lambda v: np.hypot(*v.move)).move
+            dx, dy = (sense * part + 0.0 for part in farthest)
+            return f"moved by ({dx:+.3g}, {dy:+.3g}) m", ""
+        case WaterLevel():
+            return f"pool at {scene.water_level + sense * sensitivity.std_m:g} m", ""
+    what = f"{sensitivity.property} {sense * sensitivity.std:+g}"
+    words = f"{what} in zones {', '.join(sensitivity.zones)}"
+    key = material_key(sensitivity.property)
+    changes = property_changes(scene, sensitivity.zones, key, sense * sensitivity.std)
+    if sense < 0 and min(value for _, _, value in changes) == 0.0:
+        words += ", but not below 0"
+    return words, f": {what}"
 
-    Lines are the polygons of the zones and the base.
-    """
-    document = scene.model_dump()
-    lines = [(zone, "polygon") for zone in document["zones"]] + [(document["ground"], "points")]
-    for vertex in vertices:
-        hits = 0
-        for owner, key in lines:
-            for number, place in enumerate(owner[key]):
-                if _same(place, vertex.at):
-                    hits += 1
-                    owner[key][number] = (None, place, vertex.move)
-        if not hits:
+
+def _refuse_calibrated(setup: Setup, sensitivity: FixedProperty, where: str) -> None:
+    for spec in setup.parameters.specs:
+        same = material_key(spec.property) == material_key(sensitivity.property)
+        if same and set(spec.zones) & set(sensitivity.zones):
             raise InputError(
-                f"{where}: vertices: no zone has a vertex at ({vertex.at[0]:g}, {vertex.at[1]:g})"
+                f"{where}: {sensitivity.property} there is calibrated by {spec.name!r}"
             )
-    for owner, key in lines:
-        owner[key] = [_placed(place, sense) for place in owner[key]]
-    return _checked(document, where)
-
-
-def _same(place: Any, at: Point) -> bool:
-    return len(place) == 2 and np.hypot(place[0] - at[0], place[1] - at[1]) <= SAME_PLACE_M
-
-
-def _placed(place: Any, sense: float) -> Point:
-    """A vertex where it belongs: marked ones (None, place, move) are moved, the others stay."""
-    if len(place) == 2:
-        return place
-    _, (x, y), (dx, dy) = place
-    return (x + sense * dx, y + sense * dy)
-
-
-def _levels(setup: Setup, sensitivity: WaterLevel, where: str) -> list[Changed]:
-    scene = setup.scene
-    if scene.water_level is None:
-        raise InputError(f"{where}: the scene has no water_level")
-    _refuse_sought_level(setup, where)
-    found = []
-    for change in (sensitivity.std_m, -sensitivity.std_m):
-        level = scene.water_level + change
-        changed = _checked(pool_at(scene, level), where)
-        found.append(Changed(replace(setup, scene=changed), f"pool at {level:g} m"))
-    return found
 
 
 def _time_step(setup: Setup, sensitivity: TimeStep, where: str) -> Changed:
@@ -289,40 +268,6 @@ def _time_step(setup: Setup, sensitivity: TimeStep, where: str) -> Changed:
         replace(setup, settings=settings.model_copy(update={"courant": courant})),
         f"courant {courant:g} instead of {settings.courant:g}",
     )
-
-
-def _property(setup: Setup, sensitivity: FixedProperty, where: str) -> list[Changed]:
-    for spec in setup.parameters.specs:
-        same = material_key(spec.property) == material_key(sensitivity.property)
-        if same and set(spec.zones) & set(sensitivity.zones):
-            raise InputError(
-                f"{where}: {sensitivity.property} there is calibrated by {spec.name!r}"
-            )
-    found = []
-    for change in (sensitivity.std, -sensitivity.std):
-        changes = property_changes(setup.scene, sensitivity, change)
-        try:
-            scene = with_properties(setup.scene, changes)
-        except ValidationError as error:
-            words = f"{where}: {sensitivity.property} {change:+g}"
-            raise InputError(document_error(error, words)) from None
-        words = f"{sensitivity.property} {change:+g} in zones {', '.join(sensitivity.zones)}"
-        if change < 0 and min(value for _, _, value in changes) == 0.0:
-            words += ", but not below 0"
-        found.append(Changed(replace(setup, scene=scene), words))
-    return found
-
-
-def property_changes(
-    scene: Scene, sensitivity: FixedProperty, change: float
-) -> list[tuple[str, str, float]]:
-    """A property that differs by `change` from the scene's, as `with_properties` takes it."""
-    key = material_key(sensitivity.property)
-    soil = {zone.name: scene.materials[zone.material] for zone in scene.zones}
-    values = [getattr(soil[name], key) + change for name in sensitivity.zones]
-    if key != "density":  # no soil has less than no strength
-        values = [max(value, 0.0) for value in values]
-    return [(name, key, value) for name, value in zip(sensitivity.zones, values, strict=True)]
 
 
 def _target(setup: Setup, sensitivity: Target, where: str) -> list[Changed]:
@@ -356,7 +301,3 @@ def _target(setup: Setup, sensitivity: Target, where: str) -> list[Changed]:
             )
         )
     return found
-
-
-def _checked(document: dict, where: str) -> Scene:
-    return scene_from_mapping(document, where)

@@ -8,7 +8,7 @@ diagnosis one for each state of its effects.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,15 @@ class Setup:
     targets: Targets
     foot: Mapping[str, float]
     also_read: tuple[Measured, ...] = ()
+
+    def with_scene(self, scene: Scene) -> Setup:
+        """The setup of another section; where its foot moves, so does the zero of a runout."""
+        own = self.scene
+        foot = {
+            side: x if scene.foot(side) == own.foot(side) else x + scene.foot(side) - own.foot(side)
+            for side, x in self.foot.items()
+        }
+        return replace(self, scene=scene, foot=foot)
 
     @cached_property
     def reader(self) -> HistoryReader:

@@ -9,35 +9,29 @@ distribution; they enter as errors (`inversion.posterior.runs.SectionModel.other
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.back_analysis.case import InversionCase
-from inversion.back_analysis.variants import moved, property_changes
+from inversion.back_analysis.deviations import Uncertain, deviating
 from inversion.engines.setup import Setup
 from inversion.problem.question import (
     LOGARITHMIC,
     UNITS,
     FixedProperty,
-    MovedVertex,
     ParameterSpec,
     Sensitivity,
     WaterLevel,
     ZoneBoundary,
 )
-from inversion.problem.scene_changes import with_properties
-from inversion.problem.water_level import SAME_PLACE_M, pool_at
+from pipeline.cli import InputError
 
 #: Scores of nuisances beyond this are not considered: one in 370.
 FARTHEST = 3.0
 #: To which the score is found beyond which a section does not hold together.
 RESOLUTION = 0.02
-
-Nuisance = ZoneBoundary | WaterLevel | FixedProperty
 
 
 @dataclass(frozen=True)
@@ -142,7 +136,7 @@ class Section:
     """
 
     case: InversionCase
-    nuisances: tuple[Nuisance, ...]
+    nuisances: tuple[Uncertain, ...]
     unknowns: tuple[Unknown, ...]
     remarks: tuple[str, ...] = ()
 
@@ -164,20 +158,20 @@ class Section:
             InputError: the section does not hold together there.
         """
         scores = values[self.parameters :]
-        return changed(self.case.setup, self.nuisances, scores, self.case.source)
+        return deviating(self.case.setup, self.nuisances, scores, self.case.source)
 
 
 def section_of(case: InversionCase) -> Section:
     """What is unknown of a case; sensitivities that its section does not allow are left out."""
-    kept: list[Nuisance] = []
+    kept: list[Uncertain] = []
     unknowns = [unknown_parameter(spec) for spec in case.parameters.specs]
     available, remarks = case.sensitivities
     for sensitivity, _ in available:
-        if not isinstance(sensitivity, Nuisance):
+        if not isinstance(sensitivity, Uncertain):
             continue
         low, high = (-FARTHEST, FARTHEST)
-        if isinstance(sensitivity, ZoneBoundary) and sensitivity.sides != "both":
-            low, high = (0.0, FARTHEST) if sensitivity.sides == "plus" else (-FARTHEST, 0.0)
+        if isinstance(sensitivity, ZoneBoundary):
+            low, high = (FARTHEST * f(0.0, *sensitivity.senses) for f in (min, max))
         ends = [_reach(case, sensitivity, end) for end in (low, high)]
         if ends != [low, high]:
             remarks = [
@@ -192,58 +186,13 @@ def section_of(case: InversionCase) -> Section:
     return Section(case, tuple(kept), tuple(unknowns), tuple(remarks))
 
 
-def changed(setup: Setup, nuisances: Sequence[Nuisance], scores: np.ndarray, source: str) -> Setup:
-    """A setup whose section differs by some scores of its nuisances.
-
-    Raises:
-        InputError: the section does not hold together there.
-    """
-    before = setup.scene
-    where = f"{source}: sensitivities"
-    scene = _moved(before, nuisances, scores, where)
-    foot = {side: x + scene.foot(side) - before.foot(side) for side, x in setup.foot.items()}
-    for nuisance, score in zip(nuisances, scores, strict=True):
-        if isinstance(nuisance, WaterLevel):
-            level = before.water_level + score * nuisance.std_m
-            scene = scene_from_mapping(pool_at(scene, level), where)
-    changes = [
-        change
-        for nuisance, score in zip(nuisances, scores, strict=True)
-        if isinstance(nuisance, FixedProperty)
-        for change in property_changes(before, nuisance, score * nuisance.std)
-    ]
-    scene = with_properties(scene, changes) if changes else scene
-    return replace(setup, scene=scene, foot=foot)
-
-
-def _moved(scene: Scene, nuisances: Sequence[Nuisance], scores: np.ndarray, where: str) -> Scene:
-    """All vertices moved at once: what two boundaries share moves by the sum."""
-    total: list[tuple[tuple[float, float], np.ndarray]] = []
-    for nuisance, score in zip(nuisances, scores, strict=True):
-        if not isinstance(nuisance, ZoneBoundary):
-            continue
-        for vertex in nuisance.vertices:
-            move = score * np.asarray(vertex.move, dtype=float)
-            near = [
-                pair for pair in total if np.hypot(*np.subtract(pair[0], vertex.at)) <= SAME_PLACE_M
-            ]
-            if near:
-                near[0][1][:] += move
-            else:
-                total.append((vertex.at, move))
-    if not total:
-        return scene
-    vertices = [MovedVertex(at=at, move=(float(dx), float(dy))) for at, (dx, dy) in total]
-    return moved(scene, vertices, 1.0, where)
-
-
-def _reach(case: InversionCase, nuisance: Nuisance, end: float) -> float:
+def _reach(case: InversionCase, nuisance: Uncertain, end: float) -> float:
     """The score farthest towards `end` at which the section holds together, by bisection."""
 
     def holds(score: float) -> bool:
         try:
-            changed(case.setup, [nuisance], np.array([score]), case.source)
-        except ValueError:
+            deviating(case.setup, [nuisance], [score], case.source)
+        except InputError:
             return False
         return True
 

@@ -185,6 +185,11 @@ class ZoneBoundary(Document):
     vertices: list[MovedVertex] = Field(min_length=1, description="vertices that move together")
     sides: Literal["both", "plus", "minus"] = Field("both", description="senses that are tried")
 
+    @property
+    def senses(self) -> tuple[float, ...]:
+        """The senses as signs."""
+        return {"both": (1.0, -1.0), "plus": (1.0,), "minus": (-1.0,)}[self.sides]
+
 
 class WaterLevel(Document):
     """The pool, and the phreatic line where it stands at pool level, lie higher or lower."""

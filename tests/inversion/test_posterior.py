@@ -13,6 +13,7 @@ from scipy.special import ndtr
 
 from geometry.survey.no_flow import NoFlow
 from inversion.back_analysis.case import inversion_case
+from inversion.back_analysis.deviations import deviating
 from inversion.engines.run_store import RunStore
 from inversion.estimation.data import make_targets
 from inversion.posterior import gaussian_process
@@ -25,7 +26,7 @@ from inversion.posterior.runs import SectionModel
 from inversion.posterior.sampling import resampled, spread_out, tempered
 from inversion.posterior.shares import shares
 from inversion.posterior.summary import coarse_remarks
-from inversion.posterior.unknown import Unknown, changed, section_of, unknown_parameter
+from inversion.posterior.unknown import Unknown, section_of, unknown_parameter
 from inversion.problem.question import Prior
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import PosteriorSettings
@@ -128,10 +129,10 @@ def test_one_standard_deviation_is_what_a_back_analysis_tries(lsfd):
         for sense, side in zip((1.0, -1.0), tried[nuisance.name], strict=True):
             scores = np.zeros(len(section.nuisances))
             scores[place] = sense
-            found = changed(case.setup, section.nuisances, scores, case.source)
+            found = deviating(case.setup, section.nuisances, scores, case.source)
             assert found.scene == side.setup.scene
             assert found.foot == pytest.approx(side.setup.foot)
-    still = changed(case.setup, section.nuisances, np.zeros(2), case.source)
+    still = deviating(case.setup, section.nuisances, np.zeros(2), case.source)
     assert still.scene == case.setup.scene
 
 

@@ -1,0 +1,103 @@
+"""A setup with what was assumed of its section elsewhere by some standard deviations.
+
+Boundaries, the level of the pool and properties of the soil that a question lists among its
+sensitivities. Sensitivities put in one score of +-1 at a time, the posterior scores of all of them
+at once, the diagnosis one score of any size.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from pydantic import ValidationError
+
+from geometry.scenes.scene import Scene, document_error, scene_from_mapping
+from inversion.engines.setup import Setup
+from inversion.problem.question import (
+    FixedProperty,
+    WaterLevel,
+    ZoneBoundary,
+    material_key,
+)
+from inversion.problem.scene_changes import with_properties
+from inversion.problem.water_level import SAME_PLACE_M, pool_at
+from pipeline.cli import InputError
+
+Uncertain = ZoneBoundary | WaterLevel | FixedProperty
+"""A sensitivity that has a standard deviation."""
+
+
+def deviating(
+    setup: Setup, uncertain: Sequence[Uncertain], scores: Sequence[float], where: str
+) -> Setup:
+    """A setup whose section differs by a standard score of each of its uncertain assumptions.
+
+    Raises:
+        InputError: beginning with `where`: the section does not hold together there.
+    """
+    before = setup.scene
+    scene = _with_boundaries(before, uncertain, scores, where)
+    changes = []
+    for one, score in zip(uncertain, scores, strict=True):
+        if isinstance(one, WaterLevel):
+            level = before.water_level + score * one.std_m
+            scene = scene_from_mapping(pool_at(scene, level), where)
+        elif isinstance(one, FixedProperty):
+            key = material_key(one.property)
+            changes += property_changes(before, one.zones, key, score * one.std)
+    if changes:
+        scene = with_changes(scene, changes, where)
+    return setup.with_scene(scene)
+
+
+def with_changes(
+    scene: Scene, changes: Sequence[tuple[str, str, float | bool]], where: str
+) -> Scene:
+    """`with_properties`; no such soil is an `InputError` that begins with `where`."""
+    try:
+        return with_properties(scene, changes)
+    except ValidationError as error:
+        raise InputError(document_error(error, where)) from None
+
+
+def property_changes(
+    scene: Scene, zones: Sequence[str], key: str, change: float
+) -> list[tuple[str, str, float]]:
+    """A material's property that differs by `change` from the scene's, as `with_properties` takes.
+
+    Of stiffness the change is that of the logarithm.
+    """
+    soil = {zone.name: scene.materials[zone.material] for zone in scene.zones}
+    values = [getattr(soil[name], key) for name in zones]
+    if key == "youngs_modulus_mpa":
+        values = [value * math.exp(change) for value in values]
+    elif key == "density":
+        values = [value + change for value in values]
+    else:  # no soil has less than no strength
+        values = [max(value + change, 0.0) for value in values]
+    return [(name, key, value) for name, value in zip(zones, values, strict=True)]
+
+
+def _with_boundaries(
+    scene: Scene, uncertain: Sequence[Uncertain], scores: Sequence[float], where: str
+) -> Scene:
+    """Vertices moved in every line that has them: polygons of zones, and the base.
+
+    What two boundaries share moves by the sum.
+    """
+    document = scene.model_dump()
+    lines = [*(zone["polygon"] for zone in document["zones"]), document["ground"]["points"]]
+    moves = [np.zeros((len(line), 2)) for line in lines]
+    for one, score in zip(uncertain, scores, strict=True):
+        for vertex in one.vertices if isinstance(one, ZoneBoundary) else ():
+            there = [np.hypot(*np.subtract(line, vertex.at).T) <= SAME_PLACE_M for line in lines]
+            if not any(hit.any() for hit in there):
+                x, y = vertex.at
+                raise InputError(f"{where}: vertices: no zone has a vertex at ({x:g}, {y:g})")
+            for move, hit in zip(moves, there, strict=True):
+                move[hit] += score * np.asarray(vertex.move)
+    for line, move in zip(lines, moves, strict=True):
+        line[:] = (np.array(line) + move).tolist()
+    return scene_from_mapping(document, where)
