@@ -1,7 +1,6 @@
 """The forward engines by name: what each is called, where its results lie, how it is made.
 
-A new engine is two files: one that predicts (`inversion.problem.forward.Forward`; one without
-derivatives of its own extends `inversion.estimation.derivatives.DifferencedEngine`) and one that
+A new engine is two files: one that predicts (`inversion.problem.forward.Forward`) and one that
 registers it with `register_engine`; back-analysis, prediction, diagnosis, commands and reports find
 it by its name. Nothing heavy is imported before an engine is used.
 """

@@ -84,7 +84,7 @@ def prepare(device: str, threads: int | None) -> None:
         torch.set_num_threads(threads)
 
 
-class GNSEngine:
+class GNSEngine(Forward):
     """`inversion.problem.forward.Forward` by a learned simulator.
 
     Args:
@@ -107,19 +107,13 @@ class GNSEngine:
         mode: Mode = "cheaper",
         on_frame: Callable[[int, int], None] | None = None,
     ) -> None:
-        self.setup = setup
+        super().__init__(setup)
         self.store = store
         self.model = model
         self.mode = mode
         self.on_frame = on_frame
-        self.runs = 0
         self.settings = model.simulator.settings(setup.settings)
         self._slide(setup.parameters.start)  # whatever is refused is refused now
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the predicted numbers, (m,)."""
-        return self.setup.targets.names
 
     @property
     def way(self) -> Literal["forward", "reverse"]:
@@ -133,18 +127,10 @@ class GNSEngine:
         backward = 1 + (REVERSE_COST - 1) * fitted
         return "reverse" if backward <= 1 + len(self.setup.parameters.specs) else "forward"
 
-    def scene(self, values: np.ndarray) -> Scene:
-        """The section with the values put in."""
-        return self.setup.parameters.scene(self.setup.scene, values)
-
     def outside(self, values: np.ndarray) -> list[str]:
         """Properties of the section outside the ranges of the training, one sentence each."""
         slide = self._slide(values)
         return self.model.simulator.outside(slide.start, slide.facts)
-
-    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        """Predictions for many parameter vectors, one rollout after the other."""
-        return self.predict_each([(self, one) for one in values])
 
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
         """One parameter vector for each of several engines, one rollout after the other."""

@@ -9,15 +9,14 @@ as a few pairs make it look.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from inversion.estimation.data import Targets
-from inversion.estimation.derivatives import WrappedEngine
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Forward, Prediction
+from inversion.problem.forward import Forward, Prediction, WrappedEngine
 from pipeline.cli import WorkFailed
 
 #: Covariance of the differences counts by this, and its diagonal by this in addition.
@@ -157,14 +156,6 @@ class Corrected(WrappedEngine):
     def __init__(self, engine: Forward, correction: Mapping[str, float]) -> None:
         self.engine = engine
         self._correction = np.array([correction.get(name, 0.0) for name in engine.names])
-
-    def scene(self, values: np.ndarray):
-        """The section with the values put in."""
-        return self.engine.scene(values)
-
-    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        """Corrected predictions."""
-        return [self.outer(one) for one in self.engine.predict(values)]
 
     def derivative(
         self, values: np.ndarray, steps: np.ndarray

@@ -9,29 +9,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geometry.scenes.scene import Scene
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup, prediction_of, read_start
-from inversion.estimation.derivatives import DifferencedEngine
 from inversion.problem.forward import Forward, Prediction
 
 
-class MPMEngine(DifferencedEngine):
+class MPMEngine(Forward):
     """`inversion.problem.forward.Forward` by the material point method."""
 
     def __init__(self, setup: Setup, store: RunStore) -> None:
-        self.setup = setup
+        super().__init__(setup)
         self.store = store
-        self.runs = 0
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the predicted numbers, (m,)."""
-        return self.setup.targets.names
-
-    def scene(self, values: np.ndarray) -> Scene:
-        """The section with the values put in."""
-        return self.setup.parameters.scene(self.setup.scene, values)
 
     def kept_run(self, values: np.ndarray) -> KeptRun:
         """The whole run of a parameter vector, for pictures."""

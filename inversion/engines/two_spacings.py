@@ -20,8 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inversion.estimation.derivatives import WrappedEngine
-from inversion.problem.forward import Forward, Prediction
+from inversion.problem.forward import Forward, Prediction, WrappedEngine
 
 
 @dataclass

@@ -6,16 +6,15 @@ wider than needed, so that curvature does not show. Where many numbers are fitte
 `misfit`) the gradient of their sum must stand out of the noise, not the most sensitive of them: the
 effect and the noise of all are then compared, each in units of its error.
 
-The search of a back-analysis takes one-sided differences (`by_differences`, `FiniteSteps`): one run
-for each parameter. A response surface takes central ones (`central_differences`): one run on either
-side of each unknown.
+The search of a back-analysis takes one-sided differences (`Forward.derivative`, `FiniteSteps`): one
+run for each parameter. A response surface takes central ones (`central_differences`): one run on
+either side of each unknown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -124,84 +123,6 @@ class FiniteSteps:
             np.where(parameters.logarithmic, log / parameters.prior_std, share * width)
             for log, share in zip(LOG_STEPS, SHARE_STEPS, strict=True)
         )
-
-
-def by_differences(
-    engine: Forward, values: np.ndarray, steps: np.ndarray
-) -> tuple[Prediction, np.ndarray, np.ndarray]:
-    """`Forward.derivative` by one batch of 1 + p runs: the point itself and one step each.
-
-    A run that fails is tried again with half its step; a column whose second run fails too is NaN.
-    """
-    taken = np.array(steps, dtype=float)
-    base, *moved = engine.predict([values, *(values + np.diag(taken))])
-    failed = [place for place, other in enumerate(moved) if other.status == "failed"]
-    if failed and base.status != "failed":
-        taken[failed] *= 0.5
-        again = engine.predict(list((values + np.diag(taken))[failed]))
-        for place, other in zip(failed, again, strict=True):
-            moved[place] = other
-    change = np.stack([other.values - base.values for other in moved], axis=1)
-    for place, other in enumerate(moved):
-        if other.status == "failed":
-            change[:, place] = np.nan
-    return base, change / taken[None, :], taken
-
-
-class DifferencedEngine:
-    """What an engine without derivatives of its own need not write; see `Forward`.
-
-    It has `names`, `runs` and `predict_each`, which runs a batch.
-    """
-
-    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        """Predictions for many parameter vectors, as one batch."""
-        return self.predict_each([(self, one) for one in values])
-
-    def derivative(
-        self, values: np.ndarray, steps: np.ndarray
-    ) -> tuple[Prediction, np.ndarray, np.ndarray]:
-        """Prediction and finite differences, as one batch."""
-        return by_differences(self, np.asarray(values, dtype=float), steps)
-
-
-class WrappedEngine(DifferencedEngine):
-    """An engine around another one; what it leaves as it is it need not write.
-
-    Attributes:
-        engine: the one inside.
-    """
-
-    engine: Forward
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the predicted numbers, (m,)."""
-        return self.engine.names
-
-    @property
-    def runs(self) -> int:
-        """Runs asked for so far."""
-        return self.engine.runs
-
-    @property
-    def setup(self) -> Any:
-        """The question, as the engine inside has it."""
-        return self.engine.setup
-
-    def inner_values(self, values: np.ndarray) -> np.ndarray:
-        """What the engine inside is asked for in place of `values` (p,)."""
-        return values
-
-    def outer(self, prediction: Prediction) -> Prediction:
-        """What its prediction becomes."""
-        return prediction
-
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several engines of this kind, as one batch."""
-        inner = [(engine.engine, engine.inner_values(values)) for engine, values in requests]
-        found = self.engine.predict_each(inner)
-        return [engine.outer(one) for (engine, _), one in zip(requests, found, strict=True)]
 
 
 def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:

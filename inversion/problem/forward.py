@@ -1,4 +1,4 @@
-"""The protocol of a forward engine: parameters in, predicted measurements out.
+"""What a forward engine is: parameters in, predicted measurements out.
 
 The material point method is one engine (`inversion.engines.mpm_engine`), a learned simulator
 another, an analytic formula in the tests a third. Nothing above this file knows which of them runs.
@@ -6,11 +6,16 @@ another, an analytic formula in the tests a third. Nothing above this file knows
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
+    from inversion.engines.setup import Setup
 
 Numerics = Literal["own", "transfer", "fine"]
 
@@ -85,26 +90,49 @@ class Prediction:
         return self.status == "failed" or not bool(np.all(np.isfinite(self.values)))
 
 
-@runtime_checkable
-class Forward(Protocol):
+class Forward(ABC):
     """A forward engine: one section, one set of measurements, any parameters.
 
+    An engine writes `predict_each`, and `derivative` if it knows better than finite differences.
     `values` are parameters in their outside units (kPa, degrees, kg/m3), in the question's order.
+
+    Attributes:
+        setup: the reading of the question.
+        runs: simulations asked for so far, whether computed now or found in a cache.
     """
 
-    names: list[str]
-    """Names of the predicted numbers, (m,); a measurement of many numbers has one name each."""
-    runs: int
-    """Simulations asked for so far, whether computed now or found in a cache."""
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.runs = 0
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the predicted numbers, (m,); a measurement of many numbers has one name each."""
+        return self.setup.targets.names
+
+    def scene(self, values: np.ndarray) -> Scene:
+        """The section with the values put in."""
+        return self.setup.parameters.scene(self.setup.scene, values)
+
+    @abstractmethod
+    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
+        """One parameter vector (p,) for each of several engines of this kind, as one batch.
+
+        All that asks for runs comes to this: engines differ in the reading of the question, in the
+        seed of the jitter, in the effects of their scene.
+        """
 
     def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        """Predictions for many parameter vectors at once, in their order."""
-        ...
+        """Predictions for many parameter vectors (p,), as one batch, in their order."""
+        return self.predict_each([(self, one) for one in values])
 
     def derivative(
         self, values: np.ndarray, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
         """Prediction at `values`, and its derivative with respect to them.
+
+        Here by one batch of 1 + p runs: the point itself and one step each. A run that fails is
+        tried again with half its step; a column whose second run fails too is NaN.
 
         Args:
             values: (p,) parameters.
@@ -115,8 +143,50 @@ class Forward(Protocol):
             the prediction; the derivative (m, p), per outside unit; the steps that were taken (p,),
             zero where the derivative is exact.
         """
-        ...
+        values, taken = np.asarray(values, dtype=float), np.array(steps, dtype=float)
+        base, *moved = self.predict([values, *(values + np.diag(taken))])
+        failed = [place for place, other in enumerate(moved) if other.status == "failed"]
+        if failed and base.status != "failed":
+            taken[failed] *= 0.5
+            again = self.predict(list((values + np.diag(taken))[failed]))
+            for place, other in zip(failed, again, strict=True):
+                moved[place] = other
+        change = np.stack([other.values - base.values for other in moved], axis=1)
+        for place, other in enumerate(moved):
+            if other.status == "failed":
+                change[:, place] = np.nan
+        return base, change / taken[None, :], taken
+
+
+class WrappedEngine(Forward):
+    """An engine around another one; what it leaves as it is it need not write.
+
+    Attributes:
+        engine: the one inside.
+    """
+
+    engine: Forward
+
+    @property
+    def runs(self) -> int:
+        """Runs asked for so far."""
+        return self.engine.runs
+
+    @property
+    def setup(self) -> Setup:
+        """The question, as the engine inside has it."""
+        return self.engine.setup
+
+    def inner_values(self, values: np.ndarray) -> np.ndarray:
+        """What the engine inside is asked for in place of `values` (p,)."""
+        return values
+
+    def outer(self, prediction: Prediction) -> Prediction:
+        """What its prediction becomes."""
+        return prediction
 
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several engines of this kind, at once."""
-        ...
+        """One parameter vector for each of several engines of this kind, as one batch."""
+        inner = [(engine.engine, engine.inner_values(values)) for engine, values in requests]
+        found = self.engine.predict_each(inner)
+        return [engine.outer(one) for (engine, _), one in zip(requests, found, strict=True)]

@@ -13,26 +13,23 @@ import numpy as np
 from inversion.engine_registry import Engine
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
-from inversion.estimation.derivatives import DifferencedEngine
 from inversion.problem.forward import Forward, Prediction
 
 NOISE = 0.01
 
 
-class FormulaEngine(DifferencedEngine):
+class FormulaEngine(Forward):
     """`inversion.problem.forward.Forward` by a formula."""
 
     def __init__(self, setup: Setup, store: RunStore) -> None:
-        self.setup = setup
-        self.names = setup.targets.names
-        self.runs = 0
+        super().__init__(setup)
 
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
         return [engine._one(np.asarray(values, dtype=float)) for engine, values in requests]
 
     def _one(self, values: np.ndarray) -> Prediction:
         self.runs += 1
-        scene = self.setup.parameters.scene(self.setup.scene, values)
+        scene = self.scene(values)
         place = np.arange(len(self.names))
         numbers = 30.0 - (5.0 + 0.1 * place) * np.log(values[0])
         numbers += 8.0 * scene.effects.get("weak_base", 0.0) * np.sin(1.0 + place)

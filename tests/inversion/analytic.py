@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.derivatives import DifferencedEngine, FiniteSteps
+from inversion.estimation.derivatives import FiniteSteps
 from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
@@ -54,16 +54,22 @@ def targets(*values: float, std: float = 1.0, loss: str = "runout") -> Targets:
     return make_targets(toes(*values, std=std), fit=None, loss=loss, source="test")
 
 
-@dataclass
-class Formula(DifferencedEngine):
+class Formula(Forward):
     """`inversion.problem.forward.Forward` by a formula: values (p,) -> numbers (m,)."""
 
-    formula: Callable[[np.ndarray], np.ndarray]
-    names: list[str]
-    noise: float = 0.0
-    seed: int = 0
-    runs: int = 0
-    asked: list[np.ndarray] = field(default_factory=list)
+    def __init__(
+        self,
+        formula: Callable[[np.ndarray], np.ndarray],
+        names: list[str],
+        *,
+        parameters: Parameters | None = None,
+        noise: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        targets = SimpleNamespace(names=names)
+        super().__init__(SimpleNamespace(targets=targets, parameters=parameters))
+        self.formula, self.noise, self.seed = formula, noise, seed
+        self.asked: list[np.ndarray] = []
 
     def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
         return [engine._one(np.asarray(values, dtype=float)) for engine, values in requests]

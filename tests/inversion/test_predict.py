@@ -6,7 +6,7 @@ import json
 import re
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -172,7 +172,6 @@ def test_too_many_failures_end_the_work():
     assert found.failed > 0 and np.all(np.isfinite(found.samples))
 
 
-@dataclass
 class CutOff(Formula):
     """Weak soil is still in motion when its simulation ends."""
 
@@ -243,7 +242,6 @@ def test_the_probability_of_a_flow_that_did_not_happen_is_told(lsfd):
     assert f"a toe that moves more than 40 m, is {shown}" in summary(document)
 
 
-@dataclass
 class Sheet(Formula):
     """A block of soil 2 m high whose front lies at the runout."""
 

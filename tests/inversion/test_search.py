@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ import pytest
 from inversion.back_analysis.result_builder import unknown_derivatives
 from inversion.estimation.calibrate import calibrate, further_starts
 from inversion.estimation.data import make_targets
-from inversion.estimation.derivatives import FiniteSteps, by_differences, noise_of
+from inversion.estimation.derivatives import FiniteSteps, noise_of
 from inversion.estimation.gauss_newton import gauss_newton
 from inversion.estimation.lbfgsb import lbfgsb, value_and_gradient
 from inversion.estimation.misfit import Objective
@@ -266,7 +266,6 @@ def test_a_number_that_is_not_fitted_and_not_read_stops_nothing():
     goal = make_targets(toes(53.0, 10.0), fit=["toe 0"], loss="runout", source="test")
     parameters = Parameters([strength("a")])
 
-    @dataclass
     class Half(Formula):
         def _one(self, values):
             return replace(super()._one(values), status="finished")
@@ -312,7 +311,7 @@ def test_failed_seeds_are_left_out_of_the_noise():
 
 def test_a_failed_run_beside_the_point_is_tried_again_nearer():
     engine = Formula(lambda v: np.array([np.nan if v[0] < 29.3 else 2 * v[0]]), ["toe 0"])
-    _, derivative, steps = by_differences(engine, np.array([30.0, 30.0]), np.array([-1.0, 1.0]))
+    _, derivative, steps = engine.derivative(np.array([30.0, 30.0]), np.array([-1.0, 1.0]))
     assert derivative[0, 0] == pytest.approx(2.0) and steps.tolist() == [-0.5, 1.0]
     assert engine.runs == 4
 
@@ -328,7 +327,7 @@ def test_what_could_not_be_simulated_is_told_as_not_known():
 
 def test_a_failed_column_is_no_number_and_counts_as_nothing():
     engine = Formula(lambda v: np.array([np.nan if v[0] < 29.9 else v[1]]), ["toe 0"])
-    _, derivative, _ = by_differences(engine, np.array([30.0, 30.0]), np.array([-1.0, 1.0]))
+    _, derivative, _ = engine.derivative(np.array([30.0, 30.0]), np.array([-1.0, 1.0]))
     assert np.isnan(derivative[0, 0]) and derivative[0, 1] == 1.0
     objective = Objective(Parameters([strength("a"), angle("b")]), targets(53.0), "runout", 0.1)
     assert np.all(np.isfinite(objective.jacobian(derivative, np.array([30.0, 30.0]))))

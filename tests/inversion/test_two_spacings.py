@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -39,9 +38,7 @@ def fine(values: np.ndarray) -> np.ndarray:
 
 
 def engine(formula) -> Formula:
-    made = Formula(formula, ["toe 0"])
-    made.setup = SimpleNamespace(parameters=PARAMETERS)
-    return made
+    return Formula(formula, ["toe 0"], parameters=PARAMETERS)
 
 
 def answered(formula):
