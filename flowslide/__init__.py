@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         predict,
         predict_from_blow_counts,
         simulate,
+        write_pdf,
         write_report,
     )
 
@@ -51,6 +52,7 @@ __all__ = [
     "predict",
     "predict_from_blow_counts",
     "simulate",
+    "write_pdf",
     "write_report",
 ]
 

@@ -69,6 +69,7 @@ __all__ = [
     "predict",
     "predict_from_blow_counts",
     "simulate",
+    "write_pdf",
     "write_report",
 ]
 
@@ -768,6 +769,24 @@ def write_report(
     from report.data.back_analysis import load_back_analysis
 
     return write_back_analysis(load_back_analysis(folder, case), film=film)
+
+
+def write_pdf(page: str | os.PathLike[str]) -> Path:
+    """Print a page that this program has written into a PDF next to it.
+
+    Args:
+        page: such as `report.html`.
+
+    Returns:
+        The PDF, with page numbers, on A4.
+
+    Raises:
+        InputError: there is no such page, or neither Chromium nor Chrome is installed.
+        WorkFailed: the browser prints nothing.
+    """
+    from report import pdf
+
+    return pdf.write_pdf(page)
 
 
 @contextmanager

@@ -152,7 +152,10 @@ def render_page(title: str, sections: Sequence[Section], *, lead: str = "") -> s
     """
     opening = f'<p class="lead">{text(lead)}</p>' if lead else ""
     body = "\n".join(section.html() for section in sections)
-    return _PAGE.format(title=html.escape(title), style=_STYLE, lead=opening, body=body)
+    # Its title at the foot of every printed page. A string of CSS that ends no element.
+    foot = "".join(f"\\{ord(letter):06x}" for letter in title)
+    style = _STYLE.replace("FOOT", foot)
+    return _PAGE.format(title=html.escape(title), style=style, lead=opening, body=body)
 
 
 def write_page(
@@ -219,16 +222,30 @@ img, video { max-width: 100%; height: auto; background: #ffffff; border-radius: 
 img[src^="data:image/svg"] { width: min(100%, 41rem); }
 .picture img, .picture video { width: 100%; min-width: var(--least); max-width: none; }
 figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
+@page { size: A4; margin: 17mm 16mm 19mm;
+  @bottom-left { content: "FOOT"; color: #555; font: 8pt sans-serif; }
+  @bottom-right { content: counter(page) " / " counter(pages); color: #555; font: 8pt sans-serif; }
+}
 @media print {
-  :root { --ground: #ffffff; --ink: #000000; --soft: #444444; --line: #bbbbbb; }
+  :root { --ground: #ffffff; --ink: #000000; --soft: #444444; --line: #bbbbbb; font-size: 10pt; }
+  body { font-size: 1rem; line-height: 1.42; }
+  h2 { margin-top: 1.4rem; }
   main { max-width: none; padding: 0; }
-  figure, tr { break-inside: avoid; }
-  h2, summary, caption, p:has(+ figure) { break-after: avoid; }
+  p { break-inside: avoid; margin: .55rem 0; }
+  table { font-size: .82rem; line-height: 1.32; }
+  th, td { padding: .16rem .6rem .16rem 0; overflow-wrap: break-word; }
+  td.long { min-width: 10em; }
+  td.short { white-space: normal; }
   .wide { overflow: visible; }
+  figure, tr, .key { break-inside: avoid; }
+  .wide:not(:has(tbody tr:nth-child(30))) { break-inside: avoid; }
+  h2, summary, caption, thead, p:has(+ figure), p:has(+ p + figure), p:has(+ p + p + figure),
+  p:has(+ .wide) { break-after: avoid; }
+  summary { list-style: none; font-weight: 600; }
   details::details-content { content-visibility: visible; block-size: auto; }
-  video { display: none; }
-  img[src^="data:image/svg"] { width: min(100%, 30rem); max-height: 23cm; object-fit: contain; }
-  .key { break-inside: avoid; }
+  video, figure:has(video) { display: none; }
+  img { max-height: 21cm; object-fit: contain; }
+  img[src^="data:image/svg"] { width: min(100%, 28rem); }
   .picture img, .picture video { min-width: 0; }
 }
 """

@@ -1,4 +1,4 @@
-"""`flowslide report CASE|FOLDER`: a back-analysis printed again, and its page rewritten."""
+"""`flowslide report CASE|FOLDER`: results printed again, their page rewritten, and a PDF of it."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ FILE_NAME = "result.json"
 
 
 DESCRIPTION = (
-    "Print the tables of a back-analysis that is done, and write its report.html "
-    "and pictures again. Nothing is simulated."
+    "Print the tables of a back-analysis, a posterior or a diagnosis that is done, and write its "
+    "report.html and pictures again; with --pdf, print that page. Nothing is simulated."
 )
 
 
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "case",
         metavar="CASE|FOLDER",
-        help=f"name or folder of a case, or a folder with a {FILE_NAME}",
+        help="name or folder of a case that was back-analysed, or a folder of results",
     )
     parser.add_argument(
         "--case",
@@ -40,15 +40,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="page",
         help="film: page with a new film; page: with the film that is there; none; default: page",
     )
+    parser.add_argument(
+        "--pdf", action="store_true", help="print the page by Chromium or Chrome into report.pdf"
+    )
     options.add_measurements_code(parser)
     add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the tables; write the page."""
+    """Print the tables; write the page, and print it."""
+    page = _other(arguments) or _back_analysis(arguments)
+    if arguments.report != "none" and not arguments.quiet:
+        print(f"wrote {page}")
+    if arguments.pdf:
+        from report.pdf import write_pdf
+
+        printed = write_pdf(page)
+        if not arguments.quiet:
+            print(f"wrote {printed}")
+    return 0
+
+
+def _back_analysis(arguments: argparse.Namespace) -> Path:
     from inversion.back_analysis.result import load_result
     from pipeline.config import load_config
-    from report.back_analysis import summary, write_report
+    from report.back_analysis import PAGE, summary, write_report
     from report.data.back_analysis import load_back_analysis
 
     results = load_config(arguments.config, arguments.overrides).results_folder
@@ -57,11 +73,29 @@ def run(arguments: argparse.Namespace) -> int:
         check_case(arguments.case_folder, load_result(folder))
     data = load_back_analysis(folder, arguments.case_folder or case)
     print(summary(data))
-    if arguments.report != "none":
-        page = write_report(data, film=arguments.report == "film")
-        if not arguments.quiet:
-            print(f"wrote {page}")
-    return 0
+    if arguments.report == "none":
+        return folder / PAGE
+    return write_report(data, film=arguments.report == "film")
+
+
+def _other(arguments: argparse.Namespace) -> Path | None:
+    """The page of a posterior or of a diagnosis; None: the folder has neither."""
+    folder = Path(arguments.case)
+    if (folder / "posterior.json").is_file():
+        from inversion.posterior.document import load_posterior
+        from report import posterior as composer
+
+        print(composer.summary(load_posterior(folder)))
+    elif (folder / "verdict.json").is_file():
+        from diagnosis.verdict.verdict import load_verdict
+        from report import diagnosis as composer
+
+        print(composer.summary(load_verdict(folder), folder))
+    else:
+        return None
+    if arguments.report == "none":
+        return folder / composer.PAGE
+    return composer.write_report(folder)
 
 
 def check_case(given: str, result: Result) -> None:

@@ -71,6 +71,7 @@ def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: st
         Route("/api/jobs/{job}/cancel", _answering(own.cancel_job), methods=["POST"]),
         Route("/api/jobs/{job}/again", _answering(own.again_job), methods=["POST"]),
         Route("/api/jobs/{job}/files/{file}", _answering(own.job_file)),
+        Route("/api/jobs/{job}/pdf", _answering(own.job_pdf)),
         WebSocketRoute("/api/live", own.sliders),
         Mount("/", StaticFiles(directory=PAGE)),
     ]
@@ -211,6 +212,16 @@ class _Studio:
         )
         headers = {"content-security-policy": REPORT_POLICY} if path.suffix == ".html" else {}
         return FileResponse(path, headers=headers)
+
+    async def job_pdf(self, request: Request) -> Response:
+        """The page of one as PDF."""
+        number = request.path_params["job"]
+        try:
+            path = await run_in_threadpool(self.work.pdf, number)
+        except WorkFailed as error:
+            raise InputError(str(error)) from None
+        job = await run_in_threadpool(self.work.state, number)
+        return FileResponse(path, filename=f"{job['case']}-{job['kind']}.pdf")
 
     # --- sliders ---
 

@@ -27,6 +27,7 @@ from inversion.prediction.known_strength import parse_strength
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import make_folder, read_json, write_json
+from report.pdf import write_pdf
 
 Kind = Literal[
     "simulate", "back_analyse", "classical", "posterior", "predict", "from_blow_counts", "compare",
@@ -212,6 +213,22 @@ class Jobs:
         if name not in state["files"]:
             raise InputError(f"job {number}: has no file {name[:80]!r}")
         return self._find(number) / ("" if name == LOG else RESULTS[state["kind"]]) / name
+
+    def pdf(self, number: str) -> Path:
+        """The page of a job as PDF, printed when it is first asked for.
+
+        Raises:
+            InputError: the job has no page, or this machine no browser that prints it.
+            WorkFailed: it could not be printed.
+        """
+        name = self.state(number)["page"]
+        if name is None:
+            raise InputError(f"job {number}: has no page")
+        page = self.file(number, name)
+        printed = page.with_suffix(".pdf")
+        if not printed.is_file() or printed.stat().st_mtime < page.stat().st_mtime:
+            write_pdf(page)
+        return printed
 
     def _lives(self, number: str, process: int | None) -> bool:
         own = self._running.get(number)

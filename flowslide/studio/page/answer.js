@@ -148,8 +148,19 @@ function jobButtons(job) {
       $("frame").src = `/api/jobs/${job.id}/files/${job.page}`;
       $("report").showModal();
     });
+    add("PDF", () => download(job));
   }
   return buttons;
+}
+
+async function download(job) {
+  say("printing the report ...");
+  const answer = await fetch(`/api/jobs/${job.id}/pdf`);
+  if (!answer.ok) { say((await answer.json()).message, true); return; }
+  const link = make("a", { href: URL.createObjectURL(await answer.blob()), download: `${job.case}-${job.kind}.pdf` });
+  link.click();
+  URL.revokeObjectURL(link.href);
+  say(`${link.download} is with your downloads`);
 }
 
 // --- drawings ---
