@@ -70,7 +70,7 @@ def section_scene(
     *,
     source: str,
     name: str,
-    spacing: float,
+    spacing: float | None = None,
     unit: str | None = None,
     materials: Mapping[str, Any] | None = None,
     snap: float = 0.0,
@@ -81,7 +81,7 @@ def section_scene(
         section: from `read_section`.
         source: the file's name, for messages and for the description.
         name: name of the scene.
-        spacing: distance between material points [m].
+        spacing: distance between material points [m]; None: a 25th of the height, rounded.
         unit: unit of the coordinates; None = the file's own, or metres.
         materials: material name, or zone name where the zone names no material -> fields.
         snap: vertices nearer than this become one [m].
@@ -97,15 +97,12 @@ def section_scene(
         for zone, ring in section.zones.items()
     }
     chosen, definitions = _materials(section, materials or {}, source)
-    lowest = min(y for ring in zones.values() for _, y in ring)
-    left, right, top = _room(zones, lowest, 2.0 * spacing)
-    ground = _scaled(section.ground, factor) or [(left, lowest), (right, lowest)]
+    ground = _scaled(section.ground, factor)
     water = _scaled(section.water, factor)
     document = {
         "name": name,
         "description": f"Imported from {Path(source).name}.",
-        "domain": {"x_min": left, "x_max": right, "y_max": top, "walls": "open"},
-        "ground": {"points": ground},
+        "ground": None if ground is None else {"points": ground},
         "zones": [
             {"name": zone, "polygon": _open(ring), "material": chosen[zone]}
             for zone, ring in zones.items()
@@ -115,7 +112,61 @@ def section_scene(
         "phreatic_line": water if water and len({y for _, y in water}) > 1 else None,
         "spacing": spacing,
     }
-    return scene_from_mapping(document, source)
+    return scene_from_mapping(with_room(document), source)
+
+
+def with_room(document: Mapping[str, Any], places: Sequence[float] = ()) -> dict[str, Any]:
+    """A section with what its outlines leave open: spacing, domain, base.
+
+    Args:
+        document: of a scene; `spacing`, `domain` and `ground` may be absent or null.
+        places: x of what the domain must hold in addition to the zones [m].
+
+    Returns:
+        The document with a spacing of a 25th of its height, rounded; with open walls, room for a
+        slide on both sides and for `places`; and with a level base at its lowest vertex. What it
+        has is kept, but that open walls give way where something lies outside.
+    """
+    found = dict(document)
+    rings = [zone["polygon"] for zone in found["zones"]]
+    lowest, highest = (pick(y for ring in rings for _, y in ring) for pick in (min, max))
+    spacing = found.get("spacing") or _round_spacing((highest - lowest) / 25.0)
+    cell = math.isqrt(found.get("points_per_cell", 4)) * spacing
+    wanted = _room(rings, lowest, cell, places)
+    domain = found.get("domain")
+    if domain is None:
+        left, right, top = wanted
+        domain = {"x_min": left, "x_max": right, "y_max": top, "walls": "open"}
+    elif domain.get("walls") == "open":
+        domain = _widened(domain, rings, wanted, places)
+    level = [[domain["x_min"], lowest], [domain["x_max"], lowest]]
+    found["spacing"], found["domain"] = spacing, domain
+    found["ground"] = {"points": level, **(found.get("ground") or {})}
+    return found
+
+
+def _widened(
+    domain: Mapping[str, Any],
+    rings: Sequence[Sequence[Point]],
+    wanted: tuple[float, float, float],
+    places: Sequence[float],
+) -> dict[str, Any]:
+    """A domain that holds what lies outside of it, with room there."""
+    x = [*(x for ring in rings for x, _ in ring), *places]
+    found = dict(domain)
+    if min(x) < domain["x_min"]:
+        found["x_min"] = min(domain["x_min"], wanted[0])
+    if max(x) > domain["x_max"]:
+        found["x_max"] = max(domain["x_max"], wanted[1])
+    if max(y for ring in rings for _, y in ring) > domain["y_max"]:
+        found["y_max"] = max(domain["y_max"], wanted[2])
+    return found
+
+
+def _round_spacing(length: float) -> float:
+    """The next smaller of 0.1, 0.25, 0.5, 1, 2, ... [m]."""
+    steps = [step * 10.0**power for power in range(-2, 3) for step in (1.0, 2.5, 5.0)]
+    return max([step for step in steps if step <= length], default=steps[0])
 
 
 def read_materials(path: str | Path) -> dict[str, Any]:
@@ -156,14 +207,16 @@ def _materials(
 
 
 def _room(
-    zones: Mapping[str, Sequence[Point]], lowest: float, cell: float
+    rings: Sequence[Sequence[Point]], lowest: float, cell: float, places: Sequence[float]
 ) -> tuple[float, float, float]:
     """Walls and top of the domain, whole cells: a slide may run twice the height to either side."""
-    x_values = [x for ring in zones.values() for x, _ in ring]
-    height = max(y for ring in zones.values() for _, y in ring) - lowest
-    left = cell * math.floor((min(x_values) - 2.0 * height) / cell)
-    right = cell * math.ceil((max(x_values) + 2.0 * height) / cell)
-    return left, right, lowest + cell * math.ceil(1.3 * height / cell)
+    x = [x for ring in rings for x, _ in ring]
+    height = max(y for ring in rings for _, y in ring) - lowest
+    left = min([min(x) - 2.0 * height, *places])
+    right = max([max(x) + 2.0 * height, *places])
+    top = lowest + cell * math.ceil(1.3 * height / cell)
+    edges = cell * math.floor(left / cell), cell * math.ceil(right / cell), top
+    return tuple(round(edge, 9) for edge in edges)  # 7.8, not 7.800000000000001
 
 
 class _Snap:
@@ -261,7 +314,7 @@ def _note_properties(section: Section, name: str, row: Mapping[str, Any], where:
 
 
 def _value(key: str, text: str, where: str) -> str | bool | float:
-    if key == "material":
+    if key in ("material", "source"):
         return text
     if key == "liquefied":
         if text.lower() not in ("true", "false"):

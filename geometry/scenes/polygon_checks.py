@@ -1,12 +1,14 @@
 """Checks on the polygons of a scene: simple, apart, above the ground, thick enough to be filled.
 
-Everything here takes plain coordinates. An error is a ValueError whose text names the zone and the
-remedy; `gaps` only reports, since a gap may be meant (template (e), a drain that is left out).
+Everything here takes plain coordinates. A fault names the zone and the remedy, and says where it
+is; `gaps` only reports, since a gap may be meant (template (e), a drain that is left out).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from shapely.geometry import Polygon
 from shapely.ops import unary_union
@@ -24,47 +26,73 @@ HALF = 0.499
 MOST_PLACES = 5e7
 
 
-def check_ground(points: Sequence[Point], y_max: float) -> None:
-    """Refuse a ground that reaches the top of the domain."""
+@dataclass(frozen=True)
+class Fault:
+    """Something that is wrong with a section.
+
+    Attributes:
+        message: what, and the remedy.
+        zones: names of those it concerns.
+        places: where it is: outlines of one (a point) or more vertices [m].
+    """
+
+    message: str
+    zones: tuple[str, ...] = ()
+    places: tuple[tuple[Point, ...], ...] = ()
+
+
+def ground_faults(points: Sequence[Point], y_max: float) -> Iterator[Fault]:
+    """Points of the ground that reach the top of the domain."""
     for x, y in points:
         if y >= y_max:
-            raise ValueError(
-                f"ground: point ({x:g}, {y:g}) is not below the domain's y_max {y_max:g}"
-            )
+            message = f"ground: point ({x:g}, {y:g}) is not below the domain's y_max {y_max:g}"
+            yield Fault(message, places=(((x, y),),))
 
 
-def check_zones(
+def zone_faults(
     polygons: Mapping[str, Sequence[Point]],
     *,
     box: tuple[float, float, float],
     ground: Sequence[Point],
     spacing: float,
-) -> None:
-    """Refuse zones that cannot be filled.
+) -> Iterator[Fault]:
+    """Zones that cannot be filled: outside, not simple, a sliver, below the ground or on another.
 
     Args:
         polygons: zone name -> vertices in order [m].
         box: (x_min, x_max, y_max) of the domain [m].
         ground: polyline of the rigid base [m].
         spacing: distance between material points [m].
-
-    Raises:
-        ValueError: naming the first zone that is outside, not simple, a sliver, below the ground
-            or on top of another zone.
     """
-    _check_places(box, ground, spacing)
+    too_many = _too_many_places(box, ground, spacing)
+    if too_many is not None:
+        yield too_many
+        return
     shapes = {}
     for name, vertices in polygons.items():
-        _check_inside(name, vertices, box)
-        shapes[name] = _simple(name, vertices)
-        if shapes[name].buffer(-HALF * spacing).is_empty:
-            raise ValueError(
-                f"zones: zone {name!r} is a sliver, nowhere as wide as the spacing {spacing:g} m; "
-                "give it width, join it to a neighbour or take a smaller spacing"
-            )
+        outline = (tuple(vertices),)
+        yield from _outside(name, vertices, box)
+        shape = Polygon(vertices)
+        if not shape.is_valid:
+            reason = explain_validity(shape)
+            place = re.search(r"\[(\S+) (\S+)\]", reason)
+            places = outline if place is None else (((float(place[1]), float(place[2])),),)
+            message = f"zones: zone {name!r} is not a simple polygon: {reason}"
+            yield Fault(message, (name,), places)
+        elif shape.area == 0:
+            yield Fault(f"zones: zone {name!r} has no area", (name,), outline)
+        else:
+            shapes[name] = shape
+            if shape.buffer(-HALF * spacing).is_empty:
+                message = (
+                    f"zones: zone {name!r} is a sliver, nowhere as wide as the spacing "
+                    f"{spacing:g} m; give it width, join it to a neighbour or take a smaller "
+                    "spacing"
+                )
+                yield Fault(message, (name,), outline)
     tolerance = AREA_TOLERANCE * spacing * spacing  # not a square, which may overflow
-    _check_above(shapes, ground, tolerance)
-    _check_apart(shapes, tolerance)
+    yield from _below(shapes, ground, tolerance)
+    yield from _overlapping(shapes, tolerance)
 
 
 def gaps(polygons: Mapping[str, Sequence[Point]], spacing: float) -> list[tuple[float, Point]]:
@@ -98,36 +126,37 @@ def area(vertices: Sequence[Point]) -> float:
     return 0.5 * abs(twice)
 
 
-def _check_places(box: tuple[float, float, float], ground: Sequence[Point], spacing: float) -> None:
+def _too_many_places(
+    box: tuple[float, float, float], ground: Sequence[Point], spacing: float
+) -> Fault | None:
     x_min, x_max, y_max = box
     places = (x_max - x_min) / spacing * ((y_max - min(y for _, y in ground)) / spacing)
-    if not places <= MOST_PLACES:
-        raise ValueError(
-            f"spacing: {spacing:g} m gives the domain {places:.2g} places for points; allowed are "
-            f"{MOST_PLACES:.0e}: take a larger spacing or a smaller domain"
-        )
+    if places <= MOST_PLACES:
+        return None
+    return Fault(
+        f"spacing: {spacing:g} m gives the domain {places:.2g} places for points; allowed are "
+        f"{MOST_PLACES:.0e}: take a larger spacing or a smaller domain"
+    )
 
 
-def _check_inside(name: str, vertices: Sequence[Point], box: tuple[float, float, float]) -> None:
+def _outside(
+    name: str, vertices: Sequence[Point], box: tuple[float, float, float]
+) -> Iterator[Fault]:
     x_min, x_max, y_max = box
     for x, y in vertices:
         if not (x_min <= x <= x_max and y <= y_max):
-            raise ValueError(
+            message = (
                 f"zones: zone {name!r} has a vertex ({x:g}, {y:g}) outside the domain "
                 f"x {x_min:g} to {x_max:g}, y up to {y_max:g}"
             )
+            yield Fault(message, (name,), (((x, y),),))
 
 
-def _simple(name: str, vertices: Sequence[Point]) -> Polygon:
-    shape = Polygon(vertices)
-    if not shape.is_valid:
-        raise ValueError(f"zones: zone {name!r} is not a simple polygon: {explain_validity(shape)}")
-    if shape.area == 0:
-        raise ValueError(f"zones: zone {name!r} has no area")
-    return shape
-
-
-def _check_above(shapes: Mapping[str, Polygon], ground: Sequence[Point], tolerance: float) -> None:
+def _below(
+    shapes: Mapping[str, Polygon], ground: Sequence[Point], tolerance: float
+) -> Iterator[Fault]:
+    if not shapes:
+        return
     bounds = [shape.bounds for shape in shapes.values()]
     left = min(ground[0][0], min(b[0] for b in bounds)) - 1.0
     right = max(ground[-1][0], max(b[2] for b in bounds)) + 1.0
@@ -136,26 +165,32 @@ def _check_above(shapes: Mapping[str, Polygon], ground: Sequence[Point], toleran
         [(left, bottom), (left, ground[0][1]), *ground, (right, ground[-1][1]), (right, bottom)]
     )
     for name, shape in shapes.items():
-        buried = shape.intersection(rock).area
-        if buried > tolerance:
-            raise ValueError(
-                f"zones: zone {name!r} lies below the ground by {buried:.3g} m2; "
+        buried = shape.intersection(rock)
+        if buried.area > tolerance:
+            message = (
+                f"zones: zone {name!r} lies below the ground by {buried.area:.3g} m2; "
                 f"allowed is {tolerance:.3g} m2"
             )
+            yield Fault(message, (name,), _outlines(buried))
 
 
-def _check_apart(shapes: Mapping[str, Polygon], tolerance: float) -> None:
+def _overlapping(shapes: Mapping[str, Polygon], tolerance: float) -> Iterator[Fault]:
     names = list(shapes)
     for i, first in enumerate(names):
         for second in names[i + 1 :]:
             if not shapes[first].intersects(shapes[second]):
                 continue
-            shared = shapes[first].intersection(shapes[second]).area
-            if shared > tolerance:
-                raise ValueError(
-                    f"zones: zones {first!r} and {second!r} overlap by {shared:.3g} m2; "
+            shared = shapes[first].intersection(shapes[second])
+            if shared.area > tolerance:
+                message = (
+                    f"zones: zones {first!r} and {second!r} overlap by {shared.area:.3g} m2; "
                     f"allowed is {tolerance:.3g} m2"
                 )
+                yield Fault(message, (first, second), _outlines(shared))
+
+
+def _outlines(shape) -> tuple[tuple[Point, ...], ...]:
+    return tuple(tuple(part.exterior.coords[:-1]) for part in _parts(shape))
 
 
 def _parts(shape) -> list[Polygon]:

@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -21,13 +21,14 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_serializer,
     model_validator,
 )
 
 from geometry.scenes.limits import check_density, check_level, extent
-from geometry.scenes.polygon_checks import check_ground, check_zones
+from geometry.scenes.polygon_checks import Fault, ground_faults, zone_faults
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import read_json, read_yaml, write_text, yaml_text
@@ -40,6 +41,9 @@ PAGE = "docs/method/geometry.md"
 
 MOHR_COULOMB = "mohr_coulomb"
 """Material law of a scene that names none."""
+
+#: Context of a validation that looks at each field alone.
+UNCHECKED = "each field alone"
 
 #: A pair of numbers that the JSON writer has spread over four lines.
 _PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
@@ -87,6 +91,8 @@ class Material(Strength):
     pre_failure: Strength | None = Field(
         None, description="strength while the initial stress settles; null = elastic"
     )
+    # A note: two scenes that differ in it alone are the same simulation.
+    source: str = Field("", exclude=True, description="where the numbers come from; free text")
 
     @property
     def youngs_modulus_pa(self) -> float:
@@ -274,33 +280,42 @@ class Scene(Document):
         return line
 
     @model_validator(mode="after")
-    def _consistent(self) -> Scene:
+    def _consistent(self, info: ValidationInfo) -> Scene:
+        if info.context is not UNCHECKED:
+            for fault in self._faults():
+                raise ValueError(fault.message)
+        return self
+
+    def _faults(self) -> Iterator[Fault]:
+        """Whatever does not hold together."""
         names = [zone.name for zone in self.zones]
-        for name in names:
+        for name in dict.fromkeys(names):
             if names.count(name) > 1:
-                raise ValueError(f"zones: two zones are called {name!r}; names must be unique")
+                message = f"zones: two zones are called {name!r}; names must be unique"
+                yield Fault(message, (name,))
         for zone in self.zones:
             if zone.material not in self.materials:
                 known = ", ".join(self.materials)
-                raise ValueError(
-                    f"zones: zone {zone.name!r} has material {zone.material!r}; known are {known}"
+                yield Fault(
+                    f"zones: zone {zone.name!r} has material {zone.material!r}; known are {known}",
+                    (zone.name,),
                 )
-        unused = sorted(set(self.materials) - {zone.material for zone in self.zones})
-        if unused:
-            raise ValueError(f"materials: {unused[0]!r} is used by no zone; remove it")
-        if self.water_level is not None:
-            check_level("water_level", self.water_level, *self.extent)
-        for x, y in self.phreatic_line or ():
-            check_level(f"phreatic_line at x {x:g}: y", y, *self.extent)
-        polygons = {zone.name: zone.polygon for zone in self.zones}
-        check_ground(self.ground.points, self.domain.y_max)
-        check_zones(
-            polygons,
+        for name in sorted(set(self.materials) - {zone.material for zone in self.zones}):
+            yield Fault(f"materials: {name!r} is used by no zone; remove it")
+        try:
+            if self.water_level is not None:
+                check_level("water_level", self.water_level, *self.extent)
+            for x, y in self.phreatic_line or ():
+                check_level(f"phreatic_line at x {x:g}: y", y, *self.extent)
+        except ValueError as error:
+            yield Fault(str(error))
+        yield from ground_faults(self.ground.points, self.domain.y_max)
+        yield from zone_faults(
+            {zone.name: zone.polygon for zone in self.zones},
             box=(self.domain.x_min, self.domain.x_max, self.domain.y_max),
             ground=self.ground.points,
             spacing=self.spacing,
         )
-        return self
 
     @property
     def material_names(self) -> list[str]:
@@ -383,6 +398,26 @@ def scene_from_mapping(document: Mapping[str, Any], source: str = "scene") -> Sc
         raise InputError(document_error(error, source)) from None
 
 
+def scene_faults(document: Mapping[str, Any]) -> list[Fault]:
+    """All that is wrong with a scene: its fields, or where all are right how they go together."""
+    try:
+        return list(Scene.model_validate(document, context=UNCHECKED)._faults())
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+    # A misspelt key is also a missing one; the misspelling says more.
+    alone = {problem["loc"][:-1] for problem in problems if problem["type"] == "extra_forbidden"}
+    kept = [one for one in problems if one["type"] != "missing" or one["loc"][:-1] not in alone]
+    return [Fault(_problem_line(one, PAGE), _zones_at(document, one["loc"])) for one in kept]
+
+
+def _zones_at(document: Mapping[str, Any], place: tuple[int | str, ...]) -> tuple[str, ...]:
+    """Name of the zone in which a problem is."""
+    if len(place) > 1 and place[0] == "zones":
+        name = document["zones"][place[1]].get("name")
+        return (name,) if isinstance(name, str) else ()
+    return ()
+
+
 def load_scene(path: str | Path) -> Scene:
     """Read a scene from YAML or JSON (by the suffix).
 
@@ -443,16 +478,21 @@ def document_error(error: ValidationError, source: str, page: str = PAGE) -> str
         first["type"] == "missing"
     ):  # a misspelt key is also a missing one; the misspelling says more
         first = next((e for e in problems if e["type"] == "extra_forbidden"), first)
-    where = ".".join(str(part) for part in first["loc"])
-    message = first["msg"].removeprefix("Value error, ")
-    value = first.get("input")
-    shown = f" (got {value!r})" if isinstance(value, (str, int, float, bool)) else ""
-    if first["type"] == "extra_forbidden":
-        message = f"unknown key; the keys are listed in {page}"
-        shown = ""
     more = error.error_count() - 1
     tail = f"; and {more} more" if more else ""
-    return f"{source}: {where + ': ' if where else ''}{message}{shown}{tail}"
+    return f"{source}: {_problem_line(first, page)}{tail}"
+
+
+def _problem_line(problem: Mapping[str, Any], page: str) -> str:
+    """One problem of a document: field, what is allowed, value."""
+    where = ".".join(str(part) for part in problem["loc"])
+    message = problem["msg"].removeprefix("Value error, ")
+    value = problem.get("input")
+    shown = f" (got {value!r})" if isinstance(value, (str, int, float, bool)) else ""
+    if problem["type"] == "extra_forbidden":
+        message = f"unknown key; the keys are listed in {page}"
+        shown = ""
+    return f"{where + ': ' if where else ''}{message}{shown}"
 
 
 def scene_files(paths: Iterable[str]) -> list[Path]:

@@ -63,6 +63,9 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
     for zone in document["zones"]:
         zone.pop("initial_velocity")
         zone.pop("kinematic")
+    for name, material in scene.materials.items():
+        if material.source:
+            document["materials"][name]["source"] = material.source
     comments = {
         "name": (
             f"{words.title}: the section before the slide. Keys: docs/method/geometry.md. "
@@ -151,8 +154,13 @@ def measurements_text(
     return text
 
 
-def inversion_text(scene: Scene, runouts: Sequence[Runout]) -> str:
-    """`inversion.yaml`: S_r of every liquefied material, fitted to the toes."""
+def inversion_text(scene: Scene, toes: Sequence[str]) -> str:
+    """`inversion.yaml`: S_r of every liquefied material, fitted to the toes.
+
+    Args:
+        scene: with a liquefied material at least.
+        toes: names of the measured runouts; none: all that is measured is fitted.
+    """
     text = _comment("What is asked of this case. Keys: docs/method/inversion.md.")
     text += "parameters:\n"
     for name, zones in _liquefied(scene).items():
@@ -175,8 +183,12 @@ def inversion_text(scene: Scene, runouts: Sequence[Runout]) -> str:
             indent=2,
         )
     text += _comment("Measurements that are fitted; all others are compared with the answer.")
-    text += _dump({"fit": [_toe_name(runout) for runout in runouts]})
-    text += "loss: runout   # squared error of the runouts; misfit: all of `fit`, standardised\n"
+    if toes:
+        text += _dump({"fit": list(toes)})
+    text += (
+        f"loss: {'runout' if toes else 'misfit'}   # runout: squared error of the runouts; "
+        "misfit: all of `fit`, standardised\n"
+    )
     text += _variants(scene)
     return text + _sensitivities(scene)
 
@@ -231,13 +243,14 @@ Axes: x to the right, y up, metres; upstream is {words.upstream}.
 # --- parts ---
 
 
-def _toe_name(runout: Runout) -> str:
+def toe_name(runout: Runout) -> str:
+    """Name of a runout among the measurements."""
     return f"{runout.side} toe"
 
 
 def _toe_entry(runout: Runout) -> dict[str, Any]:
     return {
-        "name": _toe_name(runout),
+        "name": toe_name(runout),
         "type": "toe_runout",
         "side": runout.side,
         "value_m": runout.value_m,

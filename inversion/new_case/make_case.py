@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.case import load_case
-from geometry.scenes.drawings import UNITS, read_materials, read_section, section_scene
+from geometry.scenes.drawings import read_materials, read_section, section_scene
 from geometry.scenes.scene import Scene
 from geometry.survey.profiles import Profile, load_profile
 from geometry.survey.toe import Side
@@ -34,6 +34,7 @@ from inversion.new_case.case_files import (
     profile_text,
     readme_text,
     scene_file_text,
+    toe_name,
 )
 from pipeline.cli import InputError
 from pipeline.config import load_config
@@ -141,14 +142,11 @@ def _folder(text: str) -> Path:
 def _scene(given: Given, name: str) -> Scene:
     """The section as a scene, with its liquefied zones marked and its water."""
     section = read_section(given.section, given.format)
-    factor = UNITS[given.unit or section.unit or "m"]
-    y = [factor * place for ring in section.zones.values() for _, place in ring]
-    spacing = given.spacing_m or _round_spacing((max(y) - min(y)) / 25.0)
     scene = section_scene(
         section,
         source=given.section,
         name=name,
-        spacing=spacing,
+        spacing=given.spacing_m,
         unit=given.unit,
         materials=read_materials(given.materials) if given.materials else None,
         snap=given.snap,
@@ -166,12 +164,6 @@ def _scene(given: Given, name: str) -> Scene:
             f"{scene.ground.lowest:g} m and below {scene.domain.y_max:g} m"
         )
     return scene.changed(water_level=given.water_level)
-
-
-def _round_spacing(length: float) -> float:
-    """The next smaller of 0.1, 0.25, 0.5, 1, 2, ... [m]."""
-    steps = [step * 10.0**power for power in range(-2, 3) for step in (1.0, 2.5, 5.0)]
-    return max([step for step in steps if step <= length], default=steps[0])
 
 
 def _mark_liquefied(scene: Scene, named: Sequence[str], source: str) -> Scene:
@@ -291,7 +283,7 @@ def _write(
     texts: Mapping[str, Any] = {
         "scene.yaml": scene_file_text(scene, words),
         "measurements.yaml": measurements_text(scene, runouts, profile, words),
-        "inversion.yaml": inversion_text(scene, runouts),
+        "inversion.yaml": inversion_text(scene, [toe_name(runout) for runout in runouts]),
         "README.md": readme_text(scene, runouts, profile, words),
     }
     parent = make_folder(folder.parent)

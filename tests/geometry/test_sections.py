@@ -9,8 +9,9 @@ import pytest
 import yaml
 
 from geometry import load_scene
-from geometry.scenes.drawings import read_materials, read_section, section_scene
+from geometry.scenes.drawings import read_materials, read_section, section_scene, with_room
 from geometry.scenes.fill import fill
+from geometry.scenes.scene import scene_hash
 from pipeline.cli import InputError
 
 
@@ -232,3 +233,29 @@ def test_command(dam, tmp_path, run_module):
     assert done.returncode == 0, done.stderr
     assert "7 zones, 6242 points" in done.stdout
     check_same(load_scene(out), dam)
+
+
+def test_room_is_made_for_what_is_drawn_and_surveyed():
+    zones = [{"name": "a", "material": "a", "polygon": [[0, 0], [50, 0], [25, 10]]}]
+    found = with_room({"zones": zones})
+    assert found["spacing"] == 0.25
+    assert found["domain"] == {"x_min": -20.0, "x_max": 70.0, "y_max": 13.0, "walls": "open"}
+    assert found["ground"] == {"points": [[-20.0, 0], [70.0, 0]]}
+    assert with_room(found) == found, "what there is stays"
+    assert with_room(found, [-33.3])["domain"]["x_min"] == -33.5
+    contact = with_room({"zones": zones, "ground": {"contact": "no_slip"}})["ground"]
+    assert contact["contact"] == "no_slip" and len(contact["points"]) == 2
+    closed = {"x_min": 10, "x_max": 20, "y_max": 5, "walls": "closed"}
+    assert with_room({"zones": zones, "domain": closed}, [-40])["domain"] == closed
+
+
+def test_the_source_of_a_material_is_a_note_and_no_part_of_a_run(tmp_path):
+    path = tmp_path / "dam.csv"
+    path.write_text(
+        "zone,x,y,friction_deg,cohesion_kpa,source\na,0,0,30,1,report 12\na,9,0,,,\na,4,4,,,\n"
+    )
+    scene = section_scene(read_section(path), source=str(path), name="dam")
+    assert scene.materials["a"].source == "report 12"
+    assert scene_hash(scene) == scene_hash(scene.changed(materials={
+        "a": {"friction_deg": 30.0, "cohesion_kpa": 1.0},
+    }))  # fmt: skip
