@@ -12,7 +12,7 @@ DESCRIPTION = (
     "flow, compare it with what was measured, and start back-analyses and diagnoses. It is served "
     "on this machine alone."
 )
-NEEDS = "flowslide studio needs starlette, uvicorn and websockets: pip install 'flowslide[studio]'"
+NEEDS = "flowslide studio needs {}: pip install 'flowslide[studio]'"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,8 +39,9 @@ def run(arguments: argparse.Namespace) -> None:
 
     from pipeline.cli import InputError
 
-    if any(find_spec(name) is None for name in ("starlette", "uvicorn", "websockets")):
-        raise InputError(NEEDS)
+    for name in ("starlette", "uvicorn", "websockets", "ruamel"):
+        if find_spec(name) is None:
+            raise InputError(NEEDS.format(name))
     import uvicorn
 
     from flowslide.studio.app import MOST_BYTES, studio
@@ -52,6 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", arguments.port))
+        listener.listen()  # who opens the address at once waits, and is not refused
     except (OSError, OverflowError) as error:
         raise InputError(f"--port {arguments.port}: {error}") from None
     port, token = listener.getsockname()[1], new_token()

@@ -22,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from flowslide.studio.forms import material_fields, measurement_forms
 from flowslide.studio.jobs import KINDS, Jobs
 from flowslide.studio.live import Asked, Live, question
 from flowslide.studio.security import Guard
@@ -63,6 +64,8 @@ def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: st
         Route("/api/cases/{name}/view", _answering(own.save_view), methods=["PUT"]),
         Route("/api/cases/{name}/files/{file}", _answering(own.own_file)),
         Route("/api/cases/{name}/files/{file}", _answering(own.save_file), methods=["PUT"]),
+        Route("/api/cases/{name}/revision", _answering(own.revision)),
+        Route("/api/cases/{name}/question", _answering(own.propose), methods=["POST"]),
         Route("/api/check", _answering(own.check), methods=["POST"]),
         Route("/api/import", _answering(own.import_drawing), methods=["POST"]),
         Route("/api/jobs", _answering(own.jobs)),
@@ -112,6 +115,8 @@ class _Studio:
             "drawings": FORMATS,
             "job_kinds": KINDS,
             "effects": await run_in_threadpool(_effects),
+            "materials": material_fields(),
+            "measurements": measurement_forms(),
         })  # fmt: skip
 
     async def create(self, request: Request) -> Response:
@@ -138,6 +143,17 @@ class _Studio:
             return JSONResponse(found)
         words = "the files of this case were changed elsewhere"
         return JSONResponse({"message": words, "case": found}, status_code=409)
+
+    async def revision(self, request: Request) -> Response:
+        """What changes with every edit."""
+        name = request.path_params["name"]
+        return JSONResponse({"revision": await run_in_threadpool(self.workspace.revision, name)})
+
+    async def propose(self, request: Request) -> Response:
+        """The question that `flowslide new` would ask of the documents."""
+        name, asked = request.path_params["name"], await _body(request)
+        question = await run_in_threadpool(self.workspace.proposed, name, asked)
+        return JSONResponse({"inversion": question})
 
     async def check(self, request: Request) -> Response:
         """Faults of documents that are not saved."""
@@ -287,9 +303,7 @@ def _drawn(name: str, content: bytes, unit: str | None) -> dict[str, Any]:
         path = Path(folder) / name
         path.write_bytes(content)
         try:
-            scene = section_scene(
-                read_section(path), source=name, name=path.stem, spacing=1.0, unit=unit
-            )
+            scene = section_scene(read_section(path), source=name, name=path.stem, unit=unit)
         except InputError as error:
             raise InputError(str(error).replace(f"{folder}/", "")) from None
     return scene.model_dump(mode="json", exclude_none=True)

@@ -112,7 +112,7 @@ class Jobs:
         if kind not in KINDS:
             raise InputError(f"kind {kind!r}: one of {', '.join(KINDS)}")
         wanted = checked_document(JobOptions, options, "options", "flowslide/studio/jobs.py")
-        source = self.workspace.source(case)
+        source = self.workspace.ready(case)
         if kind == "predict":
             self._check_prediction(case, wanted)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"

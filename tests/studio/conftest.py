@@ -7,6 +7,7 @@ import textwrap
 
 import pytest
 
+from benchmarks.studio import CHROMIUM, QUIET, serving
 from flowslide.studio.workspace import Workspace
 
 SCENE = """
@@ -50,3 +51,20 @@ def workspace(tmp_path):
         (folder / f"{name}.yaml").write_text(textwrap.dedent(text).lstrip())
     yield Workspace(tmp_path / "cases")
     shutil.rmtree(tmp_path / "cases", ignore_errors=True)
+
+
+@pytest.fixture
+def address(workspace):
+    """Of a studio that runs in a process of its own."""
+    with serving(workspace.folder / "small", "--threads", "1") as found:
+        yield found
+
+
+@pytest.fixture
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        yield chromium
+        chromium.close()

@@ -2,36 +2,11 @@
 
 from __future__ import annotations
 
-import os
+from playwright.sync_api import expect
 
-import pytest
-from playwright.sync_api import expect, sync_playwright
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
 
-from benchmarks.studio import CHROMIUM, QUIET, serving
-
-WAIT_MS = 120_000
-
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        CHROMIUM is None and not os.environ.get("CI"), reason="there is no chromium on this machine"
-    ),
-]
-
-
-@pytest.fixture
-def address(workspace):
-    """Of a studio that runs in a process of its own."""
-    with serving(workspace.folder / "small", "--threads", "1") as found:
-        yield found
-
-
-@pytest.fixture
-def browser():
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
-        yield chromium
-        chromium.close()
+pytestmark = NEEDS_CHROMIUM
 
 
 def _answered(page, number):
@@ -41,9 +16,7 @@ def _answered(page, number):
 
 
 def test_somebody_moves_a_strength_and_watches_it_flow(address, browser, workspace):
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
-    errors = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
+    page = watched(browser)
     page.goto(address)
     assert "token" not in page.url, "the address that is shown can be shared without harm"
     before = _answered(page, 1)
@@ -72,7 +45,7 @@ def test_somebody_moves_a_strength_and_watches_it_flow(address, browser, workspa
     page.reload()
     assert _answered(page, 1) == before
     assert not (workspace.folder / ".studio").exists()
-    assert not errors
+    assert not page.errors
 
     stranger = browser.new_context().new_page()
     assert stranger.goto(address.split("?")[0]).status == 403
@@ -80,7 +53,7 @@ def test_somebody_moves_a_strength_and_watches_it_flow(address, browser, workspa
 
 
 def test_a_job_is_started_survives_a_reload_and_is_cancelled(address, browser):
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page = watched(browser)
     page.goto(address)
     _answered(page, 1)
     page.get_by_role("button", name="Back-analyse").click()

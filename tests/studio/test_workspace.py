@@ -97,3 +97,117 @@ def test_no_link_leads_out_of_the_workspace(workspace, tmp_path):
     assert not list(outside.iterdir())
     with pytest.raises(InputError, match="no picture"):
         workspace.save_file("small", "../x.png", b"")
+
+
+def _draw(workspace, name, **documents):
+    case = workspace.read(name)
+    assert workspace.save(name, case["revision"], {**case, **documents})
+    return workspace.read(name)
+
+
+SAND = {"friction_deg": 0.0, "cohesion_kpa": 8.0, "liquefied": True, "source": "CPT 3"}
+SECTION = {
+    "name": "drawn",
+    "zones": [{"name": "a", "material": "sand", "polygon": [[0, 0], [30, 0], [20, 6], [10, 6]]}],
+    "materials": {"sand": SAND},
+}
+
+
+def test_a_case_drawn_from_nothing_gets_the_files_of_a_new_case(workspace):
+    workspace.create("drawn", None, None)
+    case = workspace.read("drawn")
+    assert case["faults"][0]["message"] == "no zone is drawn yet" and case["derived"] is None
+    assert {"name": "drawn", "shipped": False} in workspace.cases()
+    with pytest.raises(InputError, match="to mend first: no zone is drawn yet"):
+        workspace.ready("drawn")
+    with pytest.raises(InputError, match="there already"):
+        workspace.create("drawn", "small", None)
+
+    half = {**SECTION, "materials": {"sand": {}}}
+    case = _draw(workspace, "drawn", scene=half)
+    assert case["scene"] == half, "a draft is what was drawn"
+    assert [one["message"] for one in case["faults"]] == [
+        f"materials.sand.{field}: Field required" for field in ("friction_deg", "cohesion_kpa")
+    ]
+
+    case = _draw(workspace, "drawn", scene=SECTION)
+    assert not case["faults"] and not case["draft"]
+    assert case["scene"]["domain"] == {"x_min": -12.0, "x_max": 42.0, "y_max": 7.8, "walls": "open"}
+    assert case["scene"]["spacing"] == 0.1 and case["derived"]["points"] > 1000
+    assert case["scene"]["ground"]["points"] == [[-12.0, 0.0], [42.0, 0.0]]
+    files = {path.name for path in workspace.ready("drawn").iterdir()}
+    assert files == {"scene.yaml", "README.md"}
+    text = (workspace.folder / "drawn" / "scene.yaml").read_text()
+    assert "# Outlines in order." in text and "source: CPT 3" in text
+
+    toe = {"name": "toe", "type": "toe_runout", "side": "left", "value_m": 9.0, "std_m": 1.0,
+           "confidence": "assumed", "source": "me"}  # fmt: skip
+    profile = {"name": "line", "type": "surface_profile", "file": "after.csv", "std_m": 0.2,
+               "confidence": "assumed", "source": "me"}  # fmt: skip
+    survey = {"case": "drawn", "upstream": "left", "initial": {}, "default_set": "field",
+              "sets": {"field": [toe, profile]}}  # fmt: skip
+    tables = {"after.csv": "x_m,y_m\n-21,0\n5,3\n30,0\n"}
+    question = workspace.proposed("drawn", {**case, "measurements": survey, "tables": tables})
+    assert question["fit"] == ["toe"] and question["parameters"][0]["zones"] == ["a"]
+    case = _draw(workspace, "drawn", measurements=survey, tables=tables, inversion=question)
+    assert not case["faults"]
+    assert case["scene"]["domain"]["x_min"] <= -21.0, "the profile has room"
+    kinds = {one["name"]: one["kind"] for one in case["derived"]["marks"]}
+    assert kinds == {"toe": "distance", "line": "line"}
+    assert (workspace.folder / "drawn" / "after.csv").read_text() == tables["after.csv"]
+    assert "# share one value" in (workspace.folder / "drawn" / "inversion.yaml").read_text()
+
+
+def test_all_faults_of_a_section_are_named_with_their_places(workspace):
+    case = workspace.read("small")
+    zones = case["scene"]["zones"]
+    zones[0]["polygon"][0] = [39.0, -3.0]
+    zones[2]["polygon"][2] = [66.0, 10.0]
+    faults = workspace.faults("small", case)
+    assert [one.zones for one in faults] == [("loose",), ("loose", "back"), ("crest", "back")]
+    for fault in faults:
+        (outline,) = fault.places
+        assert len(outline) >= 3, fault.message
+    assert max(y for _, y in faults[0].places[0]) == 0.0, "what lies below the ground"
+    assert min(x for x, _ in faults[2].places[0]) >= 66.0
+
+
+def test_comments_of_the_files_survive_an_edit(workspace):
+    workspace.create("mine", "lower_san_fernando", None)
+    before = (workspace.folder / "mine" / "scene.yaml").read_text()
+    case = workspace.read("mine")
+    case["scene"]["zones"][0]["polygon"][0] = [97.5, 5.0]
+    case["scene"]["materials"]["core"]["cohesion_kpa"] = 50.0
+    assert workspace.save("mine", case["revision"], case)
+    after = (workspace.folder / "mine" / "scene.yaml").read_text()
+    assert after.count("#") == before.count("#") and "[[97.5, 5.0]," in after
+    assert workspace.read("mine")["scene"]["domain"] == case["scene"]["domain"]
+
+
+@pytest.mark.parametrize("table", ["../after.csv", "a/b.csv", "after.txt", "", ".csv"])
+def test_no_table_leads_out_of_the_case(workspace, table):
+    case = workspace.read("small")
+    with pytest.raises(InputError, match="table"):
+        workspace.save("small", case["revision"], {**case, "tables": {table: "x_m,y_m\n"}})
+    with pytest.raises(InputError, match="table"):
+        workspace.faults("small", {**case, "tables": {table: "x_m,y_m\n"}})
+
+
+def test_two_tabs_with_drafts_notice_each_other(workspace):
+    case, other = workspace.read("small"), workspace.read("small")
+    case["scene"]["zones"][0]["polygon"] = [[0, 0], [1, 1]]
+    assert workspace.save("small", case["revision"], case)
+    other["scene"]["spacing"] = 3.0
+    assert workspace.revision("small") != other["revision"]
+    assert not workspace.save("small", other["revision"], other)
+
+
+@pytest.mark.parametrize("part", ["scene", "measurements", "inversion", "diagnosis"])
+@pytest.mark.parametrize(
+    "content", [[1], {"sets": 3}, {"zones": 3}, {"zones": [{}]}, "x", {"a": None}]
+)
+def test_whatever_is_sent_is_a_fault_and_no_crash(workspace, part, content):
+    case = {**workspace.read("small"), part: content}
+    assert workspace.faults("small", case)
+    assert workspace.save("small", case["revision"], case)
+    assert workspace.read("small")["faults"]

@@ -10,11 +10,16 @@ export async function send(path, body, method = "POST") {
   }));
 }
 
+/** A file as it is: the body is its bytes. */
+export async function upload(path, file, method = "POST") {
+  return answered(await fetch(path, { method, body: file }));
+}
+
 async function answered(response) {
   const text = await response.text();
   let found;
   try { found = JSON.parse(text); } catch { found = { message: text }; }
-  if (!response.ok) throw new Error(found.message || `error ${response.status}`);
+  if (!response.ok) throw Object.assign(new Error(found.message || `error ${response.status}`), { status: response.status, found });
   return found;
 }
 

@@ -1,14 +1,23 @@
-// The page: a case, its sliders, the deposit that follows, its measurements.
+// The page: a case that is drawn, surveyed, and flows at every move of a slider.
 
 import { answers } from "./answer.js";
-import { get, Sliders } from "./api.js";
+import { get, send, Sliders, upload } from "./api.js";
+import { Documents } from "./documents.js";
+import { Editor, TOOLS } from "./editor.js";
+import { area } from "./section.js";
+import { SectionPanel } from "./section_panel.js";
+import { SurveyPanel } from "./survey_panel.js";
+import { button } from "./ui.js";
+import { Underlay } from "./underlay.js";
 import { View } from "./view.js";
 
 const $ = (id) => document.getElementById(id);
 const view = new View($("canvas"), $("legend"));
-const SPACINGS = [0.5, 0.75, 1, 1.5, 2, 3, 4];
+const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
+const GRIDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
-const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false, film: false, answered: 0 };
+const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false, film: false, answered: 0,
+  mode: "slide", fresh: false };
 const sliders = new Sliders({
   connected(is) { say(is ? "connected" : "the server is gone: start it again, this page connects by itself", !is); },
   deposit: show,
@@ -20,42 +29,221 @@ function say(words, bad = false) {
   $("status").className = bad ? "bad" : "";
 }
 
-// --- the case ---
+// --- the case: drawn, surveyed, saved ---
 
-async function open(name) {
-  const found = await get(`/api/cases/${name}`);
-  Object.assign(state, { name, found, effects: {} });
+const documents = new Documents({
+  changed(words) {
+    // Older answers are of another section.
+    state.fresh = false;
+    view.deposit = null;
+    view.marks = [];
+    view.preview(documents.now.scene);
+    view.paintLegend();
+    say(`${words}; saving ...`);
+    refresh();
+  },
+  saved(found) {
+    state.found = found;
+    take(found);
+    say(found.faults.length ? `kept as a draft: ${found.faults[0].message}` : "saved", found.faults.length > 0);
+    document.body.dataset.saved = found.revision;
+    proposeOnce();
+    if (state.mode !== "section") flow();
+  },
+  conflict(found) { apart("This case was changed elsewhere while you edited it.", found); },
+  elsewhere: async () => { say("changed elsewhere: shown as it is now"); await open(state.name, true); },
+  failed(words) { say(words, true); },
+});
+
+const editor = new Editor(view, {
+  scene: () => documents.now.scene,
+  edit: (words, change) => documents.edit(words, change),
+  select: () => sectionPanel.show(),
+  drawing,
+  say,
+});
+
+const page = {
+  view, editor, documents, say, refresh,
+  get materials() { return state.workspace.materials; },
+  get forms() { return state.workspace.measurements; },
+  summary() {
+    const { derived, shipped } = state.found;
+    if (shipped) return "This case ships with flowslide. Copy it to edit it.";
+    if (!derived) return "Not checked yet.";
+    return `Nothing is wrong. ${derived.points.toLocaleString("en")} points ${derived.spacing_m} m apart.`;
+  },
+  propose,
+};
+const underlay = page.underlay = new Underlay(page);
+const sectionPanel = new SectionPanel($("section-left"), $("section-right"), page);
+const surveyPanel = new SurveyPanel($("survey-left"), $("survey-right"), page);
+
+function refresh() {
+  sectionPanel.show();
+  surveyPanel.show();
+  $("undo").disabled = !documents.canUndo;
+  $("redo").disabled = !documents.canRedo;
+  view.draw();
+}
+
+/** What the server says of the documents: faults and marks, where they are shown. */
+function take(found) {
+  const of = (part) => found.faults.filter(({ document }) => document === part);
+  editor.faults = sectionPanel.faults = of("scene");
+  surveyPanel.faults = found.faults.filter(({ document }) => document !== "scene");
+  editor.marks = found.derived?.marks ?? [];
+  view.preview(documents.now.scene);
+  view.paintLegend();
+  refresh();
+}
+
+async function propose(edit = "edit") {
+  try {
+    const { inversion } = await send(`/api/cases/${state.name}/question`, documents.now);
+    documents[edit]("question", (now) => { now.inversion = inversion; });
+  } catch (error) { say(error.message, true); }
+}
+
+/** A survey without a question gets that of a new case. */
+function proposeOnce() {
+  const { scene, measurements, inversion } = documents.now;
+  const liquefied = Object.values(scene.materials).some((soil) => soil.liquefied);
+  if (!inversion && measurements && liquefied && !state.found.faults.length) propose("amend");
+}
+
+let opening = 0;
+
+async function open(name, again = false) {
+  const turn = opening += 1;
+  let found;
+  try { found = await get(`/api/cases/${name}`); } catch (error) { say(error.message, true); return; }
+  if (turn !== opening) return; // another one was asked for meanwhile
+  Object.assign(state, { name, found, effects: {}, changes: { strengths_kpa: {}, friction_deg: {} }, fresh: false });
   history.replaceState(null, "", `#${name}`);
-  $("origin").textContent = found.shipped ? "ships with flowslide, read only" : found.draft ? "draft with faults" : "";
+  $("origin").textContent = found.shipped ? "ships with flowslide, read only" : "";
+  $("apart").hidden = true;
+  documents.open(found);
+  editor.selection = {};
+  editor.drawn = [];
   view.deposit = null;
-  if (found.faults.length) {
-    say(`${found.faults[0].document}: ${found.faults[0].message}`, true);
-  }
-  state.changes = { strengths_kpa: {}, friction_deg: {} };
   view.level = undefined;
-  state.spacing = coarse(found.scene);
+  view.marks = [];
+  readings([]);
+  take(found);
+  if (!again) { await underlay.open(name); view.show(documents.now.scene); }
+  if (found.faults.length) say(`${found.faults[0].document}: ${found.faults[0].message}`, true);
+  setMode(again ? state.mode : found.scene.zones?.length ? state.mode : "section");
+  document.body.dataset.case = name;
+}
+
+function apart(words, found) {
+  $("apart").replaceChildren(words,
+    button("Show what is there now", () => open(state.name, true)),
+    button("Keep mine", () => { $("apart").hidden = true; documents.insist(found); }));
+  $("apart").hidden = false;
+}
+
+function setMode(mode) {
+  state.mode = mode;
+  document.body.dataset.mode = mode;
+  if (!state.found) return;
+  for (const tab of $("modes").children) tab.setAttribute("aria-selected", String(tab.dataset.mode === mode));
+  editor.active = mode === "section" && !state.found.shipped;
+  editor.use("select");
+  editor.marks = mode === "slide" ? [] : state.found.derived?.marks ?? [];
+  if (mode === "section") { view.deposit = null; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
+  refresh();
+  if (mode === "slide" || mode === "survey") flow();
+}
+
+/** Sliders of the section as it is, and its slide; nothing, where that is shown already. */
+function flow() {
+  if (state.fresh || state.found.faults.some(({ document }) => document === "scene") || documents.dirty) return;
+  state.fresh = true;
+  state.changes = { strengths_kpa: {}, friction_deg: {} };
+  state.spacing = coarse(state.found.scene);
   fillSpacings();
   buildSliders();
   buildEffects();
-  readings([]);
-  view.marks = [];
-  view.show(found.scene);
-  view.paintLegend();
   ask(false);
 }
 
 /** At most some thousand points, so that an answer comes at once. */
 function coarse(scene) {
-  const area = scene.zones.reduce((sum, zone) => sum + Math.abs(shoelace(zone.polygon)), 0);
-  const fits = SPACINGS.find((spacing) => area / spacing ** 2 <= 1600) ?? SPACINGS.at(-1);
+  const whole = scene.zones.reduce((sum, zone) => sum + area(zone.polygon), 0);
+  const fits = SPACINGS.find((spacing) => whole / spacing ** 2 <= 1600) ?? SPACINGS.at(-1);
   return Math.max(fits, scene.spacing);
 }
 
-function shoelace(ring) {
-  return ring.reduce((sum, [x, y], i) => {
-    const [u, v] = ring[(i + 1) % ring.length];
-    return sum + 0.5 * (x * v - u * y);
-  }, 0);
+// --- drawing tools ---
+
+function buildTools() {
+  $("tool-buttons").replaceChildren(...Object.entries(TOOLS).map(([tool, { words, key, help }]) =>
+    button(words, () => { editor.use(tool); $("canvas").focus(); }, { title: `${help} (key ${key})`, "data-tool": tool })));
+  $("grid").append(new Option("auto", "0"), ...GRIDS.map((step) => new Option(`${step} m`, step)), new Option("off", "off"));
+  $("grid").addEventListener("change", () => { const { value } = $("grid"); editor.step = value === "off" ? "off" : Number(value); });
+  $("undo").addEventListener("click", () => documents.undo());
+  $("redo").addEventListener("click", () => documents.redo());
+  $("fit-section").addEventListener("click", () => { view.fit(); view.draw(); });
+  $("coordinate").addEventListener("keydown", (event) => {
+    if (event.key !== "Enter") return;
+    const text = $("coordinate").value.trim();
+    $("coordinate").value = "";
+    if (!text) { editor.close(); return; }
+    const place = text.split(/[\s,;]+/).map(Number);
+    if (place.length !== 2 || !place.every(Number.isFinite)) { say(`${text}: a vertex is typed as x, y in metres`, true); return; }
+    if (editor.tool === "select") editor.use("zone");
+    editor.add(place);
+  });
+}
+
+function drawing() {
+  for (const one of $("tool-buttons").children) one.setAttribute("aria-pressed", String(one.dataset.tool === editor.tool));
+  const { help } = TOOLS[editor.tool];
+  $("tool-help").textContent = state.found?.shipped ? "This case ships with flowslide: copy it to edit it."
+    : editor.drawn.length ? `${editor.drawn.length} vertices. ${help}` : help;
+}
+
+// --- new cases ---
+
+function makeCase(kind) {
+  const title = { new: "Draw a new section", copy: `Copy ${state.name.replaceAll("_", " ")}`, import: "Import a section" }[kind];
+  $("make-title").textContent = title;
+  $("make-import").hidden = kind !== "import";
+  $("make-fault").textContent = "";
+  $("make-name").value = kind === "copy" ? `${state.name}_mine` : "";
+  $("make").dataset.kind = kind;
+  $("make").showModal();
+  $("make-name").focus();
+}
+
+async function madeCase() {
+  const { kind } = $("make").dataset;
+  const file = $("make-file").files[0];
+  const name = $("make-name").value.trim() || (kind === "import" && file ? file.name.replace(/\.[^.]*$/, "").replace(/[^A-Za-z0-9_-]/g, "_") : "");
+  try {
+    await documents.flush();
+    const asked = { name };
+    if (kind === "copy") asked.copy_of = state.name;
+    if (kind === "import") {
+      if (!file) throw new Error("choose a drawing");
+      const query = new URLSearchParams({ name: file.name, unit: $("make-unit").value });
+      asked.scene = (await upload(`/api/import?${query}`, file)).scene;
+    }
+    await send("/api/cases", asked);
+    $("make").close();
+    state.workspace = await get("/api/workspace");
+    fillCases(name);
+    state.mode = "section";
+    await open(name);
+    if (kind === "new") editor.use("zone");
+  } catch (error) { $("make-fault").textContent = error.message; }
+}
+
+function fillCases(name) {
+  $("case").replaceChildren(...state.workspace.cases.map((one) => new Option(one.name.replaceAll("_", " "), one.name)));
+  $("case").value = name;
 }
 
 // --- sliders ---
@@ -153,7 +341,7 @@ let asked = 0;
 
 /** The deposit first; the way there, with `film`, when it is shown. */
 function ask(film) {
-  if (state.found.faults.some(({ document }) => document === "scene")) return;
+  if (state.found.faults.some(({ document }) => document === "scene") || documents.dirty) return;
   state.film = film;
   asked = performance.now();
   say("simulating ...");
@@ -169,6 +357,7 @@ function question(film) {
 }
 
 function show(found) {
+  if (state.mode === "section") return;
   const way = view.deposit && found.header.times.length > 1;
   view.deposit = found;
   const last = found.header.times.length - 1;
@@ -266,9 +455,21 @@ function step() {
 // --- the page ---
 
 function keys(event) {
-  if (/^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) || event.ctrlKey || event.metaKey) return;
-  const act = { t: theme, f: () => { view.fit(); view.draw(); }, r: () => open(state.name), " ": play }[event.key];
-  if (act && !(event.key === " " && event.target.tagName === "BUTTON")) { act(); event.preventDefault(); }
+  if (/^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+  const { key } = event;
+  if ((event.ctrlKey || event.metaKey) && /^[zy]$/i.test(key)) {
+    if (key.toLowerCase() === "y" || event.shiftKey) documents.redo(); else documents.undo();
+    event.preventDefault();
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || document.querySelector("dialog[open]")) return;
+  if (editor.key(event)) { event.preventDefault(); return; }
+  const modes = { 1: "section", 2: "survey", 3: "slide" };
+  const tool = Object.keys(TOOLS).find((one) => TOOLS[one].key === key);
+  const act = { t: theme, f: () => { view.fit(); view.draw(); }, " ": play }[key]
+    ?? (modes[key] && (() => setMode(modes[key]))) ?? (tool && editor.active && (() => editor.use(tool)))
+    ?? (key === "r" && state.mode === "slide" && (() => open(state.name, true)));
+  if (act && !(key === " " && event.target.tagName === "BUTTON")) { act(); event.preventDefault(); }
 }
 
 function theme() {
@@ -284,10 +485,15 @@ async function start() {
     ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   state.workspace = await get("/api/workspace");
   const { cases } = state.workspace;
-  $("case").replaceChildren(...cases.map(({ name }) => new Option(name.replaceAll("_", " "), name)));
-  $("case").addEventListener("change", () => open($("case").value));
+  $("case").addEventListener("change", async () => { await documents.flush(); await open($("case").value); });
+  for (const kind of ["new", "copy", "import"]) $(kind).addEventListener("click", () => makeCase(kind));
+  $("make-go").addEventListener("click", madeCase);
+  $("make-stop").addEventListener("click", () => $("make").close());
+  $("make").querySelector("form").addEventListener("submit", (event) => { event.preventDefault(); madeCase(); });
+  for (const tab of $("modes").children) tab.addEventListener("click", () => setMode(tab.dataset.mode));
+  buildTools();
   $("spacing").addEventListener("change", () => { state.spacing = Number($("spacing").value); ask(false); });
-  $("reset").addEventListener("click", () => open(state.name));
+  $("reset").addEventListener("click", () => open(state.name, true));
   $("theme").addEventListener("click", theme);
   $("play").addEventListener("click", play);
   $("scrub").addEventListener("input", () => { view.frame = Number($("scrub").value); tell(); view.draw(); });
@@ -298,8 +504,8 @@ async function start() {
   answers(state, say);
   const wanted = decodeURIComponent(location.hash.slice(1)) || state.workspace.first;
   const name = cases.some((one) => one.name === wanted) ? wanted : cases[0]?.name;
-  if (!name) { say(`no case in ${state.workspace.folder}`, true); return; }
-  $("case").value = name;
+  if (!name) { say(`no case in ${state.workspace.folder}: draw one with New`); return; }
+  fillCases(name);
   await open(name);
 }
 

@@ -1,5 +1,7 @@
 // Draws the section before the slide and the points of a deposit, with equal scales, pan and zoom.
 
+import { bounds } from "./section.js";
+
 const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
   "#6f8f3f", "#7c8794", "#c9785a", "#487d74", "#93793f", "#6977b8", "#a85a83", "#4f9a5e"];
 const LIQUEFIED = "#c8553d";
@@ -11,7 +13,7 @@ const SCALES = {
 // Light to dark, one hue after another of even lightness steps; works on both papers.
 const RAMP = [[236, 226, 180], [241, 176, 103], [222, 105, 84], [160, 50, 103], [73, 22, 97]];
 
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export function ramp(share) {
   const place = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1);
@@ -30,6 +32,9 @@ export class View {
     this.colour = "zone";
     this.before = true;
     this.box = null; // [x at the left edge, y at the bottom edge, metres a pixel]
+    this.tool = null; // has down(event) and key(event): true where they were for it
+    this.under = null; // paints below the section, in pixels
+    this.over = null; // and above it
     new ResizeObserver(() => this.resized()).observe(canvas);
     canvas.addEventListener("wheel", (event) => this.zoom(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.drag(event));
@@ -42,9 +47,28 @@ export class View {
     this.draw();
   }
 
+  /** Another state of the same section, such as while a vertex is dragged. */
+  preview(scene) {
+    this.scene = scene;
+    this.draw();
+  }
+
+  /** Place [m] of a pointer. */
+  at(event) {
+    const { left, bottom } = this.canvas.getBoundingClientRect();
+    const [x, y, scale] = this.box;
+    return [x + (event.clientX - left) * scale, y + (bottom - event.clientY) * scale];
+  }
+
+  /** Place in the canvas [pixels] of a place [m]. */
+  pixel([x, y]) {
+    const [left, bottom, scale] = this.box;
+    return [(x - left) / scale, this.canvas.clientHeight - (y - bottom) / scale];
+  }
+
   fit() {
     if (!this.scene || !this.canvas.clientWidth) return;
-    const { domain } = this.scene;
+    const domain = roomOf(this.scene);
     const [low, high] = [lowest(this.scene), domain.y_max];
     const [width, height] = [this.canvas.clientWidth - 60, this.canvas.clientHeight - 50];
     const scale = Math.max((domain.x_max - domain.x_min) / width, (high - low) / height);
@@ -76,7 +100,7 @@ export class View {
   }
 
   drag(event) {
-    if (!this.box) return;
+    if (!this.box || this.tool?.down(event)) return;
     const start = [event.clientX, event.clientY, ...this.box];
     this.canvas.setPointerCapture(event.pointerId);
     const move = (now) => {
@@ -90,6 +114,7 @@ export class View {
 
   key(event) {
     if (!this.box) return;
+    if (this.tool?.key(event)) { event.preventDefault(); event.stopPropagation(); return; }
     const step = 40 * this.box[2];
     const way = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
     if (way) { this.box[0] += way[0]; this.box[1] += way[1]; this.draw(); event.preventDefault(); }
@@ -113,7 +138,10 @@ export class View {
     pen.clearRect(0, 0, canvas.width, canvas.height);
     if (!scene || !box) return;
     const [left, bottom, scale] = box;
+    canvas.dataset.box = box.join(" ");
     const k = ratio / scale;
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.under?.(pen);
     pen.setTransform(k, 0, 0, -k, -left * k, canvas.height + bottom * k);
     this.paintWater(pen);
     if (this.deposit) this.paintPoints();
@@ -123,22 +151,24 @@ export class View {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.paintAxes(pen);
     this.paintMarks(pen);
+    this.over?.(pen);
   }
 
   paintWater(pen) {
     const { scene } = this;
+    const domain = roomOf(scene);
     const level = this.level ?? scene.water_level;
     if (level === null || level === undefined) return;
     const line = scene.phreatic_line && this.level === undefined
-      ? scene.phreatic_line : [[scene.domain.x_min, level], [scene.domain.x_max, level]];
+      ? scene.phreatic_line : [[domain.x_min, level], [domain.x_max, level]];
     pen.fillStyle = css("--water");
     pen.globalAlpha = 0.22;
     pen.beginPath();
-    pen.moveTo(scene.domain.x_min, lowest(scene));
-    pen.lineTo(scene.domain.x_min, line[0][1]);
+    pen.moveTo(domain.x_min, lowest(scene));
+    pen.lineTo(domain.x_min, line[0][1]);
     for (const [x, y] of line) pen.lineTo(x, y);
-    pen.lineTo(scene.domain.x_max, line[line.length - 1][1]);
-    pen.lineTo(scene.domain.x_max, lowest(scene));
+    pen.lineTo(domain.x_max, line[line.length - 1][1]);
+    pen.lineTo(domain.x_max, lowest(scene));
     pen.fill();
     pen.globalAlpha = 1;
   }
@@ -222,7 +252,9 @@ export class View {
       pen.closePath();
       if (!this.deposit) {
         pen.fillStyle = palette[number];
+        pen.globalAlpha = this.under ? 0.45 : 1;
         pen.fill();
+        pen.globalAlpha = 1;
       }
       if (this.before || !this.deposit) {
         pen.strokeStyle = css("--ink");
@@ -235,7 +267,8 @@ export class View {
   }
 
   paintGround(pen, pixel) {
-    const { points } = this.scene.ground;
+    const points = this.scene.ground?.points;
+    if (!points) return;
     pen.beginPath();
     points.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
     pen.strokeStyle = css("--ground");
@@ -255,7 +288,7 @@ export class View {
     for (let x = Math.ceil(left / step) * step; x < left + width * scale; x += step) {
       const px = (x - left) / scale;
       pen.beginPath(); pen.moveTo(px, height - 20); pen.lineTo(px, height - 15); pen.stroke();
-      pen.fillText(`${round(x)}`, px, height - 4);
+      if (px > 36) pen.fillText(`${round(x)}`, px, height - 4);
     }
     pen.textAlign = "left";
     const rise = niceStep(60 * scale);
@@ -316,12 +349,22 @@ export function zoneColours(scene) {
   const names = Object.keys(scene.materials);
   let next = 0;
   const of = Object.fromEntries(names.map((name) => [name,
-    scene.materials[name].liquefied ? LIQUEFIED : COLOURS[next++ % COLOURS.length]]));
+    scene.materials[name]?.liquefied ? LIQUEFIED : COLOURS[next++ % COLOURS.length]]));
   return scene.zones.map((zone) => of[zone.material]);
 }
 
 function lowest(scene) {
-  return Math.min(...scene.ground.points.map(([, y]) => y)) - 1;
+  const base = scene.ground?.points ?? [];
+  return Math.min(bounds(scene)?.low ?? 0, ...base.map(([, y]) => y)) - 1;
+}
+
+/** The domain; of a section that is being drawn: what a slide of it would need, or a first sheet. */
+function roomOf(scene) {
+  if (scene.domain) return scene.domain;
+  const found = bounds(scene);
+  if (!found) return { x_min: -20, x_max: 80, y_max: 30 };
+  const height = Math.max(found.high - found.low, 0.1 * (found.right - found.left));
+  return { x_min: found.left - height, x_max: found.right + height, y_max: found.high + 0.5 * height };
 }
 
 function niceStep(wanted) {

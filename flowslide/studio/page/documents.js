@@ -1,0 +1,122 @@
+// The documents of the case that is open: edits, undo and redo, and saving by itself.
+
+import { get, send } from "./api.js";
+import { hasOwnBase } from "./section.js";
+
+const PARTS = ["scene", "measurements", "inversion", "diagnosis", "tables"];
+const DEPTH = 200; // edits that can be undone
+const PAUSE = 200; // ms after the last edit until it is saved
+const LOOK = 3000; // ms between two looks whether the files were changed elsewhere
+
+const partsOf = (found) => Object.fromEntries(PARTS.map((part) => [part, structuredClone(found[part] ?? null)]));
+
+/** `on` has changed(words), saved(case), conflict(case) and failed(words). */
+export class Documents {
+  constructor(on) {
+    this.on = on;
+    this.name = "";
+    setInterval(() => this.look(), LOOK);
+    addEventListener("visibilitychange", () => { if (document.hidden) this.save(); });
+  }
+
+  open(found) {
+    clearTimeout(this.waiting);
+    Object.assign(this, { name: found.name, shipped: found.shipped, revision: found.revision, now: partsOf(found),
+      past: [], future: [], dirty: false, apart: false });
+  }
+
+  get canUndo() { return this.past?.length > 0; }
+  get canRedo() { return this.future?.length > 0; }
+
+  /** Change the documents: `change` gets a copy that it may write on. */
+  edit(words, change) {
+    if (this.shipped) { this.on.failed("this case ships with flowslide: copy it to edit it"); return; }
+    const before = this.now;
+    const next = structuredClone(before);
+    if (!hasOwnBase(before.scene) && before.scene.ground) delete next.scene.ground.points;
+    change(next);
+    this.past.push({ words, documents: before });
+    if (this.past.length > DEPTH) this.past.shift();
+    this.future = [];
+    this.take(next, words);
+  }
+
+  /** A change that belongs to the edit before it: both are undone together. */
+  amend(words, change) {
+    const next = structuredClone(this.now);
+    change(next);
+    this.take(next, words);
+  }
+
+  undo() { this.step(this.past, this.future, "undone"); }
+  redo() { this.step(this.future, this.past, "done again"); }
+
+  step(from, to, done) {
+    const last = from?.pop();
+    if (!last) return;
+    to.push({ words: last.words, documents: this.now });
+    this.take(last.documents, `${last.words}: ${done}`);
+  }
+
+  take(documents, words) {
+    this.now = documents;
+    this.dirty = true;
+    this.on.changed(words);
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => this.save(), PAUSE);
+  }
+
+  /** One save at a time; an edit that comes meanwhile is saved after it. */
+  async save() {
+    if (!this.dirty || this.saving || this.apart) return;
+    clearTimeout(this.waiting);
+    this.saving = true;
+    this.dirty = false;
+    const { name } = this;
+    try {
+      const found = await send(`/api/cases/${name}`, { revision: this.revision, ...this.now }, "PUT");
+      if (name !== this.name) return;
+      this.revision = found.revision;
+      // What the program has added, such as room for the slide; it is no edit of its own.
+      if (!this.dirty) this.now = partsOf(found);
+      this.on.saved(found);
+    } catch (error) {
+      if (name !== this.name) return;
+      this.dirty = true;
+      if (error.status === 409) { this.apart = true; this.on.conflict(error.found.case); }
+      else {
+        this.on.failed(`not saved: ${error.message}`);
+        this.waiting = setTimeout(() => this.save(), 2000);
+      }
+    } finally {
+      this.saving = false;
+      if (this.dirty && !this.apart && name === this.name) this.waiting = setTimeout(() => this.save(), PAUSE);
+    }
+  }
+
+  /** Wait until all is saved, before another case is opened. */
+  async flush() {
+    while ((this.dirty || this.saving) && !this.apart && this.name) {
+      await this.save();
+      await new Promise((go) => { setTimeout(go, 30); });
+    }
+  }
+
+  /** After a conflict: keep this page's documents, over those of the files. */
+  insist(found) {
+    Object.assign(this, { revision: found.revision, apart: false });
+    this.save();
+  }
+
+  /** Another tab, the command line or an editor has written to the files. */
+  async look() {
+    if (!this.name || document.hidden || this.dirty || this.saving || this.apart) return;
+    const { name, revision } = this;
+    try {
+      const { revision: there } = await get(`/api/cases/${name}/revision`);
+      if (name === this.name && revision === this.revision && there !== revision && !this.dirty && !this.saving) {
+        this.on.elsewhere();
+      }
+    } catch { /* the server is gone: said elsewhere */ }
+  }
+}

@@ -1,0 +1,139 @@
+// Operations on a section's document. Vertices at one place are one vertex: borders that zones share move together.
+
+const NEAR = 1e-6;
+
+export const same = (a, b) => Math.abs(a[0] - b[0]) < NEAR && Math.abs(a[1] - b[1]) < NEAR;
+export const rounded = (place) => place.map((value) => Math.round(value * 1000) / 1000);
+export const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+
+/** Every line that can be edited: the zones' outlines, the base and the water table. */
+export function lines(scene) {
+  const found = scene.zones.map((zone, number) => ({ kind: "zone", number, points: zone.polygon, closed: true, fewest: 3 }));
+  if (scene.ground?.points) found.push({ kind: "ground", points: scene.ground.points, closed: false, fewest: 1 });
+  if (scene.phreatic_line) found.push({ kind: "water", points: scene.phreatic_line, closed: false, fewest: 2 });
+  return found;
+}
+
+/** Consecutive vertices of a line, and the place of the second one in it. */
+export function edges({ points, closed }) {
+  const found = points.slice(1).map((end, i) => ({ start: points[i], end, at: i + 1 }));
+  if (closed && points.length > 2) found.push({ start: points.at(-1), end: points[0], at: points.length });
+  return found;
+}
+
+/** Left, right, lowest and highest of what is drawn; null: nothing is. */
+export function bounds(scene) {
+  const all = lines(scene).filter(({ kind }) => kind !== "water").flatMap(({ points }) => points);
+  const zones = scene.zones.flatMap((zone) => zone.polygon);
+  const used = zones.length ? zones : all;
+  if (!used.length) return null;
+  const pick = (choose, k) => choose(...used.map((place) => place[k]));
+  return { left: pick(Math.min, 0), right: pick(Math.max, 0), low: pick(Math.min, 1), high: pick(Math.max, 1) };
+}
+
+export function area(ring) {
+  return Math.abs(ring.reduce((sum, [x, y], i) => {
+    const [u, v] = ring[(i + 1) % ring.length];
+    return sum + 0.5 * (x * v - u * y);
+  }, 0));
+}
+
+export function isInside(ring, [x, y]) {
+  let inside = false;
+  for (const { start: [a, b], end: [c, d] } of edges({ points: ring, closed: true })) {
+    if ((b > y) !== (d > y) && x < a + ((y - b) / (d - b)) * (c - a)) inside = !inside;
+  }
+  return inside;
+}
+
+export function nearestVertex(scene, place, reach) {
+  let found = null;
+  for (const line of lines(scene)) {
+    for (const point of line.points) {
+      const far = distance(point, place);
+      if (far <= reach && (!found || far < found.far)) found = { point, far };
+    }
+  }
+  return found;
+}
+
+export function nearestEdge(scene, place, reach) {
+  let found = null;
+  for (const line of lines(scene)) {
+    for (const edge of edges(line)) {
+      const foot = footOn(edge, place);
+      const far = distance(foot, place);
+      if (far <= reach && (!found || far < found.far)) found = { ...edge, line, point: foot, far };
+    }
+  }
+  return found;
+}
+
+/** The point of an edge that is nearest to a place. */
+export function footOn({ start, end }, [x, y]) {
+  const way = [end[0] - start[0], end[1] - start[1]];
+  const length = way[0] ** 2 + way[1] ** 2;
+  if (length === 0) return [...start];
+  const share = Math.min(Math.max(((x - start[0]) * way[0] + (y - start[1]) * way[1]) / length, 0), 1);
+  return [start[0] + share * way[0], start[1] + share * way[1]];
+}
+
+/** Move a vertex in every line that has it, or in one line alone. */
+export function moveVertex(scene, from, to, only = null) {
+  for (const line of lines(scene)) {
+    if (only && !(line.kind === only.kind && line.number === only.number)) continue;
+    line.points.forEach((point, i) => { if (same(point, from)) line.points[i] = [...to]; });
+  }
+}
+
+/** A vertex in every line that passes a place without one. */
+export function insertVertex(scene, place, reach = 1e-3) {
+  for (const line of lines(scene)) {
+    if (line.points.some((point) => same(point, place))) continue;
+    const edge = edges(line).find((one) => distance(footOn(one, place), place) < reach);
+    if (edge) line.points.splice(edge.at, 0, [...place]);
+  }
+}
+
+/** Take a vertex out of every line that can do without; false: a zone would have fewer than three. */
+export function removeVertex(scene, place) {
+  const with_it = lines(scene).filter(({ points }) => points.some((point) => same(point, place)));
+  if (with_it.some(({ points, fewest }) => points.length <= fewest)) return false;
+  for (const { points } of with_it) {
+    for (let i = points.length - 1; i >= 0; i -= 1) if (same(points[i], place)) points.splice(i, 1);
+  }
+  return true;
+}
+
+/** Add a zone; where it meets others, both get the vertices of both. */
+export function addZone(scene, ring) {
+  const names = new Set([...scene.zones.map(({ name }) => name), ...Object.keys(scene.materials)]);
+  let number = scene.zones.length + 1;
+  while (names.has(`zone_${number}`)) number += 1;
+  const name = `zone_${number}`;
+  scene.zones.push({ name, material: name, polygon: ring.map((place) => [...place]) });
+  scene.materials[name] = {};
+  for (const place of [...ring, ...scene.zones.flatMap(({ polygon }) => polygon)]) {
+    for (const zone of scene.zones) {
+      const line = { points: zone.polygon, closed: true };
+      if (zone.polygon.some((point) => same(point, place))) continue;
+      const edge = edges(line).find((one) => distance(footOn(one, place), place) < 1e-3);
+      if (edge) zone.polygon.splice(edge.at, 0, [...place]);
+    }
+  }
+  return scene.zones.length - 1;
+}
+
+/** Materials that no zone has any more. */
+export function dropUnused(scene) {
+  const used = new Set(scene.zones.map(({ material }) => material));
+  for (const name of Object.keys(scene.materials)) if (!used.has(name)) delete scene.materials[name];
+}
+
+/** The base is the level line that the program put under the lowest vertex; it then follows that. */
+export function hasOwnBase(scene) {
+  const points = scene.ground?.points;
+  const found = bounds(scene);
+  if (!points || !found) return Boolean(points);
+  return points.length !== 2 || points.some(([, y]) => Math.abs(y - found.low) > NEAR);
+}

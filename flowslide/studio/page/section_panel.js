@@ -1,0 +1,218 @@
+// The section in tables: zones, materials, base, water, spacing, the picture to draw on; faults and vertices.
+
+import { area, dropUnused, hasOwnBase, lines, moveVertex, removeVertex, insertVertex, rounded } from "./section.js";
+import { button, el, field, keyWords, refill } from "./ui.js";
+import { zoneColours } from "./view.js";
+
+const FIRST = ["friction_deg", "cohesion_kpa", "density"]; // fields of a material that are always shown
+const words = (name) => name.replaceAll("_", " ");
+
+/** `page` has documents, editor, materials (forms), underlay and say(words, bad). */
+export class SectionPanel {
+  constructor(left, right, page) {
+    Object.assign(this, { left, right, page, faults: [] });
+  }
+
+  get scene() { return this.page.documents.now.scene; }
+
+  edit(what, change) { this.page.documents.edit(what, ({ scene }) => change(scene)); }
+
+  show() {
+    const { scene } = this;
+    refill(this.left,
+      el("h2", { textContent: "Zones" }), ...this.zones(scene),
+      el("h2", { textContent: "Materials" }), ...Object.keys(scene.materials).map((name) => this.material(scene, name)),
+      el("h2", { textContent: "Base and water" }), ...this.base(scene), ...this.water(scene),
+      el("h2", { textContent: "Points" }),
+      field({ words: "spacing", value: scene.spacing, unit: "m", holder: "height / 25",
+        help: "distance between material points; half of it takes eight times as long" },
+      (value) => this.edit("spacing", (to) => { to.spacing = value; })),
+      el("h2", { textContent: "Notes and sources" }),
+      el("textarea", { rows: 3, value: scene.description ?? "", "aria-label": "notes and sources of the section", "data-key": "description",
+        on: { change: ({ target }) => this.edit("notes", (to) => { to.description = target.value; }) } }),
+      el("h2", { textContent: "Picture to draw on" }), this.page.underlay.panel());
+    this.showRight();
+  }
+
+  // --- zones and materials ---
+
+  zones(scene) {
+    if (!scene.zones.length) {
+      return [el("p", { className: "note", textContent: "None yet. Choose the tool Zone (z) and click its vertices, or type them as “x, y” above the section." })];
+    }
+    const colours = zoneColours(scene);
+    return scene.zones.map((zone, i) => {
+      const row = el("div", { className: "zone" + (this.page.editor.selection.zone === i ? " chosen" : "") },
+        swatch(colours[i]),
+        el("input", { type: "text", value: zone.name, "aria-label": `name of zone ${i + 1}`, "data-key": `zone-${i}`,
+          on: { change: ({ target }) => this.rename(i, target.value.trim()), focus: () => this.choose(i) } }),
+        this.materialOf(scene, zone, i),
+        button("✕", () => { this.page.editor.choose({ zone: i }); this.page.editor.remove(); }, { title: `remove ${zone.name}`, className: "small" }));
+      row.addEventListener("click", ({ target }) => { if (!/INPUT|SELECT|BUTTON/.test(target.tagName)) this.page.editor.choose({ zone: i }); });
+      return row;
+    });
+  }
+
+  /** Show which zone somebody types in, without a word of what is typed being lost. */
+  choose(i) {
+    const { editor, view } = this.page;
+    if (editor.selection.zone === i) return;
+    editor.selection = { zone: i };
+    this.left.querySelectorAll(".zone").forEach((row, k) => row.classList.toggle("chosen", k === i));
+    this.showRight();
+    view.draw();
+  }
+
+  rename(i, name) {
+    const old = this.scene.zones[i].name;
+    if (!name || name === old) { this.show(); return; }
+    this.page.documents.edit("zone renamed", ({ scene, inversion }) => {
+      const zone = scene.zones[i];
+      zone.name = name;
+      // A material of its own goes by the name of its zone.
+      if (zone.material === old && !(name in scene.materials)) renameMaterial(scene, old, name);
+      for (const parameter of inversion?.parameters ?? []) {
+        if (parameter.zones) parameter.zones = parameter.zones.map((one) => (one === old ? name : one));
+      }
+    });
+  }
+
+  materialOf(scene, zone, i) {
+    const choice = el("select", { "aria-label": `material of ${zone.name}`, "data-key": `zone-material-${i}` },
+      ...Object.keys(scene.materials).map((name) => new Option(words(name), name, false, name === zone.material)),
+      new Option("new material", ""));
+    choice.addEventListener("change", () => this.edit("material of a zone", (to) => {
+      let name = choice.value;
+      if (!name) {
+        for (let k = 1; !name || name in to.materials; k += 1) name = k === 1 ? zone.name : `${zone.name}_${k}`;
+        to.materials[name] = {};
+      }
+      to.zones[i].material = name;
+      dropUnused(to);
+    }));
+    return choice;
+  }
+
+  material(scene, name) {
+    const soil = scene.materials[name];
+    const fields = this.page.materials.filter(({ key }) => key !== "liquefied" && !(soil.liquefied && key === "friction_deg"));
+    const one = ({ key, kind, default: usual, meaning }) => {
+      let [label, unit] = keyWords(key);
+      if (key === "cohesion_kpa" && soil.liquefied) label = "S_r, first guess";
+      return field({ words: `${label} of ${words(name)}`, shown: label, key: `${name}.${key}`, kind, value: soil[key], unit, help: meaning, holder: usual ?? "" },
+        (value) => this.edit(label, (to) => { if (value === null) delete to.materials[name][key]; else to.materials[name][key] = value; }));
+    };
+    const first = fields.filter(({ key }) => FIRST.includes(key));
+    const rest = fields.filter(({ key }) => !FIRST.includes(key));
+    const summary = soil.liquefied ? `S_r ${soil.cohesion_kpa ?? "?"} kPa`
+      : `${soil.friction_deg ?? "?"}°, ${soil.cohesion_kpa ?? "?"} kPa`;
+    const missing = soil.cohesion_kpa === undefined || soil.friction_deg === undefined;
+    return el("details", { className: "material", "data-key": `material-${name}`, open: missing },
+      el("summary", {}, swatch(zoneColours({ ...scene, zones: [{ material: name }] })[0]), ` ${words(name)} `,
+        el("span", { className: "note", textContent: summary })),
+      field({ words: `name of the material ${words(name)}`, shown: "name", key: `${name}.name`, kind: "text", value: name },
+        (value) => { if (value && !(value in this.scene.materials)) this.edit("material renamed", (to) => renameMaterial(to, name, value)); else this.show(); }),
+      field({ words: `${words(name)} liquefied`, shown: "liquefied", key: `${name}.liquefied`, kind: "switch", value: soil.liquefied,
+        help: "its strength is a residual strength S_r: the unknown of a back-analysis" },
+      (value) => this.edit("liquefied", (to) => {
+        const now = to.materials[name];
+        if (value) Object.assign(now, { liquefied: true, friction_deg: 0 });
+        else { delete now.liquefied; delete now.friction_deg; }
+      })),
+      ...first.map(one),
+      el("details", { "data-key": `more-${name}` }, el("summary", { textContent: "stiffness, density under water, source" }), ...rest.map(one)));
+  }
+
+  // --- base and water ---
+
+  base(scene) {
+    const own = hasOwnBase(scene);
+    const contact = scene.ground?.contact ?? "rough";
+    const set = (change) => this.edit("base", (to) => { to.ground = { ...(to.ground ?? {}) }; change(to.ground); });
+    const found = [
+      el("p", { className: "note", textContent: own ? "The base is a line of its own." : "The base is level, at the lowest vertex; draw another with the tool Base (b)." }),
+      field({ words: "contact with the base", kind: "choice", choices: ["rough", "no_slip", "coulomb"], value: contact,
+        help: "rough: slip where the soil's own strength is exceeded; no slip: bonded; coulomb: with a coefficient" },
+      (value) => set((ground) => { ground.contact = value; if (value !== "coulomb") delete ground.friction_coefficient; })),
+    ];
+    if (contact === "coulomb") {
+      found.push(field({ words: "friction coefficient of the base", value: scene.ground.friction_coefficient },
+        (value) => set((ground) => { ground.friction_coefficient = value; })));
+    }
+    if (own) found.push(button("Level base", () => set((ground) => { delete ground.points; })));
+    return found;
+  }
+
+  water(scene) {
+    const found = [field({ words: "pool level", value: scene.water_level, unit: "m", holder: "no water",
+      help: "empty: no water; the water table is level unless one is drawn" },
+    (value) => this.edit("pool level", (to) => { to.water_level = value; if (value === null) to.phreatic_line = null; }))];
+    if (scene.phreatic_line) {
+      found.push(el("p", { className: "note", textContent: "The water table is a line of its own." }),
+        button("Level water table", () => this.edit("level water table", (to) => { to.phreatic_line = null; })));
+    }
+    return found;
+  }
+
+  // --- faults, and the vertices of a line ---
+
+  showRight() {
+    const { scene, faults } = this;
+    const { selection } = this.page.editor;
+    const listed = faults.map(({ message, zones }) => el("li", {}, button(message, () => {
+      const i = scene.zones.findIndex(({ name }) => zones?.includes(name));
+      if (i >= 0) this.page.editor.choose({ zone: i });
+    }, { className: "fault" })));
+    const all = lines(scene);
+    const chosen = all.findIndex((line) => (selection.line ?? "zone") === line.kind && (line.kind !== "zone" || line.number === selection.zone));
+    const choice = el("select", { "aria-label": "vertices of", "data-key": "vertices-of" }, new Option("choose ...", "-1"),
+      ...all.map((line, i) => new Option({ zone: scene.zones[line.number]?.name, ground: "base", water: "water table" }[line.kind], i, false, i === chosen)));
+    choice.addEventListener("change", () => {
+      const line = all[Number(choice.value)];
+      this.page.editor.choose(line ? { zone: line.number, line: line.kind } : {});
+    });
+    refill(this.right,
+      el("h2", { textContent: faults.length ? "To mend" : "Checked" }),
+      faults.length ? el("ul", { className: "faults" }, ...listed) : el("p", { className: "note faults", textContent: this.page.summary() }),
+      el("h2", { textContent: "Vertices" }), el("label", { className: "row" }, "of ", choice),
+      chosen < 0 ? null : this.vertices(all[chosen]));
+  }
+
+  vertices({ points, kind, number }) {
+    const rows = points.map((point, i) => {
+      const cell = (k) => {
+        const input = el("input", { type: "number", step: "any", value: point[k], "aria-label": `${"xy"[k]} of vertex ${i + 1} [m]`, "data-key": `vertex-${i}-${k}` });
+        input.addEventListener("change", () => {
+          const to = [...point];
+          to[k] = Number(input.value);
+          if (input.value === "" || !Number.isFinite(to[k])) { this.showRight(); return; }
+          this.edit("vertex moved", (scene) => moveVertex(scene, point, rounded(to)));
+        });
+        input.addEventListener("focus", () => { this.page.editor.selection = { zone: number, line: kind, vertex: point }; this.page.editor.view.draw(); });
+        return el("td", {}, input);
+      };
+      const after = points[(i + 1) % points.length];
+      return el("tr", {}, el("td", { textContent: i + 1 }), cell(0), cell(1), el("td", {},
+        button("+", () => this.edit("vertex added", (scene) => insertVertex(scene, rounded([(point[0] + after[0]) / 2, (point[1] + after[1]) / 2]), 2e-3)),
+          { className: "small", title: "a vertex after this one", disabled: kind !== "zone" && i === points.length - 1 }),
+        button("✕", () => {
+          if (!removeVertex(structuredClone(this.scene), point)) this.page.say("a zone has at least three vertices", true);
+          else this.edit("vertex removed", (scene) => removeVertex(scene, point));
+        }, { className: "small", title: "remove this vertex" })));
+    });
+    return el("table", { className: "vertices" }, el("thead", {}, el("tr", {}, ...["", "x [m]", "y [m]", ""].map((text) => el("th", { textContent: text })))),
+      el("tbody", {}, ...rows), kind === "zone" ? el("caption", { textContent: `${area(points).toFixed(1)} m²` }) : "");
+  }
+}
+
+/** Colours are set by script: the page's policy allows no styles in its text. */
+function swatch(colour) {
+  const found = el("i", { className: "swatch" });
+  found.style.background = colour;
+  return found;
+}
+
+function renameMaterial(scene, old, name) {
+  scene.materials = Object.fromEntries(Object.entries(scene.materials).map(([key, soil]) => [key === old ? name : key, soil]));
+  for (const zone of scene.zones) if (zone.material === old) zone.material = name;
+}

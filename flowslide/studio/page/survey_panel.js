@@ -1,0 +1,175 @@
+// What was measured, and what is asked of it: forms for every type of measurement, profiles by paste or file.
+
+import { button, el, field, keyWords, refill } from "./ui.js";
+
+const words = (name) => name.replaceAll("_", " ");
+const TITLES = {
+  toe_runout: "How far the toe ran", surface_profile: "Profile after the slide", crest_settlement: "Drop of the crest",
+  freeboard: "Freeboard left", marker_displacement: "A marker that moved", toe_history: "The toe in time",
+  velocity: "Speed at a place", slide_duration: "How long it moved", no_flow: "It did not flow",
+};
+const STD_HELP = "One standard deviation: two thirds of repeated surveys would lie within it. A levelled line 0.1 to 0.3 m, "
+  + "a runout read from a map a tenth of it, a range from several papers a quarter of its width.";
+const BOUNDS = { low: "lower bound", start: "first guess", high: "upper bound" };
+const SHARE = 0.1; // of a length, where nobody states its error
+
+/** `page` has documents, editor, forms (of measurements), derived() and say(words, bad). */
+export class SurveyPanel {
+  constructor(left, right, page) {
+    Object.assign(this, { left, right, page, faults: [], unfolded: null });
+  }
+
+  get documents() { return this.page.documents.now; }
+  get survey() { return this.documents.measurements; }
+  get set() { return this.survey?.default_set; }
+  get entries() { return this.survey?.sets?.[this.set] ?? []; }
+
+  edit(what, change) {
+    this.page.documents.edit(what, (documents) => {
+      documents.measurements ??= { case: this.page.documents.name, upstream: "left", initial: {}, default_set: "field", sets: { field: [] } };
+      change(documents.measurements.sets[documents.measurements.default_set] ??= [], documents);
+      // A survey without a measurement is none.
+      if (Object.values(documents.measurements.sets).every((entries) => !entries.length)) documents.measurements = null;
+    });
+  }
+
+  show() {
+    const add = el("select", { "aria-label": "add a measurement", "data-key": "add" }, new Option("add a measurement ...", ""),
+      ...this.page.forms.map(({ type }) => new Option(TITLES[type] ?? words(type), type)));
+    add.addEventListener("change", () => this.add(add.value));
+    refill(this.left,
+      el("h2", { textContent: "Measured after the slide" }),
+      ...(this.entries.length ? this.entries.map((entry, i) => this.entry(entry, i))
+        : [el("p", { className: "note", textContent: "Nothing yet. How far the toe ran, or a surveyed profile, is what a back-analysis needs." })]),
+      add,
+      ...(this.survey ? [field({ words: "upstream", kind: "choice", choices: ["left", "right"], value: this.survey.upstream },
+        (value) => this.edit("upstream", (_, documents) => { documents.measurements.upstream = value; }))] : []));
+    this.showRight();
+  }
+
+  add(type) {
+    if (!type) return;
+    const form = this.page.forms.find((one) => one.type === type);
+    const names = new Set(this.entries.map(({ name }) => name));
+    let name = words(type);
+    for (let k = 2; names.has(name); k += 1) name = `${words(type)} ${k}`;
+    const entry = { name, type, std_is: "assumed", confidence: "assumed", source: "" };
+    for (const { key, kind, choices, required } of form.fields) {
+      if (required && kind === "choice" && !(key in entry)) [entry[key]] = choices;
+    }
+    const { scene } = this.documents;
+    if (type === "freeboard" && scene.water_level !== null && scene.water_level !== undefined) entry.water_level_m = scene.water_level;
+    this.unfolded = name;
+    this.edit("measurement added", (entries, documents) => {
+      if (type === "surface_profile") {
+        for (let k = 1; !entry.file || entry.file in documents.tables; k += 1) entry.file = k === 1 ? "post_failure_profile.csv" : `post_failure_profile_${k}.csv`;
+        documents.tables[entry.file] = "x_m,y_m\n";
+      }
+      entries.push(entry);
+    });
+  }
+
+  entry(entry, i) {
+    const form = this.page.forms.find(({ type }) => type === entry.type);
+    const { inversion } = this.documents;
+    const required = (form?.fields ?? []).filter(({ key, required: must }) => must || key === "held_out" || key === "std_is");
+    const rest = (form?.fields ?? []).filter((one) => !required.includes(one) && !(entry.type === "surface_profile" && one.key === "part"));
+    const set = (key) => (value) => this.edit(keyWords(key)[0], (entries, documents) => {
+      if (key === "name" && documents.inversion?.fit) documents.inversion.fit = documents.inversion.fit.map((one) => (one === entries[i].name ? value : one));
+      if (value === null) delete entries[i][key]; else entries[i][key] = value;
+    });
+    const one = ({ key, kind, choices, meaning, default: usual }) => {
+      if (key === "file") return this.profile(entry, i);
+      const [label, unit] = keyWords(key);
+      const isStd = key.startsWith("std_") && kind === "number";
+      const plain = label.replace(/^std is$/, "which is").replace(/^std$/, "standard deviation");
+      const made = field({ words: `${plain} of ${entry.name}`, shown: plain, key: `${i}.${key}`, kind, choices, unit,
+        value: entry[key], help: isStd ? STD_HELP : meaning, holder: Array.isArray(usual) ? usual.join(", ") : usual ?? "" }, set(key));
+      const extra = isStd ? this.assumed(entry, i, key) : /^(x|y|water_level)_m$/.test(key) && key !== "y_m" ? this.pick(entry, i, key) : null;
+      return extra ? el("div", { className: "with" }, made, extra) : made;
+    };
+    const fitted = inversion?.fit ? inversion.fit.includes(entry.name) : inversion && !entry.held_out;
+    return el("details", { className: "entry", "data-key": `entry-${entry.name}`, open: this.unfolded === entry.name },
+      el("summary", {}, `${entry.name} `, el("span", { className: "note", textContent: this.brief(entry) })),
+      ...required.map(one),
+      inversion?.fit ? field({ words: `${entry.name} is fitted`, shown: "is fitted", key: `${i}.fit`, kind: "switch", value: fitted,
+        help: "it takes part in the fit; the others are compared with the answer" }, (value) => this.page.documents.edit("fitted", (documents) => {
+        documents.inversion.fit = documents.inversion.fit.filter((name) => name !== entry.name);
+        if (value) documents.inversion.fit.push(entry.name);
+      })) : null,
+      el("details", { "data-key": `more-${entry.name}` }, el("summary", { textContent: "more" }), ...rest.map(one)),
+      button("Remove", () => this.edit("measurement removed", (entries, documents) => {
+        entries.splice(i, 1);
+        if (documents.inversion?.fit) documents.inversion.fit = documents.inversion.fit.filter((name) => name !== entry.name);
+      }), { title: `remove ${entry.name}` }));
+  }
+
+  brief(entry) {
+    const value = entry.value_m ?? entry.value_s ?? entry.value_m_per_s ?? entry.limit_m;
+    const std = entry.std_m ?? entry.std_s ?? entry.std_m_per_s;
+    const number = value === undefined ? TITLES[entry.type] ?? words(entry.type) : `${entry.type === "no_flow" ? "< " : ""}${value}`;
+    return `${number}${std === undefined ? "" : ` ± ${std}`}${entry.held_out ? ", held out" : ""}`;
+  }
+
+  /** A standard deviation for who has none: a tenth of a length, at least one spacing. */
+  assumed(entry, i, key) {
+    const value = entry.value_m;
+    if (value === undefined || entry[key] !== undefined) return null;
+    const { scene } = this.documents;
+    const std = Number(Math.max(SHARE * Math.abs(value), scene.spacing ?? 0).toPrecision(3));
+    return button(`assume ${std}`, () => this.edit("standard deviation", (entries) => { Object.assign(entries[i], { [key]: std, std_is: "assumed" }); }),
+      { className: "small", title: "a tenth, at least one spacing of points" });
+  }
+
+  pick(entry, i, key) {
+    return button("click it", () => {
+      this.page.say("click the place on the section");
+      this.page.editor.askPlace(([x, y]) => this.edit("place", (entries) => {
+        if (key === "water_level_m") entries[i].water_level_m = y;
+        else { entries[i].x_m = x; if (entry.type === "marker_displacement") entries[i].y_m = y; }
+      }));
+    }, { className: "small", title: "take the place from the section" });
+  }
+
+  /** The surveyed line: two columns pasted, or a file. */
+  profile(entry, i) {
+    const text = this.documents.tables[entry.file] ?? "";
+    const set = (content) => this.page.documents.edit("profile", (documents) => { documents.tables[entry.file] = tableOf(content); });
+    const area = el("textarea", { rows: 7, value: text, "aria-label": `points of ${entry.name}`, "data-key": `${i}.file`,
+      placeholder: "x and y [m] of the surface, a point a line", on: { change: ({ target }) => set(target.value) } });
+    const file = el("input", { type: "file", accept: ".csv,.txt", "aria-label": `file of ${entry.name}` });
+    file.addEventListener("change", async () => { if (file.files[0]) set(await file.files[0].text()); });
+    return el("div", {}, el("p", { className: "note", textContent: "Paste two columns, x and y in metres, from left to right, or choose a file:" }), area, file);
+  }
+
+  showRight() {
+    const { inversion } = this.documents;
+    const listed = this.faults.map(({ document, message }) => el("li", { textContent: `${document}: ${message}` }));
+    refill(this.right,
+      el("h2", { textContent: this.faults.length ? "To mend" : "Checked" }),
+      this.faults.length ? el("ul", { className: "faults" }, ...listed) : el("p", { className: "note faults", textContent: this.page.summary() }),
+      el("h2", { textContent: "Asked" }), ...(inversion ? this.question(inversion) : [
+        el("p", { className: "note", textContent: "S_r of what liquefied, such that the slide runs as far as measured. It is asked as soon as section and survey hold together." })]));
+  }
+
+  question(inversion) {
+    const set = (i, key) => (value) => this.page.documents.edit(key, (documents) => { documents.inversion.parameters[i][key] = value; });
+    return [
+      ...inversion.parameters.map((one, i) => el("div", { className: "parameter" },
+        el("p", { textContent: one.label ?? words(one.name) }),
+        ...["low", "start", "high"].map((key) => field({ words: `${BOUNDS[key]} of ${one.label ?? one.name}`, shown: BOUNDS[key], key: `${one.name}.${key}`, value: one[key], unit: keyWords(one.property)[1] }, set(i, key))))),
+      field({ words: "what is made small", kind: "choice", choices: ["runout", "misfit"], value: inversion.loss ?? "runout",
+        help: "runout: the error of the toes; misfit: all that is fitted, in standard deviations" },
+      (value) => this.page.documents.edit("loss", (documents) => { documents.inversion.loss = value; })),
+      button("Ask as for a new case", () => this.page.propose(), { title: "S_r of every liquefied material, fitted to the toes; replaces what is asked now" }),
+    ];
+  }
+}
+
+/** Pasted columns as the CSV of a profile; what has a header is kept as it is. */
+export function tableOf(text) {
+  const rows = text.replaceAll("\r", "").split("\n").filter((row) => row.trim());
+  if (rows.some((row) => /x_m/.test(row))) return `${rows.join("\n")}\n`;
+  const numbers = rows.map((row) => row.trim().split(/[\s,;]+/)).filter(([x]) => Number.isFinite(Number(x)));
+  return `x_m,y_m\n${numbers.map((row) => row.slice(0, 2).join(",")).join("\n")}\n`;
+}

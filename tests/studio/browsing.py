@@ -1,0 +1,32 @@
+"""What the tests in a browser share."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from benchmarks.studio import CHROMIUM
+
+WAIT_MS = 120_000
+NEEDS_CHROMIUM = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        CHROMIUM is None and not os.environ.get("CI"), reason="there is no chromium on this machine"
+    ),
+]
+
+
+def watched(browser, *, width: int = 1280, height: int = 800):
+    """A page in a window of its own; its `errors` are those of its scripts."""
+    context = browser.new_context(viewport={"width": width, "height": height})
+    return tab(context)
+
+
+def tab(context):
+    """Another page in a window."""
+    page = context.new_page()
+    page.set_default_timeout(20_000)
+    page.errors = []
+    page.on("pageerror", lambda error: page.errors.append(str(error)))
+    return page

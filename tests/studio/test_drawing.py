@@ -1,0 +1,317 @@
+"""Somebody draws a dam in the page, in a real Chromium.
+
+With STUDIO_PICTURES=docs/images/studio the walk of docs/start/draw-your-dam.md leaves its pictures
+there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from benchmarks.studio import serving
+from pipeline.files import read_yaml
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, tab, watched
+
+pytestmark = NEEDS_CHROMIUM
+EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
+PICTURES = os.environ.get("STUDIO_PICTURES")
+
+
+def picture(page: Page, name: str) -> None:
+    if PICTURES:
+        page.mouse.move(5, 5)
+        page.wait_for_timeout(400)
+        page.screenshot(path=f"{PICTURES}/{name}.png")
+
+
+def fill(page: Page, label: str, value: object) -> None:
+    """Type into a field of the section or of the survey, and go on to the next."""
+    entry = page.locator("#section-left, #survey-left").get_by_label(label, exact=True)
+    entry.fill(str(value))
+    entry.press("Tab")
+
+
+def click(page: Page, x: float, y: float, **options) -> None:
+    """Click a place of the section [m]."""
+    left, bottom, scale = (float(part) for part in page.locator("#canvas").evaluate(
+        "canvas => canvas.dataset.box.split(' ')"))  # fmt: skip
+    box = page.locator("#canvas").bounding_box()
+    place = {"x": (x - left) / scale, "y": box["height"] - (y - bottom) / scale}
+    page.locator("#canvas").click(position=place, **options)
+
+
+def saved(page: Page) -> None:
+    """Wait until the last edit is in the files."""
+    expect(page.locator("#status")).to_have_text(re.compile("^saved|answered in"), timeout=WAIT_MS)
+
+
+def opened(page: Page, case: str = "small") -> None:
+    """Wait until the page shows a case."""
+    expect(page.locator(f'body[data-case="{case}"]')).to_have_count(1, timeout=WAIT_MS)
+
+
+def new_case(page: Page, name: str) -> None:
+    page.get_by_role("button", name="New", exact=True).click()
+    page.get_by_label("name of the case").fill(name)
+    page.get_by_role("button", name="Make it").click()
+    expect(page.locator("#faults, .faults").first).to_contain_text("no zone is drawn yet")
+
+
+def test_an_embankment_is_drawn_surveyed_and_answered(address, browser, workspace):
+    page = watched(browser, width=1380, height=860)
+    page.goto(address)
+    expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    new_case(page, "road_embankment")
+    picture(page, "empty")
+
+    # The first zone by clicks on the grid of 1 m, the others typed vertex after vertex.
+    page.get_by_label("grid").select_option("1")
+    for x, y in ((0, 0), (21, 0), (21, 3), (6, 3), (0, 0)):
+        click(page, x, y)
+    expect(page.locator(".zone")).to_have_count(1)
+    for ring in ("21,0 42,0 36,3 21,3", "6,3 36,3 24,9 18,9"):
+        for vertex in ring.split():
+            page.locator("#coordinate").fill(vertex)
+            page.locator("#coordinate").press("Enter")
+        page.locator("#coordinate").press("Enter")
+    expect(page.locator(".zone")).to_have_count(3)
+    page.keyboard.press("Escape")
+    page.locator("#fit-section").click()
+    picture(page, "drawn")
+
+    for number, name in enumerate(("loose_sand", "dense_sand", "fill"), start=1):
+        fill(page, f"name of zone {number}", name)
+    expect(page.locator("#section-right .faults li")).to_have_count(6)
+    page.locator("#section-left").get_by_label("loose sand liquefied").check()
+    fill(page, "S_r, first guess of loose sand [kPa]", 10)
+    for name, friction, cohesion in (("dense sand", 34, 1), ("fill", 33, 2)):
+        fill(page, f"friction of {name} [deg]", friction)
+        fill(page, f"cohesion of {name} [kPa]", cohesion)
+        fill(page, f"density of {name} [kg/m3]", 1900)
+    fill(page, "pool level [m]", 3)
+    fill(page, "spacing [m]", 0.5)
+    expect(page.locator("#section-right .faults")).to_contain_text("Nothing is wrong. 864 points")
+    picture(page, "section")
+
+    page.get_by_role("tab", name="Survey").click()
+    page.get_by_label("add a measurement").select_option("toe_runout")
+    fill(page, "value of toe runout [m]", 18.5)
+    page.get_by_role("button", name="assume 1.85").click()
+    fill(page, "source of toe runout", "left end of the surveyed profile")
+    page.get_by_label("add a measurement").select_option("surface_profile")
+    fill(page, "points of surface profile", (EXAMPLES / "road_embankment_after.csv").read_text())
+    fill(page, "standard deviation of surface profile [m]", 0.3)
+    fill(page, "source of surface profile", "the example's survey")
+    expect(page.locator("#survey-right")).to_contain_text("S_r of the loose sand", timeout=WAIT_MS)
+    expect(page.locator("#readings")).to_contain_text("18.5 ± 1.85", timeout=WAIT_MS)
+    picture(page, "survey")
+
+    page.get_by_role("tab", name="Slide").click()
+    page.get_by_role("button", name="Quick").click()
+    job = page.locator("#jobs li").first
+    expect(job).to_have_attribute("data-state", "done", timeout=WAIT_MS)
+    (result,) = workspace.hidden("road_embankment", "jobs").glob("**/result.json")
+    (answer,) = json.loads(result.read_text())["answer"]["parameters"]
+    assert answer["value"] == pytest.approx(5.7, abs=0.1)
+    assert answer["std_total"] == pytest.approx(0.6, abs=0.2)
+    strength = page.get_by_label("S_r, loose sand [kPa]")
+    strength.fill(f"{answer['value']:.1f}")
+    strength.press("Enter")
+    expect(page.locator("#readings tbody tr").first.locator("td").nth(3)).to_have_class("near")
+    picture(page, "answer")
+
+    # The same files as `flowslide new` writes, for the command line.
+    folder = workspace.folder / "road_embankment"
+    drawn = read_yaml(folder / "scene.yaml")
+    assert [zone["name"] for zone in drawn["zones"]] == ["loose_sand", "dense_sand", "fill"]
+    assert drawn["zones"][2]["polygon"][1] == [21.0, 3.0], "the border got its neighbours' vertex"
+    assert (folder / "README.md").read_text().count("FILL IN") > 5
+    assert not page.errors
+
+
+def test_vertices_move_together_and_every_edit_is_undone(address, browser, workspace):
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    page.get_by_role("tab", name="Section").click()
+    scene = workspace.folder / "small" / "scene.yaml"
+    before = read_yaml(scene)["zones"]
+
+    def ring(number):
+        return [[float(v) for v in place] for place in read_yaml(scene)["zones"][number]["polygon"]]
+
+    # Drag the vertex (70, 10), which two zones share, to (71, 11).
+    page.get_by_label("grid").select_option("1")
+    left, bottom, scale = (float(part) for part in page.locator("#canvas").evaluate(
+        "canvas => canvas.dataset.box.split(' ')"))  # fmt: skip
+    box = page.locator("#canvas").bounding_box()
+
+    def pixel(x, y):
+        return box["x"] + (x - left) / scale, box["y"] + box["height"] - (y - bottom) / scale
+
+    page.mouse.move(*pixel(70, 10))
+    page.mouse.down()
+    page.mouse.move(*pixel(70.6, 10.4), steps=4)
+    page.mouse.move(*pixel(71, 11), steps=4)
+    page.mouse.up()
+    saved(page)
+    assert [71.0, 11.0] in ring(1) and [71.0, 11.0] in ring(2)
+    expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+
+    # A fault is shown where it is, in the words of check, and the files stay as they were.
+    page.locator(".vertices input").first.fill("90")
+    page.locator(".vertices input").first.press("Tab")
+    expect(page.locator("#section-right .faults li").first).to_contain_text("not a simple polygon")
+    assert [71.0, 11.0] in ring(1)
+    page.reload()
+    opened(page)
+    page.get_by_role("tab", name="Section").click()
+    expect(page.locator("#section-right .faults li").first).to_contain_text("not a simple polygon")
+    page.get_by_role("button", name="not a simple polygon").first.click()
+    expect(page.locator(".zone.chosen")).to_have_count(1)
+
+    # Undo reaches back to the reload; then by hand.
+    page.locator(".zone input").first.click()
+    page.locator("#canvas").focus()
+    page.keyboard.press("Control+z")
+    case = workspace.read("small")
+    case["scene"]["zones"] = before
+    assert workspace.save("small", case["revision"], case)
+    expect(page.locator("#status")).to_contain_text("changed elsewhere", timeout=WAIT_MS)
+    expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+
+    # New vertex, removed zone, undo, redo.
+    click(page, 65, 3)
+    expect(page.locator(".zone.chosen input")).to_have_value("loose")
+    click(page, 55, 0.0, click_count=2)
+    saved(page)
+    assert [55.0, 0.0] in ring(0)
+    page.keyboard.press("Control+z")
+    expect(page.locator("#undo")).to_be_disabled()
+    saved(page)
+    assert read_yaml(scene)["zones"] == before
+    page.get_by_title("remove crest").click()
+    expect(page.locator(".zone")).to_have_count(2)
+    page.locator("#undo").click()
+    expect(page.locator(".zone")).to_have_count(3)
+    page.locator("#redo").click()
+    expect(page.locator(".zone")).to_have_count(2)
+    saved(page)
+    assert len(read_yaml(scene)["zones"]) == 2
+    assert not page.errors
+
+
+def test_two_tabs_on_one_case_are_told_and_nothing_is_lost(address, browser, workspace):
+    first = watched(browser)
+    first.goto(address)
+    opened(first)
+    first.get_by_role("tab", name="Section").click()
+    second = tab(first.context)
+    second.goto(address.split("?")[0])
+    opened(second)
+    second.get_by_role("tab", name="Section").click()
+    expect(second.locator(".zone")).to_have_count(3)
+    first.bring_to_front()  # what is in the background is drawn late
+    fill(first, "spacing [m]", 1.5)
+    second.bring_to_front()
+    expect(second.get_by_label("spacing [m]", exact=True)).to_have_value(
+        "1.5", timeout=WAIT_MS
+    )
+    # Both edit at once: who comes second is asked.
+    first.route("**/revision", lambda route: route.abort())
+    fill(second, "spacing [m]", 2)
+    saved(second)
+    first.bring_to_front()
+    fill(first, "spacing [m]", 3)
+    expect(first.locator("#apart")).to_contain_text("changed elsewhere")
+    first.get_by_role("button", name="Keep mine").click()
+    saved(first)
+    assert read_yaml(workspace.folder / "small" / "scene.yaml")["spacing"] == 3
+
+
+def test_a_killed_server_loses_nothing_that_was_drawn(workspace, browser):
+    place = workspace.folder / "small"
+    with serving(place, "--threads", "1") as address:
+        page = watched(browser)
+        page.goto(address)
+        opened(page)
+        new_case(page, "drawn")
+        for vertex in ("0,0", "20,0", "10,8", ""):
+            page.locator("#coordinate").fill(vertex)
+            page.locator("#coordinate").press("Enter")
+        expect(page.locator("#status")).to_contain_text("kept as a draft")
+    with serving(place, "--threads", "1") as address:
+        page = watched(browser)
+        page.goto(address)
+        opened(page)
+        page.get_by_label("Case").first.select_option("drawn")
+        opened(page, "drawn")
+        expect(page.locator(".zone input")).to_have_value("zone_1")
+        expect(page.locator("#section-right .faults li")).to_have_count(2)
+
+
+def test_a_shipped_case_is_copied_and_a_drawing_is_imported(address, browser, workspace):
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    page.get_by_label("Case").first.select_option("upper_san_fernando")
+    opened(page, "upper_san_fernando")
+    page.get_by_role("tab", name="Section").click()
+    expect(page.locator("#section-right")).to_contain_text("Copy it to edit it")
+    page.get_by_role("button", name="Copy", exact=True).click()
+    page.get_by_role("button", name="Make it").click()
+    expect(page.locator("#origin")).to_have_text("")
+    fill(page, "pool level [m]", 20)
+    saved(page)
+    copied = workspace.folder / "upper_san_fernando_mine" / "scene.yaml"
+    assert read_yaml(copied)["water_level"] == 20 and "#" in copied.read_text()
+
+    page.get_by_role("button", name="Import", exact=True).click()
+    page.get_by_label("drawing", exact=True).set_input_files(EXAMPLES / "road_embankment_after.csv")
+    page.get_by_role("button", name="Make it").click()
+    expect(page.locator("#make-fault")).to_contain_text("no column 'zone'")
+    page.get_by_label("drawing", exact=True).set_input_files(EXAMPLES / "road_embankment.csv")
+    page.get_by_role("button", name="Make it").click()
+    expect(page.locator(".zone")).to_have_count(3)
+    expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+    assert not page.errors
+
+
+def test_a_picture_gets_its_scale_from_two_places(address, browser, workspace, tmp_path):
+    import matplotlib.image
+    import numpy as np
+
+    scan = tmp_path / "scan.png"
+    matplotlib.image.imsave(scan, np.random.default_rng(1).random((100, 200, 3)))
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    page.get_by_role("tab", name="Section").click()
+    page.get_by_label("picture to draw on").set_input_files(scan)
+    view = workspace.hidden("small", "view.json")
+    for number, (x, y, known) in enumerate(((45, 2, (0, 0)), (85, 12, (80, 10))), start=1):
+        page.get_by_role("button", name=f"Click place {number}").click()
+        click(page, x, y, modifiers=["Alt"])
+        for key, value in zip("xy", known, strict=True):
+            fill(page, f"{key} of place {number} [m]", value)
+    before = json.loads(view.read_text())["underlay"]
+    page.get_by_role("button", name="Set the scale").click()
+    expect(page.locator("#status")).to_contain_text("has its scale")
+    after = json.loads(view.read_text())["underlay"]
+    # 40 m of the sheet are 80 m, 10 m are 10 m: pictures may exaggerate the height.
+    assert after["sx"] == pytest.approx(2 * before["sx"], rel=0.02)
+    assert after["sy"] == pytest.approx(before["sy"], rel=0.05)
+    page.reload()
+    opened(page)
+    page.get_by_role("tab", name="Section").click()
+    expect(page.get_by_role("button", name="Remove the picture")).to_be_visible()
+    page.get_by_label("picture to draw on").wait_for(state="detached")
+    page.get_by_role("button", name="Remove the picture").click()
+    expect(page.get_by_label("picture to draw on")).to_be_visible()
+    assert not page.errors
