@@ -22,7 +22,7 @@ from geometry.survey.blow_counts import FILE_NAME as BLOW_COUNTS_FILE
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
-from inversion.engine_registry import Engine
+from inversion.engine_registry import MPM, Engine
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
@@ -64,8 +64,8 @@ class DiagnosisCase(Case):
         """Effect -> mean and standard deviation of its amplitude."""
         return {name: (prior.mean, prior.std) for name, prior in self.question.priors.items()}
 
-    def model(self, store: RunStore, engine: Engine | None = None) -> EngineModel:
-        """A forward engine as the model of this case; None: the material point method.
+    def model(self, store: RunStore, engine: Engine = MPM) -> EngineModel:
+        """A forward engine as the model of this case.
 
         Raises:
             InputError: the question names an effect that does not exist.

@@ -36,6 +36,7 @@ from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from geometry.case import Case
 from geometry.scenes.scene import scene_hash
 from geometry.survey.toe import outward_of
+from inversion.engine_registry import MPM, Engine
 from inversion.engines.run_store import OnRun, RunStore
 from inversion.problem.forward import State
 from pipeline.cli import InputError
@@ -63,6 +64,7 @@ class Session:
         hypothesis: the same; None: the base model itself.
         say: tells a line of progress.
         spacing_m: as asked for; None: the case's own.
+        engine: what predicts.
     """
 
     case: DiagnosisCase
@@ -73,12 +75,13 @@ class Session:
     hypothesis: Hypothesis | None
     say: Callable[[str], None]
     spacing_m: float | None = None
+    engine: Engine = MPM
     began: float = field(default_factory=time.perf_counter)
 
     @cached_property
     def model(self) -> EngineModel:
         """The model as the statistics see it."""
-        return self.case.model(self.store)
+        return self.case.model(self.store, self.engine)
 
     @cached_property
     def options(self) -> Options:
@@ -131,6 +134,7 @@ class Session:
                 "simulation": self.case.setup.settings.model_dump(mode="json"),
                 "synthetic": self.options.synthetic,
                 "spacing_m": self.case.scene.spacing,
+                **({} if self.engine is MPM else {"engine": self.engine.name}),
             },
             "seeds": {"noise": self.options.seed},
             "hypothesis": self.hypothesis_name,
@@ -192,7 +196,9 @@ class Session:
         return {}
 
     def write_sections(self, base: State, final: State) -> None:
-        """Write the points before and after the slide, for the pictures."""
+        """Write the points before and after the slide, for the pictures, if the engine has any."""
+        if not self.model.keeps_runs:
+            return
         before, after = self.model.points(base), self.model.points(final)
         setup = self.case.setup
         toes = {
@@ -235,6 +241,7 @@ def open_session(
     out: str | Path | None = None,
     hypothesis: str | None = None,
     spacing_m: float | None = None,
+    engine: Engine = MPM,
     threads: int | None = None,
     say: Callable[[str], None] = lambda line: None,
     on_run: OnRun | None = None,
@@ -247,6 +254,7 @@ def open_session(
         hypothesis: a file to go on from, or its name in `hypotheses/` of the folder; None: the
             base model.
         spacing_m: of material points; None: the case's own.
+        engine: what predicts.
         threads: CPU threads; None: all.
         say: called with a line of progress.
         on_run: called for each run of a batch.
@@ -264,4 +272,4 @@ def open_session(
         check_parent(model, path, folder)
     asked = diagnosis_case(case, spacing_m=spacing_m, hypothesis=model, hypothesis_source=origin)
     store = RunStore(folder / "runs", threads=threads, on_run=on_run)
-    return Session(asked, case.config, folder, store, name, model, say, spacing_m)
+    return Session(asked, case.config, folder, store, name, model, say, spacing_m, engine)

@@ -309,6 +309,7 @@ def posterior(
     case: str | os.PathLike[str] | Case,
     *,
     out: str | os.PathLike[str] | None = None,
+    engine: str = "mpm",
     spacing_m: float | None = None,
     measurement_set: str | None = None,
     use_constructed: bool = False,
@@ -326,6 +327,7 @@ def posterior(
         case: with a section, measurements and a question (`inversion.yaml`).
         out: see above; `posterior.json`, the draws `posterior.nc` (ArviZ) and `report.html` are
             written there.
+        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
         spacing_m: see above.
         measurement_set: name of a set; None: the default one.
         use_constructed: let constructed data enter the fit.
@@ -346,6 +348,7 @@ def posterior(
         Cancelled: the caller asked for it.
     """
     from inversion.back_analysis.case import inversion_case
+    from inversion.engine_registry import untrained
     from inversion.engines.run_store import RunStore
     from inversion.posterior.infer import Inference
     from inversion.posterior.runs import SectionModel
@@ -364,7 +367,10 @@ def posterior(
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
         section = section_of(asked)
         inference = Inference(
-            SectionModel(section, store), asked.setup.targets, asked.config.posterior, watch
+            SectionModel(section, store, untrained(engine)),
+            asked.setup.targets,
+            asked.config.posterior,
+            watch,
         )
         document = save_all(inference.run(), folder)
         write_posterior(folder)
@@ -381,6 +387,7 @@ def predict(
     distribution: Literal["lognormal", "normal"] = "lognormal",
     samples: int = 20_000,
     seeds: int = 3,
+    engine: str = "mpm",
     spacing_m: float | None = None,
     settings: Config | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
@@ -403,6 +410,7 @@ def predict(
         distribution: of strengths that are given as text.
         samples: drawn from the strengths, at least 100.
         seeds: jitter seeds that measure the numerical noise; 0: none.
+        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         device: see above.
@@ -420,7 +428,7 @@ def predict(
         WorkFailed: the simulations fail.
         Cancelled: the caller asked for it.
     """
-    from inversion.engines.mpm_engine import MPMEngine
+    from inversion.engine_registry import untrained
     from inversion.engines.run_store import RunStore
     from inversion.prediction import predict as prediction
     from inversion.prediction.drawn_strength import drawn_strengths
@@ -446,14 +454,15 @@ def predict(
             raise InputError(f"--zones: {OPTION} names its zones already")
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
         known = placed(read, list(zones) or section.default_zones, section.scene)
+        asked = untrained(engine)
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
         watch.plan({"simulating": (1 + seeds) * 7})
         with watch.stage("simulating"):
             found = prediction.predict(
-                MPMEngine(section.setup(known), store),
+                asked.forward(section.setup(known), store),
                 known,
                 jittered=[
-                    MPMEngine(section.setup(known, jitter_seed=seed), store)
+                    asked.forward(section.setup(known, jitter_seed=seed), store)
                     for seed in range(1, seeds + 1)
                 ],
                 samples=samples,
@@ -470,6 +479,7 @@ def predict_from_blow_counts(
     *,
     zones: Sequence[str] = (),
     out: str | os.PathLike[str] | None = None,
+    engine: str = "mpm",
     spacing_m: float | None = None,
     settings: Config | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
@@ -485,6 +495,7 @@ def predict_from_blow_counts(
         case: with a section whose liquefied zones have blow counts (`blow_counts.yaml`).
         zones: that liquefy, those of the section among them; empty: these alone.
         out: see above; `from_blow_counts.json` and its page are written there.
+        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         device: see above.
@@ -503,6 +514,7 @@ def predict_from_blow_counts(
         Cancelled: the caller asked for it.
     """
     from inversion.catalogue.correlations import RELATIONS
+    from inversion.engine_registry import untrained
     from inversion.engines.run_store import RunStore
     from inversion.prediction import from_blow_counts
     from inversion.prediction.prediction_case import prediction_case
@@ -515,7 +527,9 @@ def predict_from_blow_counts(
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
         watch.plan({"simulating": len(RELATIONS) * len(from_blow_counts.SCORES)})
         with watch.stage("simulating"):
-            document = from_blow_counts.predict_from_blow_counts(section, store, zones=zones)
+            document = from_blow_counts.predict_from_blow_counts(
+                section, store, zones=zones, engine=untrained(engine)
+            )
         write_json(folder / BLOW_COUNT_PREDICTION, document)
         write_page(document, folder)
         return document
@@ -571,6 +585,7 @@ def diagnose(
     *,
     out: str | os.PathLike[str] | None = None,
     hypothesis: str | None = None,
+    engine: str = "mpm",
     spacing_m: float | None = None,
     settings: Config | None = None,
     threads: int | None = None,
@@ -585,6 +600,7 @@ def diagnose(
         case: with a section, measurements and a question.
         out: see above; `verdict.json`, `sections.npz` and the hypotheses are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
+        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         threads: see above.
@@ -605,7 +621,7 @@ def diagnose(
 
     with (
         own_code(effect_files, measurement_files),
-        _session("diagnosis", case, out, hypothesis, spacing_m, settings, threads,
+        _session("diagnosis", case, out, hypothesis, engine, spacing_m, settings, threads,
                  Watch(progress, cancel)) as session,
     ):  # fmt: skip
         found = diagnosed(session)
@@ -618,6 +634,7 @@ def compare(
     *,
     out: str | os.PathLike[str] | None = None,
     hypothesis: str | None = None,
+    engine: str = "mpm",
     spacing_m: float | None = None,
     settings: Config | None = None,
     threads: int | None = None,
@@ -632,6 +649,7 @@ def compare(
         case: with a section, measurements and a question.
         out: see above; `compare.json`, `sections.npz` and the hypothesis are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
+        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         threads: see above.
@@ -652,7 +670,7 @@ def compare(
 
     with (
         own_code(effect_files, measurement_files),
-        _session("comparison", case, out, hypothesis, spacing_m, settings, threads,
+        _session("comparison", case, out, hypothesis, engine, spacing_m, settings, threads,
                  Watch(progress, cancel)) as session,
     ):  # fmt: skip
         found = compared(session)
@@ -665,6 +683,7 @@ def explain(
     *,
     out: str | os.PathLike[str] | None = None,
     hypothesis: str | None = None,
+    engine: str = "mpm",
     spacing_m: float | None = None,
     settings: Config | None = None,
     threads: int | None = None,
@@ -679,6 +698,7 @@ def explain(
         case: with a section, measurements and a question.
         out: see above; `explain.json` and `sections.npz` are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
+        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         threads: see above.
@@ -699,7 +719,7 @@ def explain(
 
     with (
         own_code(effect_files, measurement_files),
-        _session("explanation", case, out, hypothesis, spacing_m, settings, threads,
+        _session("explanation", case, out, hypothesis, engine, spacing_m, settings, threads,
                  Watch(progress, cancel)) as session,
     ):  # fmt: skip
         found = explained(session)
@@ -713,6 +733,7 @@ def _session(
     case: str | os.PathLike[str] | Case,
     out: str | os.PathLike[str] | None,
     hypothesis: str | None,
+    engine: str,
     spacing_m: float | None,
     settings: Config | None,
     threads: int | None,
@@ -720,6 +741,7 @@ def _session(
 ) -> Iterator[Session]:
     """A session of a diagnosis within a stage of this name."""
     from diagnosis.session import open_session
+    from inversion.engine_registry import untrained
 
     with _folder(out) as folder:
         case = load_case(case, settings=settings)
@@ -729,6 +751,7 @@ def _session(
             out=folder,
             hypothesis=hypothesis,
             spacing_m=spacing_m,
+            engine=untrained(engine),
             threads=threads,
             say=watch.say,
             on_run=watch.run_done,

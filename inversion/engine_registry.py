@@ -135,7 +135,21 @@ def engine_named(name: str, source: str = "") -> Engine:
     return _engines[name]
 
 
-register_engine(
+def untrained(name: str) -> Engine:
+    """The engine of a name, which answers more than a back-analysis.
+
+    Raises:
+        InputError: there is none, or it needs a trained model.
+    """
+    chosen = engine_named(name)
+    if chosen.trained:
+        raise InputError(
+            f"engine: {chosen.label} needs a trained model: back-analysis alone has it"
+        )
+    return chosen
+
+
+MPM = register_engine(
     Engine(
         name=REFERENCE,
         title="material point method",

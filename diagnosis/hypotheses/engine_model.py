@@ -22,7 +22,7 @@ from diagnosis.hypotheses.possible_measurements import possible_measurements, pr
 from diagnosis.hypotheses.registry import assumptions_of
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import scene_from_mapping
-from inversion.engine_registry import REFERENCE, Engine, engine_named
+from inversion.engine_registry import MPM, Engine
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
@@ -76,7 +76,7 @@ class EngineModel:
         setup: Setup,
         store: RunStore,
         *,
-        engine: Engine | None = None,
+        engine: Engine = MPM,
         sensitivities: Sequence[Sensitivity] = (),
         numbers: Mapping[str, Mapping[str, float]] | None = None,
         priors: Mapping[str, tuple[float, float]] | None = None,
@@ -84,7 +84,7 @@ class EngineModel:
     ) -> None:
         self.setup = setup
         self.store = store
-        self.engine = engine_named(REFERENCE) if engine is None else engine
+        self.engine = engine
         self.numerics = Numerics() if numerics is None else numerics
         self.numbers = {name: dict(given) for name, given in (numbers or {}).items()}
         self.failures: dict[State, str] = {}

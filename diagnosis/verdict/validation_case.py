@@ -31,7 +31,7 @@ def validated(session: Session, found: Diagnosis) -> ValidationCase | None:
     other = session.case.validation_case
     if other is None:
         return None
-    model = other.model(session.store)
+    model = other.model(session.store, session.engine)
     base = found.comparison.base.fit
     final = found.decision.final.model.fit
     chi2 = []

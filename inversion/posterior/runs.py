@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from inversion.engines.mpm_engine import MPMEngine
+from inversion.engine_registry import MPM, Engine
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.posterior.unknown import Section, Unknown
@@ -53,16 +53,18 @@ class Model(Protocol):
 
 @dataclass
 class SectionModel:
-    """`Model` by the material point method.
+    """`Model` by a forward engine.
 
     Attributes:
         section: and its unknowns.
         store: of the runs.
+        engine: what predicts.
         unread: runs that failed, or whose section does not hold together.
     """
 
     section: Section
     store: RunStore
+    engine: Engine = MPM
     unread: int = 0
 
     @property
@@ -155,7 +157,8 @@ class SectionModel:
         parameters = self.section.parameters
         there = [place for place, setup in enumerate(setups) if setup is not None]
         requests = [
-            (MPMEngine(setups[place], self.store), values[place, :parameters]) for place in there
+            (self.engine.forward(setups[place], self.store), values[place, :parameters])
+            for place in there
         ]
         found = np.full((len(values), len(self.names)), np.nan)
         predictions = requests[0][0].predict_each(requests) if requests else []

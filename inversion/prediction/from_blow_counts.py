@@ -22,7 +22,7 @@ from scipy.special import ndtri
 
 from inversion import PHYSICS_VERSION
 from inversion.catalogue.correlations import RELATIONS, Relation
-from inversion.engines.mpm_engine import MPMEngine
+from inversion.engine_registry import MPM, Engine
 from inversion.engines.run_store import RunStore
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.prediction_case import PredictionCase
@@ -51,6 +51,7 @@ def predict_from_blow_counts(
     *,
     zones: Sequence[str] = (),
     relations: Sequence[Relation] = tuple(RELATIONS.values()),
+    engine: Engine = MPM,
 ) -> dict[str, Any]:
     """The document (keys: docs/method/prediction.md); lengths in m, strengths in kPa.
 
@@ -59,6 +60,7 @@ def predict_from_blow_counts(
         store: of the runs.
         zones: that liquefy, in place of those of the section; empty: these.
         relations: to predict with.
+        engine: what predicts.
 
     Raises:
         InputError: a liquefied zone has no blow count, or none is liquefied.
@@ -67,10 +69,10 @@ def predict_from_blow_counts(
     case = with_liquefied(case, zones)
     zones = liquefied_with_counts(case)
     layered = [KnownStrength((zone,), ANY_KPA, ANY_KPA, "lognormal") for zone in zones]
-    engine = MPMEngine(case.setup(layered), store)
+    forward = engine.forward(case.setup(layered), store)
     gravity = case.simulation.gravity_m_per_s2
     layers = layers_of(case.scene, case.blow_counts, zones, gravity)
-    return document_of(case, layers, engine, relations)
+    return document_of(case, layers, forward, relations)
 
 
 def with_liquefied(case: PredictionCase, zones: Sequence[str]) -> PredictionCase:

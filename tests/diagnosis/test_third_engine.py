@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import flowslide
 from diagnosis.case import diagnosis_case
 from diagnosis.diagnose import diagnose
 from diagnosis.hypotheses.model import Model
@@ -18,6 +19,8 @@ from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result
 from inversion.engines.run_store import RunStore
+from inversion.posterior.runs import SectionModel
+from inversion.posterior.unknown import section_of
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from inversion.problem.forward import Forward
@@ -93,3 +96,21 @@ def test_the_diagnosis_finds_the_hidden_effect(embankment, formula):
     assert effect.name == "weak_base" and effect.amplitude == pytest.approx(HIDDEN, abs=0.1)
     assert verdict.final.values[model.parameters.names[0]] == pytest.approx(TRUTH, rel=0.05)
     assert model.computed == 0 and not model.failures
+
+
+def test_every_function_of_the_interface_asks_it(embankment, formula, tmp_path):
+    predicted = flowslide.predict(embankment, ["12+-2"], engine="formula", seeds=2, samples=500)
+    middle = predicted["quantities"][0]["mean"]
+    assert middle == pytest.approx(30.0 - 5.0 * np.log(TRUTH), abs=0.3)
+    verdict = flowslide.diagnose(embankment, engine="formula", out=tmp_path / "diagnosis")
+    assert verdict.manifest["settings"]["engine"] == "formula"
+    assert not (tmp_path / "diagnosis" / "sections.npz").exists()
+    section = section_of(inversion_case(load_case(embankment)))
+    model, start = SectionModel(section, RunStore(None), formula), section.case.parameters.start
+    (row,) = model.run(
+        np.concatenate([start, np.zeros(len(section.nuisances))])[None], coarse=False
+    )
+    assert row[0] == pytest.approx(30.0 - 5.0 * np.log(start[0]))
+    for ask in (flowslide.diagnose, flowslide.compare, flowslide.explain, flowslide.posterior):
+        with pytest.raises(InputError, match="engine: gns .Diff-GNS. needs a trained model"):
+            ask(embankment, engine="gns")
