@@ -8,8 +8,8 @@ from flowslide.commands import options
 
 CASES = "case_histories"
 DESCRIPTION = (
-    "Make a commented, working case folder from a section (CSV, GeoJSON, DXF) and a measured "
-    "runout or a surveyed profile. docs/start/your-own-case.md shows how."
+    "Make a commented, working case folder from a section (CSV, GeoJSON, DXF, FLAC2D) and a "
+    "measured runout or a surveyed profile. docs/start/your-own-case.md shows how."
 )
 
 
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--section", required=True, metavar="FILE", help="the drawing")
     parser.add_argument(
         "--format",
-        choices=("csv", "geojson", "dxf"),
+        choices=("csv", "geojson", "dxf", "f2grid"),
         help="of the drawing; default: from its suffix",
     )
     options.add_drawing(parser)

@@ -27,7 +27,7 @@ from flowslide.studio.jobs import KINDS, Jobs
 from flowslide.studio.live import Asked, Live, question
 from flowslide.studio.security import Guard
 from flowslide.studio.workspace import Workspace
-from geometry.scenes.drawings import FORMATS, read_section, section_scene
+from geometry.scenes.drawings import FORMATS, read_section, section_document
 from geometry.scenes.scene import checked_document
 from pipeline import __version__
 from pipeline.cli import InputError, WorkFailed
@@ -303,10 +303,9 @@ def _drawn(name: str, content: bytes, unit: str | None) -> dict[str, Any]:
         path = Path(folder) / name
         path.write_bytes(content)
         try:
-            scene = section_scene(read_section(path), source=name, name=path.stem, unit=unit)
+            return section_document(read_section(path), source=name, name=path.stem, unit=unit)
         except InputError as error:
             raise InputError(str(error).replace(f"{folder}/", "")) from None
-    return scene.model_dump(mode="json", exclude_none=True)
 
 
 def _effects() -> list[dict[str, Any]]:

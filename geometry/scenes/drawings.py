@@ -1,7 +1,7 @@
-"""Sections drawn elsewhere: CSV, GeoJSON and DXF become scenes.
+"""Sections drawn elsewhere: CSV, GeoJSON, DXF and grids of FLAC2D become scenes.
 
-All three give zones (closed outlines with a name) and, by the names `ground` and `water`, the base
-and the water table. Strengths come with the zones (CSV columns, GeoJSON properties) or from a file
+All give zones (closed outlines with a name) and, by the names `ground` and `water`, the base and
+the water table. Strengths come with the zones (CSV columns, GeoJSON properties) or from a file
 of materials. Nothing is made up: a zone without a strength is refused.
 """
 
@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from geometry.scenes.flac_grids import read_grid
 from geometry.scenes.scene import Material, Scene, scene_from_mapping
 from pipeline.cli import InputError
 from pipeline.files import read_json, read_yaml
@@ -25,7 +26,7 @@ GROUND, WATER = "ground", "water"
 UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048}
 #: DXF header code $INSUNITS -> unit.
 DXF_UNITS = {2: "ft", 4: "mm", 5: "cm", 6: "m"}
-FORMATS = (".csv", ".geojson", ".json", ".dxf")
+FORMATS = (".csv", ".geojson", ".json", ".dxf", ".f2grid")
 MATERIAL_FIELDS = tuple(name for name in Material.model_fields if name != "pre_failure")
 
 
@@ -43,11 +44,11 @@ class Section:
 
 
 def read_section(path: str | Path, kind: str | None = None) -> Section:
-    """Read the outlines of a CSV, GeoJSON or DXF file.
+    """Read the outlines of a CSV, GeoJSON or DXF file, or of a grid of FLAC2D.
 
     Args:
         path: the drawing.
-        kind: csv, geojson or dxf; None: as its suffix says.
+        kind: csv, geojson, dxf or f2grid; None: as its suffix says.
 
     Raises:
         InputError: unknown suffix, unreadable file, or a row or shape that is not a zone.
@@ -58,7 +59,8 @@ def read_section(path: str | Path, kind: str | None = None) -> Section:
         raise InputError(f"{path}: sections end in {', '.join(FORMATS)}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    reader = {".csv": _read_csv, ".dxf": _read_dxf}.get(suffix, _read_geojson)
+    readers = {".csv": _read_csv, ".dxf": _read_dxf, ".f2grid": _read_grid}
+    reader = readers.get(suffix, _read_geojson)
     section = reader(path)
     if not section.zones:
         raise InputError(f"{path}: no closed outline was found, so there is no zone")
@@ -90,6 +92,33 @@ def section_scene(
         A scene with open walls, room for a slide on both sides and, unless the drawing has a
         ground, a level base at its lowest vertex.
     """
+    document = section_document(
+        section, source=source, name=name, unit=unit, materials=materials, snap=snap
+    )
+    for zone in document["zones"]:
+        name, material = zone["name"], zone["material"]
+        for key in ("friction_deg", "cohesion_kpa"):
+            if key not in document["materials"][material]:
+                raise InputError(
+                    f"{source}: zone {name!r} (material {material!r}) has no {key}; give it in "
+                    "the drawing or with --materials FILE"
+                )
+    return scene_from_mapping(with_room({**document, "spacing": spacing}), source)
+
+
+def section_document(
+    section: Section,
+    *,
+    source: str,
+    name: str,
+    unit: str | None = None,
+    materials: Mapping[str, Any] | None = None,
+    snap: float = 0.0,
+) -> dict[str, Any]:
+    """The document of a scene as far as a drawing gives it; arguments as `section_scene`.
+
+    Strengths, spacing, domain and base may be missing.
+    """
     factor = UNITS[unit or section.unit or "m"]
     snapped = _Snap(snap)
     zones = {
@@ -99,7 +128,7 @@ def section_scene(
     chosen, definitions = _materials(section, materials or {}, source)
     ground = _scaled(section.ground, factor)
     water = _scaled(section.water, factor)
-    document = {
+    return {
         "name": name,
         "description": f"Imported from {Path(source).name}.",
         "ground": None if ground is None else {"points": ground},
@@ -110,9 +139,7 @@ def section_scene(
         "materials": definitions,
         "water_level": max(y for _, y in water) if water else None,
         "phreatic_line": water if water and len({y for _, y in water}) > 1 else None,
-        "spacing": spacing,
     }
-    return scene_from_mapping(with_room(document), source)
 
 
 def with_room(document: Mapping[str, Any], places: Sequence[float] = ()) -> dict[str, Any]:
@@ -191,12 +218,6 @@ def _materials(
         properties = dict(section.properties.get(zone, {}))
         material = str(properties.pop("material", zone))
         fields = {**given.get(material, {}), **properties}
-        missing = [key for key in ("friction_deg", "cohesion_kpa") if key not in fields]
-        if missing:
-            raise InputError(
-                f"{source}: zone {zone!r} (material {material!r}) has no {missing[0]}; give it in "
-                "the drawing or with --materials FILE"
-            )
         if material in definitions and definitions[material] != fields:
             raise InputError(
                 f"{source}: zone {zone!r} gives material {material!r} other values than a zone "
@@ -383,6 +404,14 @@ def _geojson_properties(properties: Mapping[str, Any], where: str) -> dict[str, 
             known = ", ".join(("name", "material", *Material.model_fields))
             raise InputError(f"{where}: unknown property {key!r}; allowed are {known}")
     return kept
+
+
+def _read_grid(path: Path) -> Section:
+    """The groups of a grid."""
+    section = Section()
+    for name, line in read_grid(path).items():
+        _add(section, name, line, str(path))
+    return section
 
 
 def _read_dxf(path: Path) -> Section:

@@ -220,9 +220,7 @@ def test_two_tabs_on_one_case_are_told_and_nothing_is_lost(address, browser, wor
     first.bring_to_front()  # what is in the background is drawn late
     fill(first, "spacing [m]", 1.5)
     second.bring_to_front()
-    expect(second.get_by_label("spacing [m]", exact=True)).to_have_value(
-        "1.5", timeout=WAIT_MS
-    )
+    expect(second.get_by_label("spacing [m]", exact=True)).to_have_value("1.5", timeout=WAIT_MS)
     # Both edit at once: who comes second is asked.
     first.route("**/revision", lambda route: route.abort())
     fill(second, "spacing [m]", 2)
