@@ -17,6 +17,7 @@ from report.pictures.answer_film import LARGEST_BYTES, known_film, save_film
 from report.sentences import back_analysis as words
 from report.table import plain
 from report.tables import back_analysis as tables
+from report.tables import checklist
 from report.two_strengths import two_strengths
 
 PAGE = "report.html"
@@ -100,6 +101,7 @@ def sections(data: BackAnalysisData, film: Path | None) -> list[Section]:
         _waterfall(data),
         _search(data),
         _catalogue(data),
+        _checklist(data),
         _film(film),
         _made(data),
     ]
@@ -301,6 +303,11 @@ def _catalogue(data: BackAnalysisData) -> Section:
             least_width_px=640,
         ),
     )
+
+
+def _checklist(data: BackAnalysisData) -> Section:
+    table = checklist.back_analysis_checklist(data)
+    return Section(checklist.TITLE, [*said([checklist.unchecked(table)]), *tabulated(table)])
 
 
 def _film(film: Path | None) -> Section:

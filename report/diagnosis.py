@@ -17,6 +17,7 @@ from report.numbers import plural, root_mean_square
 from report.page import Part, Section, folded, said, shown, tabulated, write_page
 from report.sentences import diagnosis as words
 from report.table import plain
+from report.tables import checklist
 from report.tables import diagnosis as tables
 from report.two_strengths import two_strengths
 
@@ -144,6 +145,7 @@ def sections(data: DiagnosisData) -> list[Section]:
         _next(data),
         _strength(data),
         _hidden(data),
+        _checklist(data),
         _made(data),
     ]
     return [section for section in made if section.parts]
@@ -344,6 +346,13 @@ def _next(data: DiagnosisData) -> Section:
         "Gain: expected squared separation, in variances of the new measurement and of the models."
     )
     return Section(title, [*said([see]), *tabulated(tables.next_table(found))])
+
+
+def _checklist(data: DiagnosisData) -> Section:
+    table = checklist.diagnosis_checklist(data)
+    if not table.rows:
+        return Section(checklist.TITLE)
+    return Section(checklist.TITLE, [*said([checklist.unchecked(table)]), *tabulated(table)])
 
 
 def _made(data: DiagnosisData) -> Section:

@@ -68,7 +68,7 @@ def two_strengths(folder: str | Path) -> TwoStrengths:
         folder: of a back-analysis or of a diagnosis.
     """
     results = Path(folder).resolve().parent
-    answer, document = _back_analysis(results), _diagnosis(results)
+    answer, document = _back_analysis(results), diagnosis_in(results)
     if answer is None or document is None or answer.case != document.case:
         return TwoStrengths(Table(HEAD, []))
     words = {p.name: p for p in document.parameters if p.strength}
@@ -139,8 +139,8 @@ def _back_analysis(results: Path) -> Result | None:
     return None
 
 
-def _diagnosis(results: Path) -> Verdict | CompareDocument | None:
-    """The verdict, or where there is none the comparison; None: neither, or not readable."""
+def diagnosis_in(results: Path) -> Verdict | CompareDocument | None:
+    """The verdict of a case, or where there is none the comparison; None: neither is readable."""
     for name, kind in ((FILE_NAME, Verdict), (COMPARE_FILE, CompareDocument)):
         path = results / DIAGNOSIS / name
         if path.is_file():

@@ -119,6 +119,7 @@ def test_every_part_is_there_in_order(whole):
         "What cannot be distinguished",
         "The strength before and after",
         "What could be hidden in it",
+        "Reviewer&#x27;s checklist",
         "How this was made",
     ]
     assert pictures(folder) == ALWAYS | {"steps.svg"}

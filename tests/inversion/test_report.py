@@ -68,6 +68,7 @@ def test_every_part_is_there_in_order(full_page):
         "From another reading to this answer",
         "How it was found",
         "Among other flow slides",
+        "Reviewer&#x27;s checklist",
         "How this was made",
     ]
     wanted = PICTURES | {"sensitivities.svg", "equally_good.svg", "waterfall.svg"}
