@@ -24,7 +24,7 @@ from diagnosis.session import Session
 from diagnosis.verdict.fitted_models import (
     effect_answers,
     judge,
-    judge_anew,
+    judge_again,
     keep,
     kept_step,
     step_of,
@@ -66,7 +66,7 @@ def _keep_comparison(session: Session, found: Comparison) -> None:
     judged = judge(found.base.data, found.base.fit)
     if not session.is_base:
         root = compare(session.root.model, session.root.options)
-        judged = judge_anew(root.base.data, found.base.fit)
+        judged = judge_again(root.base.data, found.base.fit)
         model, note = None, session.hypothesis.notes.strip() or "by hand"
         effects = {name: effect.amplitude for name, effect in session.hypothesis.effects.items()}
     step = step_of(

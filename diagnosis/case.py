@@ -125,12 +125,12 @@ class DiagnosisCase(Case):
 
         Those that are merely not asked for are not among them.
         """
-        told = {
+        ruled_out = {
             name: "ruled out by the engineer" + (f": {why}" if why else "")
             for name, why in self.question.forbid.items()
         }
         return {**{name: f"can do nothing here: {why}" for name, why in model.left_out.items()},
-                **told}  # fmt: skip
+                **ruled_out}  # fmt: skip
 
     @cached_property
     def files(self) -> list[Path]:

@@ -62,7 +62,7 @@ class Session:
         store: of the runs.
         hypothesis_name: of what replaces the base model.
         hypothesis: the same; None: the base model itself.
-        say: tells a line of progress.
+        say: called with a line of progress.
         spacing_m: as asked for; None: the case's own.
         engine: what predicts.
     """

@@ -134,7 +134,7 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
                     shares,
                     "Bars of the shares of the posterior variance, one row for each input.",
                     "Dark: the share of the posterior variance of the logarithm of the strength "
-                    "(of an angle: of itself) that would go if this became known (first order). "
+                    "(of an angle: of the angle) that would go if this became known (first order). "
                     "Pale: the share that would stay if everything else did (total). Shares of "
                     "inputs that depend on each other need not add up to 1.",
                 ),

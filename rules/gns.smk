@@ -67,7 +67,7 @@ rule train_model:
         "if [ {resources.gpu} -gt 0 ]; then how='--device cuda --processes {resources.gpu}';"
         " else how='--device cpu --joint-batch --processes {threads} --threads 1'; fi;"
         " python -m gns train --scale {wildcards.scale} --data {params.data} --out {params.folder}"
-        " --anew $how --config {params.config} > {output} 2> {log}"
+        " --start-over $how --config {params.config} > {output} 2> {log}"
 
 
 rule evaluate_model:

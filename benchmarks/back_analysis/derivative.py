@@ -49,12 +49,13 @@ def figure(name: str, unit: str, own: float, seeds: np.ndarray, step: float,
     """One parameter."""
     mean, error = float(seeds.mean()), float(seeds.std(ddof=1) / np.sqrt(len(seeds)))
     off = own / mean - 1.0
-    told = abs(mean) > 3.0 * error
+    significant = abs(mean) > 3.0 * error
     return Figure(
         f"d(toe) / d({name})",
-        f"{own:.3g} m/{unit}" + (f", {100 * off:+.0f} %" if told else ""),
-        f"{mean:.3g} ± {error:.2g} m/{unit}" + (f", within {100 * LIMIT:.0f} %" if told else ""),
-        bool(abs(off) <= LIMIT) if told else None,
+        f"{own:.3g} m/{unit}" + (f", {100 * off:+.0f} %" if significant else ""),
+        f"{mean:.3g} ± {error:.2g} m/{unit}"
+        + (f", within {100 * LIMIT:.0f} %" if significant else ""),
+        bool(abs(off) <= LIMIT) if significant else None,
         f"step {step:.2g} {unit}; reported as "
         f"{'resolved' if resolved else 'less than five times the noise'}",
     )

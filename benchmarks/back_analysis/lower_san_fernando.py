@@ -104,7 +104,7 @@ def angle_figure(angle: ParameterAnswer) -> Figure:
     return Figure(
         f"{angle.name}: standard deviation after / before",
         f"{share:.2f}",
-        "≥ 0.9, told as not determined" if asked else "",
+        "≥ 0.9, reported as not determined" if asked else "",
         (share >= 0.9 and not angle.determined) if asked else None,
         f"{angle.std_data:.2f} of {angle.prior_std:.2f} degrees; reported as "
         f"{'determined' if angle.determined else 'not determined'}",

@@ -154,7 +154,7 @@ def stress_rows(name: str, layer: Layer) -> list[Row]:
             f"{name}: stress, above the lowest {BASE_CELLS} cells", error[~base].max(), TOLERANCE
         ),
         bound(f"{name}: stress, lowest {BASE_CELLS} cells", error[base].max(), TOLERANCE),
-        bound(f"{name}: stress, beside smooth walls", layer.wall_error, TOLERANCE),
+        bound(f"{name}: stress, next to smooth walls", layer.wall_error, TOLERANCE),
     ]
 
 

@@ -1,10 +1,10 @@
 """The ground on trial: how soil and base meet, and where the base and the foreland lie.
 
-A base is drawn through few borings, a foreland often level for want of a map, and an obstacle that
-the slide has buried is on no plan. The base below the section moves between the feet only, where
-nobody sees it; the zones that stand on it reach down, or end, where it then lies. A base that is
-weaker than the soil on it is an effect of the library (`weak_base`, by a share), of the same
-family.
+A base is drawn through few borings, a foreland often level because no map shows more, and an
+obstacle that the slide has buried is on no plan. The base below the section moves between the feet
+only, where nobody sees it; the zones that stand on it reach down, or end, where it then lies. A
+base that is weaker than the soil on it is an effect of the library (`weak_base`, by a share), of
+the same family.
 """
 
 from __future__ import annotations

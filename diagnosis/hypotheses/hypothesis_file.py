@@ -176,8 +176,8 @@ def check_parent(hypothesis: Hypothesis, path: Path, folder: str | Path) -> None
     """
     if hypothesis.by != "engineer" or hypothesis.parent in (None, BASE):
         return
-    beside = {other.stem for other in path.parent.glob("*.yaml")}
-    known = {BASE, *beside, *hypothesis_files(folder)} - {path.stem}
+    neighbours = {other.stem for other in path.parent.glob("*.yaml")}
+    known = {BASE, *neighbours, *hypothesis_files(folder)} - {path.stem}
     if hypothesis.parent not in known:
         raise InputError(
             f"{path}: parent: no hypothesis {hypothesis.parent!r}; there are "

@@ -137,7 +137,7 @@ def effect_answers(
     high = space.amplitudes(space.clipped(x + WIDE * std))
     answers = []
     for place, effect in enumerate(space.effects):
-        unit, told = words[effect.name]
+        unit, description = words[effect.name]
         answers.append(
             verdict.EffectAnswer(
                 name=effect.name,
@@ -145,7 +145,7 @@ def effect_answers(
                 std=float(std[space.p + place] * effect.unit),
                 interval_95=(low[effect.name], high[effect.name]),
                 unit=unit,
-                words=told,
+                words=description,
             )
         )
     return answers
@@ -304,7 +304,7 @@ def judge(data: Data, fit: Fit) -> Judgement:
     return Judgement(fit, std, linear.dof, (misfit.chi2, misfit.n))
 
 
-def judge_anew(data: Data, fit: Fit) -> Judgement:
+def judge_again(data: Data, fit: Fit) -> Judgement:
     """A fit under another covariance than that it was made with: one linear step settles it."""
     space = fit.space
     linear = system(data, space, fit.derivative, fit.x)

@@ -44,12 +44,12 @@ def compare_document(
 ) -> verdict.CompareDocument:
     """`compare.json`."""
     base = comparison.base
-    told = alarm(comparison.adequacy.p_combined, options)
+    judged = alarm(comparison.adequacy.p_combined, options)
     return verdict.CompareDocument(
         case=case,
         title=title,
         sentence=comparison_sentence(comparison, options),
-        alarm=told,
+        alarm=judged,
         parameters=parameter_words(model.parameters),
         fitted_to=fitted_to_part(base, model.targets),
         base=base_stage(model, comparison),
@@ -96,10 +96,10 @@ def alarm(p: float, options: Options) -> str:
 def comparison_sentence(comparison: Comparison, options: Options) -> str:
     """The finding of `compare`."""
     adequacy, window = comparison.adequacy, comparison.window
-    told = alarm(adequacy.p_combined, options)
+    judged = alarm(adequacy.p_combined, options)
     numbers = f"chi2 {adequacy.chi2:.1f} on {adequacy.dof} degrees of freedom"
     p = f"combined p {adequacy.p_combined:.2g}"
-    if told == "adequate":
+    if judged == "adequate":
         return f"The base model explains the measurements within their errors ({numbers}, {p})."
     worst = max(adequacy.groups, key=lambda group: group.z, default=None)
     where = "" if worst is None else f"; farthest off is {worst.name}"
@@ -108,7 +108,7 @@ def comparison_sentence(comparison: Comparison, options: Options) -> str:
         where = (
             f"; it fails most along {window.measurement}, {window.begin:g} to {window.end:g} {unit}"
         )
-    verb = "may not explain" if told == "suspect" else "does not explain"
+    verb = "may not explain" if judged == "suspect" else "does not explain"
     return f"The base model {verb} the measurements ({numbers}, {p}){where}."
 
 

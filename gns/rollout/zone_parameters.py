@@ -22,7 +22,7 @@ Property = Literal["cohesion_kpa", "friction_deg", "density", "water_level"]
 
 
 @dataclass(frozen=True)
-class Sought:
+class UnknownProperty:
     """One number that the scene is made a function of.
 
     Attributes:
@@ -40,7 +40,7 @@ class Sought:
 
 
 def scene_function(
-    base: ScaledScene, facts: SceneFacts, sought: Sequence[Sought]
+    base: ScaledScene, facts: SceneFacts, unknowns: Sequence[UnknownProperty]
 ) -> Callable[[Tensor], ScaledScene]:
     """The scene as a function of the unknown values (p,), in their outside units.
 
@@ -50,22 +50,23 @@ def scene_function(
     Args:
         base: the scene with the values of the facts.
         facts: of the scene.
-        sought: the unknowns, p of them.
+        unknowns: the unknowns, p of them.
     """
     members = [
-        torch.from_numpy(np.isin(facts.zone, one.zones)).to(base.kinematic.device) for one in sought
+        torch.from_numpy(np.isin(facts.zone, one.zones)).to(base.kinematic.device)
+        for one in unknowns
     ]
 
     def scene_of(theta: Tensor) -> ScaledScene:
         scene = base
-        for one, points, value in zip(sought, members, theta, strict=True):
+        for one, points, value in zip(unknowns, members, theta, strict=True):
             scene = _with(scene, one, points, value)
         return scene
 
     return scene_of
 
 
-def _with(scene: ScaledScene, one: Sought, points: Tensor, value: Tensor) -> ScaledScene:
+def _with(scene: ScaledScene, one: UnknownProperty, points: Tensor, value: Tensor) -> ScaledScene:
     """The scene with one of the numbers put in."""
     match one.property:
         case "cohesion_kpa":

@@ -115,7 +115,7 @@ class ModelFolder:
         if other:
             raise InputError(
                 f"{self.folder}: holds a training with {other}; give another folder with --out, or "
-                "set this one aside with --anew"
+                "set this one aside with --start-over"
             )
         return document
 

@@ -102,7 +102,7 @@ def train(
     group: Group,
     *,
     start: Simulator | None = None,
-    anew: bool = False,
+    start_over: bool = False,
     stop: StopRequest | None = None,
     on_start: Callable[[int], None] | None = None,
     on_step: Callable[[int, float], None] | None = None,
@@ -117,7 +117,7 @@ def train(
         settings: of the training.
         group: the processes that learn together.
         start: a model to learn on from (fine-tuning); None: random weights.
-        anew: set aside another training in the folder instead of refusing to work there.
+        start_over: set aside another training in the folder instead of refusing to work there.
         stop: when to stop early.
         on_start: called once with the number of steps that are there already.
         on_step: called after each step with its number and loss.
@@ -127,7 +127,7 @@ def train(
         InputError: the folder holds another training, or the data do not fit the model.
         WorkFailed: the loss is not a finite number.
     """
-    training = _begin(folder, learned, settings, group, start, anew)
+    training = _begin(folder, learned, settings, group, start, start_over)
     examples = Examples(learned, settings, group.device)
     runs = choose_runs(held_out, settings.validate_runs)
     wrapped = group.wrapped(training.objective)
@@ -249,7 +249,7 @@ def _begin(
     settings: TrainSettings,
     group: Group,
     start: Simulator | None,
-    anew: bool,
+    start_over: bool,
 ) -> _Training:
     """A training at its first step, or where it was stopped."""
     simulator = _first_simulator(learned, settings, start).to(group.device)
@@ -271,7 +271,7 @@ def _begin(
             "spacing_m": learned.metadata.spacing_m,
         },
     )
-    if anew and group.leads:
+    if start_over and group.leads:
         folder.set_aside(made_from)
     group.wait()
     document = folder.load_state(made_from, "cpu", _first_of(made_from))

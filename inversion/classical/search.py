@@ -51,7 +51,7 @@ def critical_circle(
     head: tuple[float, float],
     toe: tuple[float, float],
     form: WaterForm = "buoyant",
-    sought: Literal["factor", "strength"] = "factor",
+    wanted: Literal["factor", "strength"] = "factor",
 ) -> FoundCircle:
     """The critical circle by Bishop's method.
 
@@ -61,7 +61,7 @@ def critical_circle(
         head: smallest and largest x of the upper end [m].
         toe: smallest and largest x of the lower end [m].
         form: how water is taken into account.
-        sought: `factor`: the lowest factor of safety; `strength`: the highest S_r for FS = 1.
+        wanted: `factor`: the lowest factor of safety; `strength`: the highest S_r for FS = 1.
 
     Raises:
         WorkFailed: no circle in the ranges stays within the soil.
@@ -73,7 +73,7 @@ def critical_circle(
         numbers = [np.linspace(low, high, GRID) for low, high in ranges]
         x_head, x_toe, sag = (a.ravel() for a in np.meshgrid(*numbers, indexing="ij"))
         circles = _circles(section, x_head, x_toe, sag)
-        values = _circle_values(section, circles, side, form, sought)
+        values = _circle_values(section, circles, side, form, wanted)
         tried += int(np.isfinite(values).sum())
         if np.isfinite(values).any():
             place = int(np.nanargmin(values))
@@ -88,7 +88,7 @@ def critical_circle(
         ranges = np.clip(ranges, widest[:, :1], widest[:, 1:])
     if best is None:
         raise WorkFailed("no circle between the given ends stays within the soil")
-    return FoundCircle(best, best_value if sought == "factor" else -best_value, tried)
+    return FoundCircle(best, best_value if wanted == "factor" else -best_value, tried)
 
 
 def critical_polyline(
@@ -184,7 +184,7 @@ def _circle_values(
     circles: tuple[np.ndarray, ...],
     side: Side,
     form: WaterForm,
-    sought: str,
+    wanted: str,
 ) -> np.ndarray:
     """The objective to minimise, of each circle; nan where it is not a slip surface."""
     x, y, radius, left, right = circles
@@ -205,7 +205,7 @@ def _circle_values(
         return values
     slices = slice_at(section, edges[inside], base[inside], side, form=form, outside_liquefied=True)
     circle = Circle(*(part[inside] for part in chosen))
-    if sought == "factor":
+    if wanted == "factor":
         found = bishop(slices, circle)
     else:
         found = -required_strength(slices, "bishop", circle)

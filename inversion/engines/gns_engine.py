@@ -28,7 +28,7 @@ from gns.network.units import ScaledScene
 from gns.rollout.differentiate import REVERSE_COST, jacobian, reverse_jacobian
 from gns.rollout.rollout import Rest, RestWatch, frames_of, wrong_step
 from gns.rollout.traced_rollout import trace
-from gns.rollout.zone_parameters import Sought, scene_function
+from gns.rollout.zone_parameters import UnknownProperty, scene_function
 from inversion.engines.rollout_readings import RolledOut, RolloutReading
 from inversion.engines.rollout_store import (
     RolloutStore,
@@ -184,15 +184,15 @@ class GNSEngine(Forward):
             start=start,
             window=first_window(start, facts, simulator.config.history),
             frames=max(frames_of(settings.duration_s, facts), 2),
-            scene_of=scene_function(simulator.scaled(facts), facts, self._sought(scene, values)),
+            scene_of=scene_function(simulator.scaled(facts), facts, self._unknowns(scene, values)),
             rest=rest if settings.early_stop else None,
             key=rollout_key(scene, settings, self.model.hash),
         )
 
-    def _sought(self, scene: Scene, values: np.ndarray) -> list[Sought]:
+    def _unknowns(self, scene: Scene, values: np.ndarray) -> list[UnknownProperty]:
         place = {zone.name: number for number, zone in enumerate(scene.zones)}
         return [
-            Sought(
+            UnknownProperty(
                 material_key(spec.property),
                 tuple(place[name] for name in spec.zones),
                 float(value),

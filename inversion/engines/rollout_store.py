@@ -115,8 +115,8 @@ def derivative_key(run_key: str, parameters: Parameters, way: str) -> str:
         parameters: their zones and properties, in order.
         way: of the derivative; with that through a part of the numbers, which.
     """
-    sought = [[material_key(spec.property), list(spec.zones)] for spec in parameters.specs]
-    return content_hash({"run": run_key, "by": sought, "way": way})
+    unknowns = [[material_key(spec.property), list(spec.zones)] for spec in parameters.specs]
+    return content_hash({"run": run_key, "by": unknowns, "way": way})
 
 
 def entry_keys(targets: Targets, foot: Mapping[str, float]) -> list[str]:

@@ -129,7 +129,7 @@ def document_of(
     asked = [values for rows in strengths for values in rows]
     found = engine.predict(asked)
     parts = [found[first : first + len(SCORES)] for first in range(0, len(found), len(SCORES))]
-    told = [
+    reported = [
         number
         for number, entry in enumerate(case.entries)
         if entry.name in case.known or _runs(found, number, 2.0 * case.scene.spacing)
@@ -146,7 +146,7 @@ def document_of(
             for layer in layers
         ],
         "relations": [
-            _relation(case, relation, layers, rows, predictions, told)
+            _relation(case, relation, layers, rows, predictions, reported)
             for relation, rows, predictions in zip(relations, strengths, parts, strict=True)
         ],
     }  # fmt: skip
@@ -174,7 +174,7 @@ def _relation(
     layers: Sequence[Layer],
     strengths: np.ndarray,
     predictions: Sequence[Prediction],
-    told: Sequence[int],
+    reported: Sequence[int],
 ) -> dict[str, Any]:
     kept = np.array([not prediction.failed for prediction in predictions])
     if kept.sum() < 2:
@@ -228,7 +228,7 @@ def _relation(
                 ),
             }
             for number, entry in enumerate(case.entries)
-            if number in told
+            if number in reported
         ],
     }  # fmt: skip
 

@@ -31,12 +31,12 @@ class PredictionCase(Case):
     Attributes:
         entries: measurements to read; those in `known` have measured values.
         known: names of the entries that have been measured.
-        sought: zones whose strength is back-analysed; empty: no back-analysis.
+        calibrated: zones whose strength is back-analysed; empty: no back-analysis.
     """
 
     entries: list[Measured]
     known: list[str]
-    sought: list[str]
+    calibrated: list[str]
 
     @property
     def ground(self) -> np.ndarray:
@@ -49,7 +49,7 @@ class PredictionCase(Case):
         liquefied = [
             zone.name for zone in self.scene.zones if self.scene.materials[zone.material].liquefied
         ]
-        return self.sought or liquefied
+        return self.calibrated or liquefied
 
     def setup(self, strengths: Sequence[KnownStrength], jitter_seed: int | None = None) -> Setup:
         """The section as the engine takes it, its parameters the strengths.
@@ -106,7 +106,7 @@ def prediction_case(case: Case, *, spacing_m: float | None = None) -> Prediction
         PredictionCase,
         entries=entries + _other_toes(entries, case.scene),
         known=[entry.name for entry in entries],
-        sought=[
+        calibrated=[
             zone
             for spec in (question.parameters if question else [])
             if spec.property == RESIDUAL_STRENGTH

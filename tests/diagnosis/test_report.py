@@ -253,14 +253,14 @@ def test_synthetic_measurements_are_called_constructed():
     assert "synthetic" not in lead(data_of(made))
 
 
-def test_held_out_and_constructed_data_are_told():
+def test_held_out_and_constructed_data_are_reported():
     assert role_sentence(data_of(identified())) == (
         "Held out, not fitted: profile from x 80 to 95 m, toe history. Constructed, not surveyed: "
         "drawn crest; shown only, not part of a fit or score."
     )
 
 
-def test_the_fall_is_told_on_both_kinds_of_data():
+def test_the_fall_is_reported_on_both_kinds_of_data():
     sentence = fall_sentence(data_of(identified()))
     assert "1.9 standard deviations before, 1.1 after" in sentence
     assert "On the 10 held-out data, which were not fitted: 3.1 before, 1.2 after" in sentence
@@ -275,7 +275,7 @@ def test_a_second_section_judges_the_answer(tmp_path):
     assert validation_sentence(data_of(identified())) == ""
 
 
-def test_where_and_how_it_fails_is_told():
+def test_where_and_how_it_fails_is_reported():
     verdict = identified()
     sentence = alarm_sentence(data_of(verdict)).replace("\N{NO-BREAK SPACE}", " ")
     assert "chi² 99.7 on 28 degrees of freedom" in sentence
@@ -285,14 +285,14 @@ def test_where_and_how_it_fails_is_told():
     assert window_sentence(None, "base model") == ""
 
 
-def test_rivals_are_told():
+def test_rivals_are_reported():
     told_ = " ".join(answer_sentences(data_of(ambiguous())))
     assert "Most probable: pore pressure" in told_
     assert "pore pressure (56 %); overburden strength (39 %)" in told_
     assert confounded(data_of(ambiguous()), 0.95)[0][:2] == ("overburden_strength", "pore_pressure")
 
 
-def test_what_promises_most_is_told():
+def test_what_promises_most_is_reported():
     sentence = candidate_sentence(data_of(identified())).replace("\N{NO-BREAK SPACE}", " ")
     assert sentence.startswith("The highest score among the effects tested has strain softening")
     assert "chi² would fall by 64" in sentence
@@ -307,7 +307,7 @@ def test_steps_left_out_are_counted_above_and_listed_below(tmp_path):
     assert read.index("refit of a, refit of b") > read.index("How this was made")
 
 
-def test_boundaries_are_told_by_what_they_bound():
+def test_boundaries_are_reported_by_what_they_bound():
     assert spoken("boundary_top_of_the_sand") == "top of the sand"
     assert shortened("boundary_top_of_the_liquefied_zone", 20) == "top of the…"
     assert shortened("weak_base", 20) == "weak base"
@@ -349,7 +349,7 @@ def test_constructed_numbers_have_no_column():
     assert found["marker A"].ends is None and len(found["marker A"].columns) == 2
 
 
-def test_like_stands_beside_like():
+def test_like_stands_next_to_like():
     found = identified().confounding
     names = [found.names[place] for place in order(np.array(found.cosine))]
     places = [names.index(name) for name in ("pore_pressure", "overburden_strength")]

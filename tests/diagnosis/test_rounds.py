@@ -238,7 +238,7 @@ def promising(drops: dict[str, float]) -> list[tuple[str, ...]]:
         return wanted_models(None, explanation, now, Options(), first=False)
 
 
-def test_beside_a_first_effect_only_what_promises_something_is_refitted():
+def test_next_to_a_first_effect_only_what_promises_something_is_refitted():
     found = promising({"step": 12.0, "twin": 3.5, "faint": 2.5, "nothing": 0.1})
     assert found == [("late", "step"), ("late", "twin"), ("a", "b")]
     assert promising({"faint": 2.5}) == [("a", "b")]
@@ -319,7 +319,7 @@ def test_a_random_pattern_that_nobody_chose_names_nothing():
     assert known.verdict == "identified" and names(known) == ("late",)
 
 
-def test_beside_a_random_pattern_only_what_was_found_before_it_stays():
+def test_next_to_a_random_pattern_only_what_was_found_before_it_stays():
     model = straight(0, {"late": 4.0, "step": 2.0})
     model.candidates = [replace(one, by_chance=one.name == "step") for one in model.candidates]
     found = diagnose(model, Options(draws=400, replicates=3, seed=0))

@@ -36,7 +36,7 @@ def test_each_command_has_its_own_times(session):
         (b"\xff\xfe", "not a UTF-8 text file"),
     ],
 )
-def test_times_that_cannot_be_read_are_told_of_and_written_anew(session, content, complaint):
+def test_times_that_cannot_be_read_are_reported_and_written_again(session, content, complaint):
     path = session.folder / TIMING
     path.write_bytes(content)
     session.write_timing("run")

@@ -180,7 +180,7 @@ def test_what_does_not_matter_has_no_gradient(case):
         assert np.array_equal(found, np.zeros(len(THETA)))
 
 
-def test_a_rollout_or_reading_that_is_not_finite_is_told(case):
+def test_a_rollout_or_reading_that_is_not_finite_is_reported(case):
     model, scene_of, window, _ = case
 
     def endless(frames):

@@ -216,7 +216,7 @@ def test_times_of_simulations_that_are_none(packed, model, tmp_path, content, wo
         (b'{"step": 1, "validation": {}}\n', "line 1: .* is not a line of a training"),
     ],
 )
-def test_metrics_that_are_none_are_told_before_the_rollouts(
+def test_metrics_that_are_none_are_reported_before_the_rollouts(
     packed, model, tmp_path, content, words
 ):
     folder = shutil.copytree(model, tmp_path / "model")

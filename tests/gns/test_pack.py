@@ -181,7 +181,7 @@ def test_other_settings_leave_nothing_of_the_old(batches, tmp_path):
     assert files_of(tmp_path / "out") == files_of(tmp_path / "fresh")
 
 
-def test_other_trajectories_are_packed_anew(batches, tmp_path):
+def test_other_trajectories_are_packed_again(batches, tmp_path):
     path = tmp_path / "batch_000.h5"
     write_batch(path, range(10))
     first = pack_into(tmp_path / "out", [path]).metadata

@@ -497,7 +497,7 @@ def test_another_training_is_set_aside_when_asked(trained, packed, tmp_path):
     shutil.copytree(trained, tmp_path / "model")
     other = SETTINGS.model_copy(update={"steps": 2})
     for _ in range(2):  # the second time it is the same training
-        run(tmp_path / "model", packed, other, anew=True)
+        run(tmp_path / "model", packed, other, start_over=True)
         aside = tmp_path / "model.before-1"
         assert same(weights(aside), weights(trained)) and numbers(aside) == numbers(trained)
         assert not (tmp_path / "model.before-2").exists()

@@ -86,7 +86,7 @@ def test_calibration_is_shown_with_probabilities_where_they_are_stated(method):
     assert "| 0.95-1 | 0.97 |" in told and "| 0.2-0.5 | - | none |" in told
 
 
-def test_effects_are_told_by_bins(method):
+def test_effects_are_reported_by_bins(method):
     text = generated(score(method), {}, method, "x")
     own = [one for one in method if one.truth["kind"] == "single" and one.hidden == {"effect_3"}]
     cells = []

@@ -66,7 +66,9 @@ def test_the_shipped_records_are_of_their_form(root):
         (lambda rows: [{**rows[0], "sha256": "0" * 64}], "case_0001: is not what was sealed"),
     ],
 )
-def test_a_record_that_is_none_is_told_before_the_score(root, rows, tmp_path, broken, complaint):
+def test_a_record_that_is_none_is_reported_before_the_score(
+    root, rows, tmp_path, broken, complaint
+):
     path = kept(broken(rows), tmp_path)
     with pytest.raises(InputError, match=complaint) as caught:
         score(root, tmp_path, "--record", str(path))
@@ -83,7 +85,7 @@ def test_a_record_that_is_none_is_told_before_the_score(root, rows, tmp_path, br
         (b"\xff\xfe", "page.md: not a UTF-8 text file"),
     ],
 )
-def test_a_page_that_cannot_be_written_is_told_before_the_score(
+def test_a_page_that_cannot_be_written_is_reported_before_the_score(
     root, rows, tmp_path, page, complaint
 ):
     path = tmp_path / "records" / "page.md"

@@ -52,7 +52,7 @@ def test_bins_count_their_own_cases():
     assert found.shares["named_60"].n == len(beyond) and found.shares["named_60"].value == 1.0
 
 
-def test_the_strength_of_all_singles_is_told_beside_that_of_the_right_ones():
+def test_the_strength_of_all_singles_is_reported_next_to_that_of_the_right_ones():
     singles = [t for t in truths(80) if t["kind"] == "single"]
     judged = [Judged(t, digest(t, "adequate", [], sets=[[]], error=(0.3, 0.3))) for t in singles]
     judged[:10] = [Judged(t, perfect(t)) for t in singles[:10]]
@@ -141,20 +141,20 @@ def test_the_names_of_a_pair_hold_one_of_its_effects_only_half():
     assert one.shares["pair_half"].value == 1.0
 
 
-def test_a_strength_beyond_two_standard_deviations_is_told():
+def test_a_strength_beyond_two_standard_deviations_is_reported():
     truth = next(t for t in truths(8) if t["kind"] == "single")
     off = Judged(truth, digest(truth, "identified", sorted(truth["effects"]), error=(0.2, 0.15)))
     assert score([off]).shares["strength_within_2_std"].value == 0.0
 
 
-def test_a_worse_prediction_of_what_was_held_out_is_told():
+def test_a_worse_prediction_of_what_was_held_out_is_reported():
     truth = next(t for t in truths(8) if t["kind"] == "single")
     names = sorted(truth["effects"])
     worse = Judged(truth, digest(truth, "identified", names, held_out=(4.0, 9.0)))
     assert score([worse]).shares["held_out_falls"].value == 0.0
 
 
-def test_pairs_are_counted_by_the_fainter_beside_the_other():
+def test_pairs_are_counted_by_the_fainter_next_to_the_other():
     row = [t for t in truths(160) if t["kind"] == "pair"]
     found = score([Judged(t, perfect(t)) for t in row])
     each = [sum(low <= t["beside"] < high for t in row) for low, high in ((3, 10), (10, 25))]

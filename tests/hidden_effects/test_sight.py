@@ -116,7 +116,7 @@ def test_a_pair_has_two_effects_that_can_be_seen(sight):
     assert maker.make(planned, sight.section) is None
 
 
-def test_the_fainter_of_two_is_seen_less_beside_the_other_than_both_are(sight):
+def test_the_fainter_of_two_is_seen_less_next_to_the_other_than_both_are(sight):
     """Each stands for a part of what the other does."""
     both = {"overburden_strength": 0.6, "side_friction": 0.9}
     assert 3.0 < sight.beside(both) < 0.6 * sight.seen_for_good(both).seen
@@ -130,7 +130,7 @@ def test_what_an_effect_does_where_the_parameters_have_given_way_to_it_counts(si
     assert found < sight.beside(both)
 
 
-def test_what_is_nothing_alone_is_nothing_beside_another(sight):
+def test_what_is_nothing_alone_is_nothing_next_to_another(sight):
     assert sight.seen_for_good({"overburden_strength": 0.6}).seen > 10.0
     assert sight.beside({"overburden_strength": 0.6, "cracking": 1e-4}) < 3.0
 

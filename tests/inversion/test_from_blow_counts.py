@@ -99,7 +99,7 @@ class Weak(Formula):
         ) else made  # fmt: skip
 
 
-def test_runs_that_failed_are_left_out_and_told(block):
+def test_runs_that_failed_are_left_out_and_reported(block):
     case = prediction_case(load_case(block))
     names = [entry.name for entry in case.entries]
     median = RELATIONS["kramer_wang_2015"].strength(8.0, 80.0)

@@ -239,9 +239,9 @@ def test_a_derivative_goes_on_from_a_rollout_that_is_kept(tmp_path):
     assert np.allclose(derivative, engine().derivative(VALUES, STEPS)[1], equal_nan=True)
     for path in tmp_path.glob("*.npz"):
         path.write_bytes(path.read_bytes()[:-100])
-    anew = engine(tmp_path)
-    again = anew.derivative(VALUES, STEPS)[1]
-    assert (anew.store.computed, anew.store.differentiated) == (1, 1)
+    later = engine(tmp_path)
+    again = later.derivative(VALUES, STEPS)[1]
+    assert (later.store.computed, later.store.differentiated) == (1, 1)
     assert np.allclose(again, derivative, rtol=1e-12, equal_nan=True)
 
 

@@ -132,7 +132,7 @@ def test_what_a_rollout_cannot_tell_is_left_out_and_said(solved):
 
 
 @pytest.mark.slow
-def test_the_result_fits_its_schema_and_is_told(solved):
+def test_the_result_fits_its_schema_and_is_reported(solved):
     result, folder, _ = solved
     jsonschema.validate(json.loads((folder / "result.json").read_text()), json.loads(schema_text()))
     assert load_result(folder).surrogate.model == "taught"

@@ -62,7 +62,7 @@ def test_the_loss_is_one_sided(moved, loss):
     assert objective.value(read(np.nan)) == np.inf
 
 
-def test_beside_a_toe_it_counts_only_where_it_is_broken():
+def test_next_to_a_toe_it_counts_only_where_it_is_broken():
     goal = targets_of(*toes(10.0), stood())
     objective = objective_of(goal)
     assert objective.value(read(12.0, 0.3)) == pytest.approx(4.0)

@@ -179,7 +179,7 @@ class CutOff(Formula):
         return replace(super()._one(values), at_rest=bool(values[0] > 15))
 
 
-def test_slides_cut_off_in_motion_are_told(root):
+def test_slides_cut_off_in_motion_are_reported(root):
     case = prediction_case(load_case(root / "case_histories/lower_san_fernando_paper"))
     case = replace(case, entries=[e for e in case.entries if e.name == "upstream toe"])
     found = predict(CutOff(power_law, ["upstream toe"]), [lognormal()])
@@ -221,7 +221,7 @@ def test_the_other_toe_of_an_open_domain_is_predicted_however_it_is_drawn(lsfd, 
         assert {entry.name for entry in case.entries} == toes
 
 
-def test_the_probability_of_a_flow_that_did_not_happen_is_told(lsfd):
+def test_the_probability_of_a_flow_that_did_not_happen_is_reported(lsfd):
     text = (lsfd / "measurements.yaml").read_text()
     stood = (
         "    - {name: downstream toe, type: no_flow, side: right, limit_m: 40.0, std_m: 0.5,\n"

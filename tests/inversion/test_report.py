@@ -181,7 +181,7 @@ def test_a_profile_is_judged_as_a_whole():
     )
 
 
-def test_what_is_not_identifiable_is_told():
+def test_what_is_not_identifiable_is_reported():
     told = " ".join(undetermined_sentences(BackAnalysisData(Path(), full())))
     assert "Friction angle of the rolled fill is not identifiable" in told
     assert "± 2.9° after the fit, ± 2.9° before (its bounds, 27 to 37)" in told

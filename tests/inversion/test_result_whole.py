@@ -53,7 +53,7 @@ def test_a_result_in_parts(whole, tmp_path, place, value, complaint):
     assert "\n" not in str(caught.value)
 
 
-def test_classical_methods_beside_that_are_none(tmp_path):
+def test_classical_methods_next_to_that_are_none(tmp_path):
     path = tmp_path / "classical" / "classical.json"
     path.parent.mkdir()
     path.write_text('{"analyses": [{"name": "upstream", "methods": [{"title": "ZIF"}]}]}')

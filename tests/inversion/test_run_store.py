@@ -63,7 +63,7 @@ def test_a_flipped_byte_is_noticed_or_does_no_harm(tmp_path, kept):
     assert unreadable > len(whole) / 2
 
 
-def test_a_slide_that_was_cut_off_and_a_number_that_was_not_read_are_told():
+def test_a_slide_that_was_cut_off_and_a_number_that_was_not_read_are_reported():
     settings = SimulationSettings(duration_s=4.0)
     numbers = np.array([17.3, np.nan])
     still = Prediction(numbers[:1], np.zeros(1))
@@ -157,7 +157,7 @@ def test_what_hangs_on_the_whole_way_is_read_once_and_kept_without_frames(tmp_pa
     assert timed in HistoryReader([told], {"left": 1.0, "right": 10.0}).wanted
 
 
-def test_a_history_of_a_run_that_was_cut_off_is_told_not_made_up(sliding):
+def test_a_history_of_a_run_that_was_cut_off_is_reported_not_made_up(sliding):
     scene, _ = sliding
     told = SlideDuration(name="told", type="slide_duration", value_s=3.0, std_s=1.0,
                          confidence="assumed", source="a test")  # fmt: skip

@@ -99,7 +99,7 @@ def test_three_starts_give_one_answer(start):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_bound_holds_and_is_told(method):
+def test_a_bound_holds_and_is_reported(method):
     search = problem([strength("a", low=29.0)], lambda v: dam([v[0], 30]), targets(53.0))
     found = calibrate(search, np.array([40.0]), method=method, least_m=2.0)
     assert not found.reached
@@ -309,14 +309,14 @@ def test_failed_seeds_are_left_out_of_the_noise():
     assert noise_of(runs[2:], np.array([True]))[0] == 0
 
 
-def test_a_failed_run_beside_the_point_is_tried_again_nearer():
+def test_a_failed_run_next_to_the_point_is_tried_again_nearer():
     engine = Formula(lambda v: np.array([np.nan if v[0] < 29.3 else 2 * v[0]]), ["toe 0"])
     _, derivative, steps = engine.derivative(np.array([30.0, 30.0]), np.array([-1.0, 1.0]))
     assert derivative[0, 0] == pytest.approx(2.0) and steps.tolist() == [-0.5, 1.0]
     assert engine.runs == 4
 
 
-def test_what_could_not_be_simulated_is_told_as_not_known():
+def test_what_could_not_be_simulated_is_reported_as_not_known():
     parameters = Parameters([strength("a"), angle("b")])
     known = np.array([[1.0, 0.0], [2.0, 0.0]])
     assert unknown_derivatives(parameters, known) == []

@@ -180,7 +180,7 @@ def test_a_scene_on_which_the_solver_raises_is_recorded(tmp_path, group_size):
     assert [run.status for run in list_runs(path)] == ["finished"] * 3
 
 
-def test_a_long_message_is_told_by_its_end():
+def test_a_long_message_is_reported_by_its_end():
     error = RuntimeError(
         "File solver.py\n  settle(\n  ^^^^^^^\n" + 200 * "stack " + "\nNaN in row 3"
     )

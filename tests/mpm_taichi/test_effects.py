@@ -47,7 +47,7 @@ def test_amplitude_zero_is_the_base_model_to_the_bit_and_by_key():
 
 
 @pytest.mark.slow
-def test_an_effect_that_is_off_leaves_no_trace_beside_one_that_is_on():
+def test_an_effect_that_is_off_leaves_no_trace_next_to_one_that_is_on():
     alone = slump({"weak_base": 0.3})
     beside = slump({"weak_base": 0.3, "strain_softening": 0.0, "bingham": 0.0, "water_drag": 0.0})
     first, second = simulate([alone, beside], SHORT)

@@ -202,7 +202,7 @@ def test_a_flipped_byte_in_the_data_is_noticed(path, tmp_path):
         ("energy", lambda a: np.zeros(3), "cannot be read, damaged"),
     ],
 )
-def test_arrays_of_another_size_are_told(path, name, change, complaint):
+def test_arrays_of_another_size_are_reported(path, name, change, complaint):
     with h5py.File(path, "r+") as file:
         group = file["run_00007"]
         values = change(group[name][...] if name != "energy" else None)

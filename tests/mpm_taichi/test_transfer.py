@@ -229,7 +229,7 @@ def test_spline_weights_keep_constants_lines_and_the_second_moment():
 
 
 @pytest.mark.parametrize(("low", "high"), [(1, 0), (0, 1)])
-def test_weights_beside_a_boundary_are_linear_and_join_those_inside(low, high):
+def test_weights_next_to_a_boundary_are_linear_and_join_those_inside(low, high):
     sign = 1.0 if low else -1.0
     offset = (sign * np.linspace(0.0, 0.5, 21)).astype(np.float32)
     weights, slopes = np.zeros((2, 21, 4), np.float32)

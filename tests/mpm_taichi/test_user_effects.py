@@ -195,7 +195,7 @@ def test_the_option_of_the_command_line(tmp_path):
     assert (wrong.returncode, len(wrong.stderr.strip().splitlines())) == (2, 1)
 
 
-def test_a_file_that_ends_the_program_is_told(tmp_path):
+def test_a_file_that_ends_the_program_is_reported(tmp_path):
     path = tmp_path / "ends.py"
     path.write_text("import sys\n\nsys.exit(0)\n")
     with pytest.raises(InputError, match="ends.py: does not load: SystemExit"):

@@ -64,7 +64,7 @@ def test_an_error_that_the_system_has_not_numbered_is_ours():
 
 
 @pytest.mark.parametrize("length", [250, 300])
-def test_a_name_that_is_too_long_is_told_as_it_was_given(capsys, tmp_path, length):
+def test_a_name_that_is_too_long_is_reported_as_it_was_given(capsys, tmp_path, length):
     path = tmp_path / ("a" * length)  # of 250 letters, it is the temporary name that is too long
     assert leave(lambda argv: write_text(path, "text")) == 2
     assert capsys.readouterr().err.splitlines() == [f"error: {path}: File name too long"]

@@ -31,7 +31,7 @@ def names(folder: Path) -> list[str]:
     return sorted(entry.name for entry in folder.iterdir())
 
 
-def test_a_folder_that_cannot_be_made_is_told_in_a_line(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported_in_a_line(tmp_path):
     (tmp_path / "file").touch()
     with (
         pytest.raises(InputError, match="file/folder: cannot be written: Not a directory"),
@@ -257,7 +257,7 @@ def test_written_files_have_ordinary_rights(tmp_path):
     assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o666 & ~mask
 
 
-def test_a_folder_in_the_place_of_a_file_is_told(tmp_path):
+def test_a_folder_in_the_place_of_a_file_is_reported(tmp_path):
     with pytest.raises(InputError, match="is a folder; a file is to be written there"):
         write_text(tmp_path, "text")
     assert tmp_path.is_dir() and not list(tmp_path.iterdir())

@@ -11,7 +11,7 @@ def test_it_is_made_with_those_above_it(tmp_path):
     assert ready_folder(tmp_path / "a" / "b", ["c.png"]) == tmp_path / "a" / "b"
 
 
-def test_what_cannot_be_written_is_told(tmp_path):
+def test_what_cannot_be_written_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file.out: cannot be written: Not a directory"):
         ready_folder(tmp_path / "file" / "out", [])

@@ -12,7 +12,7 @@ def test_text_is_read_whole(tmp_path):
     assert read_text(path, encoding="utf-8-sig") == "höhe\n"
 
 
-def test_what_is_no_text_is_told_in_one_line(tmp_path):
+def test_what_is_no_text_is_reported_in_one_line(tmp_path):
     (tmp_path / "latin.csv").write_bytes("höhe\n".encode("latin-1"))
     for name, words in (
         ("latin.csv", "not a UTF-8 text file"),

@@ -124,7 +124,7 @@ def test_resume_runs_what_is_missing_broken_or_changed(place):
     assert [name for name, _, _ in place.calls] == ["first"]
 
 
-def test_quick_stores_nothing_and_draws_only_where_told(place):
+def test_quick_stores_nothing_and_draws_only_where_reported(place):
     assert place.study.main(["first", "--quick"]) == 0
     assert place.calls[-1] == ("first", None, True)
     place.study.main(["first", "--quick", "--out", str(place.folder / "here")])

@@ -65,7 +65,7 @@ GNS = '''
 import sys
 from pathlib import Path
 place = sys.argv.index("--scale")
-files, options = sys.argv[2:place], [word for word in sys.argv[place:] if word != "--anew"]
+files, options = sys.argv[2:place], [word for word in sys.argv[place:] if word != "--start-over"]
 arguments = dict(zip(options[::2], options[1::2]))
 if sys.argv[1] == "evaluate":
     model = Path(arguments["--model"])

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="learn on from the weights of this model (folder, model.pt, or name in models/)",
     )
     parser.add_argument(
-        "--anew",
+        "--start-over",
         action="store_true",
         help="where --out holds a training with other settings or data, set it aside (renamed)",
     )
@@ -167,7 +167,7 @@ def _train(arguments, settings, learned, held_out, folder, members) -> int:
                 settings,
                 members,
                 start=start,
-                anew=arguments.anew,
+                start_over=arguments.start_over,
                 stop=stop,
                 on_start=watch.begin,
                 on_step=watch.step,

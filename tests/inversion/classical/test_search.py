@@ -33,7 +33,7 @@ def test_acads_example_1a(soil, section):
 
 
 def test_circle_of_the_highest_strength(dam):
-    found = critical_circle(dam(), "left", head=(26.0, 45.0), toe=(0.1, 20.0), sought="strength")
+    found = critical_circle(dam(), "left", head=(26.0, 45.0), toe=(0.1, 20.0), wanted="strength")
     slices = cut(dam(), found.circle, "left", count=60)
     strength = required_strength(slices, "bishop", found.circle)
     assert found.value == pytest.approx(float(strength), rel=0.03)
