@@ -13,6 +13,7 @@ from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 
+from inversion.estimation.budget import Predictor
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Amplitude, Parameters
 from inversion.problem.forward import State
@@ -153,7 +154,7 @@ class Proposal:
 
 
 @runtime_checkable
-class Model(Protocol):
+class Model(Predictor, Protocol):
     """A model whose missing physics is searched for.
 
     Attributes:
@@ -162,7 +163,6 @@ class Model(Protocol):
         candidates: effects that may be missing; those that can do nothing here are not among them.
         curves: unknown strength curves that may be tried where no candidate explains the misfit.
         runs: forward runs asked for, those found in the cache too; `free` candidates cost none.
-        computed: forward runs that were really simulated.
     """
 
     parameters: Parameters
@@ -170,15 +170,6 @@ class Model(Protocol):
     candidates: list[Candidate]
     curves: list[Curve]
     runs: int
-    computed: int
-
-    def predict(self, states: Sequence[State]) -> np.ndarray:
-        """Predictions of all states, (n, m), in one batch; a row of NaN where a run failed.
-
-        All m numbers of `targets` are predicted, held-out and compared ones included. Errors of the
-        survey act on the prediction. Two equal states give equal rows.
-        """
-        ...
 
 
 @runtime_checkable

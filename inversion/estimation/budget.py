@@ -9,10 +9,29 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
-from inversion.problem.forward import Forward, State
+from inversion.problem.forward import State
+
+
+class Predictor(Protocol):
+    """What answers states.
+
+    Attributes:
+        computed: forward runs that were really simulated.
+    """
+
+    computed: int
+
+    def predict(self, states: Sequence[State]) -> np.ndarray:
+        """Predictions of all states, (n, m), in one batch; a row of NaN where a run failed.
+
+        All m numbers of the measurements are predicted, held-out and compared ones included. Errors
+        of the survey act on the prediction. Two equal states give equal rows.
+        """
+        ...
 
 
 @dataclass
@@ -27,7 +46,7 @@ class Runs:
         cut_short: what was left out because the allowance did not cover it.
     """
 
-    model: Forward
+    model: Predictor
     allowance: int
     free: Collection[str] = ()
     reserve: int = 0

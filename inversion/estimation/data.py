@@ -110,18 +110,6 @@ class Targets:
             if wanted and np.isfinite(value)
         }
 
-    def unconstructed(self) -> Targets:
-        """The same without constructed numbers."""
-        kept = np.flatnonzero(self.shown)
-        places = sorted({self.groups[place] for place in kept})
-        return Targets(
-            entries=[self.entries[place] for place in places],
-            names=[self.names[place] for place in kept],
-            measured=self.measured[kept],
-            covariance=self.covariance[np.ix_(kept, kept)],
-            roles=[self.roles[place] for place in kept],
-        )
-
     def with_values(self, values: Mapping[str, float]) -> Targets:
         """The same with other target values, by name of a number.
 

@@ -256,11 +256,6 @@ def _some_zone(scene: Scene, stream: Stream) -> dict[str, float]:
     return {"zone": float(large[stream.integer(0, len(large) - 1)])}
 
 
-def _liquefied_zone(scene: Scene, stream: Stream) -> dict[str, float]:
-    numbers = [k for k, z in enumerate(scene.zones) if scene.materials[z.material].liquefied]
-    return {"zone": float(numbers[0])}
-
-
 def _soil_strength(scene: Scene, one: Hidden) -> Scene:
     """tan(phi) and c of a zone, times the amplitude."""
     number = int(one.numbers["zone"])
