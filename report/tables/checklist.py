@@ -199,7 +199,7 @@ def _of_case(data: BackAnalysisData, case: Case) -> Iterator[Row]:
         there = zones.get(name, set())
         left = {zone for zone in there if not any((zone, key) in sought for key in STRENGTH_KEYS)}
         if left:
-            source = comments.on("materials", name) or SCENE_FILE
+            source = soil.source or comments.on("materials", name) or SCENE_FILE
             own = _of_property(question, STRENGTH_KEYS, left)
             how = _checked(own, _tested(verdict, "soil", f"strength_of_{name}"))
             yield Row(f"strength of the {spoken(name)}", _strength(soil), source, how=how)

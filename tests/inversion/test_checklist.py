@@ -96,6 +96,11 @@ def test_what_the_section_assumes_is_varied_or_not_checked(tmp_path):
     assert "0.8 x 0.153" in found[CORE][3], "the comment in scene.yaml"
     assert found["phreatic line"][3].startswith("Constructed")
     assert found["water"][:2] == ["pool at 35.9 m", NOT_CHECKED]
+    stated = case.drawn.materials["core"].model_copy(update={"source": "vane tests"})
+    soils = {**case.drawn.materials, "core": stated}
+    drawn = case.drawn.model_copy(update={"materials": soils})
+    found = rows(back_analysis_checklist(data(tmp_path, full(), replace(case, drawn=drawn))))
+    assert found[CORE][3] == "vane tests", "what the soil itself names goes before a comment"
     core = FixedProperty(name="c of the core", kind="property", zones=["core"],
                          property="cohesion_kpa", std=15.0)  # fmt: skip
     pool = WaterLevel(name="pool level", kind="water_level", std_m=0.5)
