@@ -13,7 +13,7 @@
 
 VENV ?= .venv
 PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(shell command -v $(name))))
-EXTRAS := dxf,paraview,video,studio,workflow,dev,docs
+EXTRAS := dxf,paraview,terrain,video,studio,workflow,dev,docs
 UV ?= $(shell command -v uv)
 READY := $(VENV)/.flowslide-installed
 IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH"

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         Cancelled,
         InputError,
         Simulation,
+        Simulation3d,
         WorkFailed,
         back_analyse,
         classical,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
         predict,
         predict_from_blow_counts,
         simulate,
+        simulate_3d,
         write_pdf,
         write_report,
     )
@@ -40,6 +42,7 @@ __all__ = [
     "Cancelled",
     "InputError",
     "Simulation",
+    "Simulation3d",
     "WorkFailed",
     "back_analyse",
     "classical",
@@ -52,6 +55,7 @@ __all__ = [
     "predict",
     "predict_from_blow_counts",
     "simulate",
+    "simulate_3d",
     "write_pdf",
     "write_report",
 ]

@@ -45,18 +45,22 @@ if TYPE_CHECKING:
     from diagnosis.session import Session
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
     from geometry.case import Case
+    from geometry.scenes3d.scene3d import Scene3d
     from inversion.back_analysis.case import InversionCase
     from inversion.back_analysis.engine_choice import Choice
     from inversion.back_analysis.result import Result
     from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
+    from mpm_taichi.readings3d import Maps
+    from mpm_taichi.simulate3d import Run3d
     from mpm_taichi.trajectory import Run
 
 __all__ = [
     "Cancelled",
     "InputError",
     "Simulation",
+    "Simulation3d",
     "WorkFailed",
     "back_analyse",
     "classical",
@@ -69,6 +73,7 @@ __all__ = [
     "predict",
     "predict_from_blow_counts",
     "simulate",
+    "simulate_3d",
     "write_pdf",
     "write_report",
 ]
@@ -208,6 +213,96 @@ def _write_simulation(done: Simulation, out: Path, film: str) -> None:
     if film != "none":
         save_case_film(done.case, done.run, out / f"runout.{film}")
     write_observables(out / "observables.csv", done.readings)
+
+
+@dataclass(frozen=True)
+class Simulation3d:
+    """A slide simulated in three dimensions.
+
+    Attributes:
+        scene: what `scene3d.yaml` says.
+        run: the trajectory: `positions` (T, N, 3) [m], `time` (T,) [s] of N material points.
+        maps: ground, thickness before and after, largest speed.
+        readings: name with unit -> number; NaN where there is nothing to read.
+        walls: edges of the domain that soil has reached; runouts are then too short.
+    """
+
+    scene: Scene3d
+    run: Run3d
+    maps: Maps
+    readings: dict[str, float]
+    walls: list[str]
+
+
+def simulate_3d(
+    scene: str | os.PathLike[str],
+    *,
+    out: str | os.PathLike[str] | None = None,
+    strengths_kpa: Mapping[str, float] | None = None,
+    water: bool = True,
+    spacing_m: float | None = None,
+    settings: Config | None = None,
+    threads: int | None = None,
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> Simulation3d:
+    """Simulate a slide in three dimensions, on the CPU.
+
+    Args:
+        scene: `scene3d.yaml` or its folder.
+        out: folder of the run, maps, readings, rasters and page, and of the checkpoint from which a
+            stopped call goes on; None: nothing is written.
+        strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
+        water: False takes pool and groundwater away.
+        spacing_m: see above.
+        settings: see above.
+        threads: see above.
+        progress: called with the seconds of motion simulated.
+        cancel: asked at every frame.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: the solver stopped the run.
+        Cancelled: the caller asked for it.
+    """
+    from geometry.scenes3d.scene3d import load_scene_3d
+    from mpm_taichi.readings3d import maps_of, readings_3d, walls_reached
+    from mpm_taichi.simulate3d import simulate_3d as solve
+    from mpm_taichi.simulate3d import write_run_3d
+    from mpm_taichi.solver3d.problem import problem_of
+    from pipeline.files import ready_folder
+    from report.simulation3d import FILES, RASTERS, write_simulation_3d
+
+    watch = Watch(progress, cancel)
+    described = load_scene_3d(scene, spacing=spacing_m)
+    described = described.changed(water=water, strengths_kpa=strengths_kpa)
+    problem = problem_of(described)
+    simulation = (settings or load_settings(None)).simulation
+    if described.document.duration_s is not None:
+        simulation = simulation.model_copy(update={"duration_s": described.document.duration_s})
+    folder = None if out is None else ready_folder(out, ("run.h5", *FILES, *RASTERS))
+    seconds = max(round(simulation.duration_s), 1)
+    words = (
+        f"simulating {problem.name}, {len(problem.position)} points (up to {seconds} s of motion)"
+    )
+    run = solve(
+        problem,
+        simulation,
+        threads=threads,
+        checkpoint=folder and folder / "checkpoint.npz",
+        on_frame=lambda time, _: watch.reach(min(int(time), seconds), seconds, words),
+    )
+    watch.reach(seconds, seconds, words)
+    if folder is not None:
+        write_run_3d(folder / "run.h5", run)
+    if run.status == "failed":
+        raise WorkFailed(f"{problem.name}: {run.reason}")
+    maps = maps_of(described, problem, run)
+    readings = readings_3d(described, problem, run, maps)
+    done = Simulation3d(described, run, maps, readings, walls_reached(described, maps))
+    if folder is not None:
+        write_simulation_3d(described, maps, readings, done.walls, folder)
+    return done
 
 
 def back_analyse(

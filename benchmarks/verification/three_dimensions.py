@@ -44,13 +44,14 @@ from benchmarks.verification.mohr_coulomb_reference import (
 from benchmarks.verification.rows import Row
 from geometry.scenes.scene import Material, Scene
 from geometry.survey.surface_profile import surface_profile
+from geometry.terrain.raster import Raster
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import material_constants
 from mpm_taichi.simulate import simulate
 from mpm_taichi.simulate3d import Run3d, simulate_3d
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver3d.layout import REAL, VEC6, VEC8, VEC9, vec4
-from mpm_taichi.solver3d.problem import Problem3d, Raster, extruded
+from mpm_taichi.solver3d.problem import Problem3d, extruded
 from mpm_taichi.solver3d.stress import elastic_trial, mohr_coulomb, volume_rate
 from pipeline.config import SimulationSettings
 

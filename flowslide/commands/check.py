@@ -37,7 +37,13 @@ def run(arguments: argparse.Namespace) -> None:
     from geometry.scenes.fill import fill
     from geometry.scenes.scene import load_scene, scene_files
 
-    paths = scene_files(arguments.scenes)
+    solid = [text for text in arguments.scenes if options.is_3d(text)]
+    for text in solid:
+        _check_3d(text)
+    flat = [text for text in arguments.scenes if text not in solid]
+    if not flat:
+        return
+    paths = scene_files(flat)
     points_in_all, draws, worst = 0, 0, 0.0
     for number, path in enumerate(paths):
         scene = load_scene(path)
@@ -66,6 +72,18 @@ def run(arguments: argparse.Namespace) -> None:
     print(
         f"{len(paths)} valid, {points_in_all} points, filled to within {100.0 * worst:.2f} % of "
         "the area" + (f", {draws} draws" if draws else "")
+    )
+
+
+def _check_3d(text: str) -> None:
+    from geometry.scenes3d.scene3d import load_scene_3d
+    from mpm_taichi.solver3d.problem import problem_of
+
+    problem = problem_of(load_scene_3d(text))
+    x_min, x_max, y_min, y_max, _ = problem.domain
+    print(
+        f"{problem.name}: three-dimensional, {len(problem.position)} points, "
+        f"{problem.volume.sum():.4g} m3, {x_max - x_min:g} x {y_max - y_min:g} m in plan"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 
 from pipeline.cli import InputError, add_common
 
@@ -99,6 +100,12 @@ def add_simulating(parser: argparse.ArgumentParser) -> None:
     add_effects(parser)
     add_measurements_code(parser)
     add_common(parser)
+
+
+def is_3d(text: str) -> bool:
+    """True for scene3d.yaml or a folder that holds one."""
+    path = Path(text)
+    return path.name == "scene3d.yaml" or (path / "scene3d.yaml").is_file()
 
 
 def check(arguments: argparse.Namespace) -> None:

@@ -42,6 +42,9 @@ def run(arguments: argparse.Namespace) -> None:
     """Draw."""
     from report.pictures.scene import save_gallery, save_scene_picture
 
+    if any(options.is_3d(text) for text in arguments.scenes):
+        _show_3d(arguments)
+        return
     scenes = _chosen_scenes(arguments)
     if arguments.columns < 1:
         raise InputError(f"--columns {arguments.columns}: at least 1")
@@ -51,6 +54,19 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(f"--points: for one scene, but there are {len(scenes)}")
     else:
         save_gallery(scenes, arguments.out, columns=arguments.columns)
+    print(f"wrote {arguments.out}")
+
+
+def _show_3d(arguments: argparse.Namespace) -> None:
+    from geometry.scenes3d.scene3d import load_scene_3d
+    from mpm_taichi.readings3d import maps_of
+    from mpm_taichi.solver3d.problem import problem_of
+    from report.simulation3d import draw_scene_3d
+
+    if len(arguments.scenes) > 1 or arguments.points:
+        raise InputError("scene3d.yaml: one scene at a time, and without --points")
+    scene = load_scene_3d(arguments.scenes[0])
+    draw_scene_3d(scene, maps_of(scene, problem_of(scene)), arguments.out)
     print(f"wrote {arguments.out}")
 
 

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flowslide.commands import options
+from pipeline.cli import InputError
+
+if TYPE_CHECKING:
+    from pipeline.config import Config
 
 FILMS = ("mp4", "gif", "none")
 DESCRIPTION = (
     "Simulate the section of a case history, write runout.png, a film and observables.csv, and "
-    "print what was measured next to what was simulated."
+    "print what was measured next to what was simulated. A folder with scene3d.yaml is "
+    "simulated in three dimensions: report.html, map.png, readings.csv, GeoTIFFs, run.h5."
 )
 
 
@@ -29,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cohesion of a material, which is S_r where it liquefied; may be repeated",
     )
     options.add_set_of_measurements(parser)
-    parser.add_argument("--film", choices=FILMS, default=FILMS[0], help=f"default: {FILMS[0]}")
+    parser.add_argument("--film", choices=FILMS, help=f"default: {FILMS[0]}; none in 3-D")
     options.add_simulating(parser)
 
 
@@ -41,13 +47,17 @@ def run(arguments: argparse.Namespace) -> None:
     from pipeline.progress import Progress
 
     settings = load_config(arguments.config, arguments.overrides)
+    if options.is_3d(arguments.case):
+        _run_3d(arguments, settings)
+        return
+    film = arguments.film or FILMS[0]
     case = api.load_case(arguments.case, settings=settings)
     out = Path(arguments.out or Path(settings.results_folder) / case.name / "simulation")
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         done = api.simulate(
             case,
             out=out,
-            film=arguments.film,
+            film=film,
             strengths_kpa=dict(arguments.strength),
             water=not arguments.no_water,
             spacing_m=arguments.spacing,
@@ -64,7 +74,44 @@ def run(arguments: argparse.Namespace) -> None:
     )
     print(comparison.energy_line(done.run))
     print(f"Picture: {out / 'runout.png'}; numbers: {out / 'observables.csv'}", end="")
-    print("" if arguments.film == "none" else f"; film: {out / 'runout'}.{arguments.film}")
+    print("" if film == "none" else f"; film: {out / 'runout'}.{film}")
+
+
+def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
+    from flowslide import api
+    from pipeline.progress import Progress
+    from report.simulation3d import named, warning
+
+    refused = {
+        "--set-of-measurements": arguments.set_of_measurements,
+        "--film": arguments.film not in (None, "none"),
+        "--device cuda": arguments.device != "cpu",
+        "--effects": arguments.effect_files,
+        "--measurements-code": arguments.measurement_files,
+    }
+    for option, given in refused.items():
+        if given:
+            raise InputError(f"{option}: not in three dimensions ({arguments.case})")
+    folder = Path(arguments.case)
+    name = (folder.parent if folder.is_file() else folder).resolve().name
+    out = Path(arguments.out or Path(settings.results_folder) / name / "simulation")
+    with Progress(0, name, quiet=arguments.quiet) as bar:
+        done = api.simulate_3d(
+            folder,
+            out=out,
+            strengths_kpa=dict(arguments.strength),
+            water=not arguments.no_water,
+            spacing_m=arguments.spacing,
+            settings=settings,
+            threads=arguments.threads,
+            progress=bar.report,
+        )
+    for quantity, value in done.readings.items():
+        words, unit = named(quantity)
+        print(f"{words:<32}{value:>12.5g} {unit}")
+    if done.walls:
+        print(warning(done.walls))
+    print(f"Page: {out / 'report.html'}; map: {out / 'map.png'}; run: {out / 'run.h5'}")
 
 
 def _strength(text: str) -> tuple[str, float]:

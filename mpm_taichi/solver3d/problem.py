@@ -3,50 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import MOHR_COULOMB
+from geometry.scenes3d.fill3d import fill_terrain
+from geometry.scenes3d.scene3d import Scene3d, plan_domain
+from geometry.terrain.raster import Raster
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Material, Scene
-
-
-@dataclass(frozen=True)
-class Raster:
-    """Elevations on a regular grid of places, linear between them and level beyond its ends."""
-
-    origin: tuple[float, float]  # of the first place [m]
-    spacing: float  # m
-    values: np.ndarray  # (nx, ny) [m]
-
-    def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Elevation at x, y [m], of any one shape."""
-        values = np.asarray(self.values, dtype=float)
-        (i, u), (j, v) = (
-            _cell((place - start) / self.spacing, count)
-            for place, start, count in zip((x, y), self.origin, values.shape, strict=True)
-        )
-        i1, j1 = np.minimum(i + 1, values.shape[0] - 1), np.minimum(j + 1, values.shape[1] - 1)
-        low = (1.0 - v) * values[i, j] + v * values[i, j1]
-        high = (1.0 - v) * values[i1, j] + v * values[i1, j1]
-        return (1.0 - u) * low + u * high
-
-    @classmethod
-    def level(cls, elevation: float) -> Raster:
-        """The same elevation everywhere [m]."""
-        return cls((0.0, 0.0), 1.0, np.full((1, 1), float(elevation)))
-
-
-def _cell(place: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Number of the place before each and the way to the next one [0-1]."""
-    place = np.clip(place, 0.0, count - 1.0)
-    first = np.minimum(np.floor(place).astype(np.int64), max(count - 2, 0))
-    return first, place - first
 
 
 @dataclass(frozen=True)
@@ -71,9 +41,16 @@ class Problem3d:
 
 
 def extruded(
-    scene: Scene, width: float, *, flanks: Literal["smooth", "rough", "no_slip"] = "smooth"
+    scene: Scene,
+    width: float,
+    *,
+    flanks: Literal["smooth", "rough", "no_slip"] = "smooth",
+    flank_slope: float | None = None,
 ) -> Problem3d:
-    """A section over a width [m] between vertical flanks, its points repeated at their spacing.
+    """A section over a width [m], its points repeated at their spacing.
+
+    Between vertical flanks, or with `flank_slope` (rise over run) in a valley whose sides rise from
+    the edges of the width until they are higher than the section; the sides are ground.
 
     Raises:
         InputError: open walls, effects, another law, kinematic zones: the solver does not have them
@@ -89,6 +66,10 @@ def extruded(
         word = next(word for word, present in lacking.items() if present)
         raise InputError(f"{scene.name}: {word}: not in three dimensions")
     points = fill(scene)
+    reach = 0.0
+    if flank_slope is not None:
+        reach = (scene.extent[1] - scene.ground.lowest) / flank_slope + 2 * scene.cell_size
+        floor, width = width, width + 2 * reach
     rows = max(round(width / scene.spacing), 1)
     across = width / rows * (np.arange(rows) + 0.5)
     count = len(points)
@@ -107,7 +88,7 @@ def extruded(
     if scene.has_water:
         level = scene.phreatic_level(places)
         water = Raster((domain.x_min, 0.0), fine, np.asarray(level)[:, None])
-    return Problem3d(
+    problem = Problem3d(
         name=scene.name,
         spacing=scene.spacing,
         position=position.reshape(-1, 3),
@@ -123,4 +104,57 @@ def extruded(
         water=water,
         velocity=velocity.reshape(-1, 3) if thrown else None,
         cells_per_spacing=scene.cell_size / scene.spacing,
+    )
+    if flank_slope is None:
+        return problem
+    y = fine * np.arange(int(np.ceil(width / fine)) + 1)
+    rise = flank_slope * np.maximum(np.abs(y - 0.5 * width) - 0.5 * floor, 0.0)
+    side = scene.ground.lowest + rise[None, :]
+    base = Raster((domain.x_min, 0.0), fine, np.maximum(base.values, side))
+    kept = problem.position[:, 2] > base.at(problem.position[:, 0], problem.position[:, 1])
+    return replace(
+        problem,
+        base=base,
+        position=problem.position[kept],
+        volume=problem.volume[kept],
+        material=problem.material[kept],
+        zone=problem.zone[kept],
+        velocity=None if problem.velocity is None else problem.velocity[kept],
+    )
+
+
+def problem_of(scene: Scene3d) -> Problem3d:
+    """The problem of a scene: its points, base and water.
+
+    Raises:
+        InputError: what the solver does not have, or a zone without points.
+    """
+    document = scene.document
+    if scene.section is not None and document.section is not None:
+        problem = extruded(
+            scene.section,
+            document.section.width_m,
+            flanks=document.flanks,
+            flank_slope=document.section.flank_slope,
+        )
+        return replace(problem, name=scene.name)
+    terrain, ground = document.terrain, scene.ground
+    assert terrain is not None and ground is not None  # a document has one or the other
+    points = fill_terrain(scene)
+    level = terrain.water_level
+    top = float(max(ground.surface.values.max(), ground.base.values.max()))
+    return Problem3d(
+        name=scene.name,
+        spacing=scene.spacing,
+        position=points.position,
+        volume=points.volume,
+        material=points.material,
+        zone=points.zone,
+        materials=tuple(terrain.materials.values()),
+        base=ground.base,
+        domain=(*plan_domain(scene), top + 4 * scene.spacing),
+        contact=terrain.contact,
+        friction_coefficient=terrain.friction_coefficient or 0.0,
+        flanks=document.flanks,
+        water=None if level is None else Raster.level(level),
     )

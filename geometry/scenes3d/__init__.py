@@ -1,0 +1,1 @@
+"""The scene document in three dimensions, and its filling with points."""

@@ -1,0 +1,1 @@
+"""Elevations on a regular grid: files, and the lighting of maps."""

@@ -1,0 +1,144 @@
+"""Elevations on a regular grid, and their files.
+
+GeoTIFF, ESRI ASCII and XYZ are read and GeoTIFF is written by rasterio (extra `terrain`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.cli import InputError
+from pipeline.files import atomic_path
+
+SUFFIXES = (".tif", ".tiff", ".asc", ".xyz")
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Elevations on a regular grid of places, linear between them and level beyond its ends."""
+
+    origin: tuple[float, float]  # of the first place [m]
+    spacing: float  # m
+    values: np.ndarray  # (nx, ny) [m]
+    crs: str = ""  # coordinate reference system as WKT; empty: none
+
+    def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Elevation at x, y [m], of any one shape."""
+        values = np.asarray(self.values, dtype=float)
+        (i, u), (j, v) = (
+            _cell((place - start) / self.spacing, count)
+            for place, start, count in zip((x, y), self.origin, values.shape, strict=True)
+        )
+        i1, j1 = np.minimum(i + 1, values.shape[0] - 1), np.minimum(j + 1, values.shape[1] - 1)
+        low = (1.0 - v) * values[i, j] + v * values[i, j1]
+        high = (1.0 - v) * values[i1, j] + v * values[i1, j1]
+        return (1.0 - u) * low + u * high
+
+    @classmethod
+    def level(cls, elevation: float) -> Raster:
+        """The same elevation everywhere [m]."""
+        return cls((0.0, 0.0), 1.0, np.full((1, 1), float(elevation)))
+
+    @property
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places x (nx,) and y (ny,) [m]."""
+        (x, y), (nx, ny) = self.origin, self.values.shape
+        return x + self.spacing * np.arange(nx), y + self.spacing * np.arange(ny)
+
+
+def _cell(place: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Number of the place before each and the way to the next one [0-1]."""
+    place = np.clip(place, 0.0, count - 1.0)
+    first = np.minimum(np.floor(place).astype(np.int64), max(count - 2, 0))
+    return first, place - first
+
+
+def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -> Raster:
+    """Read the first band of a raster file; its places are the centres of the pixels.
+
+    Args:
+        path: a file of one of `SUFFIXES`.
+        origin: subtracted from the coordinates [m], so that they are small.
+
+    Raises:
+        InputError: no rasterio, no such file, turned or oblong pixels, pixels without a value.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: a raster is one of {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    rasterio = _rasterio()
+    try:
+        with rasterio.open(path) as file:
+            band = file.read(1, masked=True)
+            place = file.transform
+            crs = file.crs.to_wkt() if file.crs else ""
+    except rasterio.errors.RasterioError as error:
+        raise InputError(f"{path}: not a raster ({error})") from error
+    if place.b or place.d or place.a <= 0 or not np.isclose(place.a, abs(place.e), rtol=1e-6):
+        raise InputError(f"{path}: pixels must be square and rows must run east")
+    values = np.ma.filled(band.astype(float), np.nan)
+    if np.isnan(values).any():
+        lacking = int(np.isnan(values).sum())
+        raise InputError(f"{path}: {lacking} of {values.size} pixels have no value; fill them")
+    if place.e < 0:
+        values = values[::-1]
+    south = place.f + (place.e * len(values) if place.e < 0 else 0.0)
+    start = (place.c + 0.5 * place.a - origin[0], south + 0.5 * place.a - origin[1])
+    return Raster(start, float(place.a), np.ascontiguousarray(values.T), crs)
+
+
+def write_raster(
+    raster: Raster, path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Write a GeoTIFF of one band, float32, NaN for no value; `origin` [m] is added.
+
+    Raises:
+        InputError: no rasterio, or another suffix.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".tif", ".tiff"):
+        raise InputError(f"{path}: a raster is written as .tif")
+    rasterio = _rasterio()
+    (nx, ny), d = raster.values.shape, raster.spacing
+    west, north = raster.origin[0] + origin[0], raster.origin[1] + origin[1] + (ny - 1) * d
+    transform = rasterio.Affine(d, 0.0, west - 0.5 * d, 0.0, -d, north + 0.5 * d)
+    with atomic_path(path) as temporary:
+        with rasterio.open(
+            temporary, "w", driver="GTiff", width=nx, height=ny, count=1, dtype="float32",
+            transform=transform, nodata=np.nan, compress="deflate", crs=raster.crs or None,
+        ) as file:  # fmt: skip
+            file.write(raster.values.T[::-1].astype(np.float32), 1)
+
+
+def hillshade(
+    raster: Raster, *, azimuth_deg: float = 315.0, height_deg: float = 45.0
+) -> np.ndarray:
+    """Brightness (nx, ny) [0-1] of the surface under a light from `azimuth_deg` (0: from +y)."""
+    if min(raster.values.shape) < 2:
+        return np.full(raster.values.shape, np.sin(np.radians(height_deg)))
+    dx, dy = np.gradient(np.asarray(raster.values, float), raster.spacing)
+    azimuth, height = np.radians(azimuth_deg), np.radians(height_deg)
+    light = np.cos(height) * np.sin(azimuth), np.cos(height) * np.cos(azimuth)
+    facing = np.sin(height) - dx * light[0] - dy * light[1]
+    return np.clip(facing / np.sqrt(1.0 + dx**2 + dy**2), 0.0, 1.0)
+
+
+def has_library() -> bool:
+    """True where rasters can be read and written."""
+    return find_spec("rasterio") is not None
+
+
+def _rasterio() -> Any:
+    try:
+        import rasterio
+        import rasterio.errors
+    except ImportError:
+        raise InputError("rasters need rasterio: pip install 'flowslide[terrain]'") from None
+    return rasterio

@@ -1,0 +1,172 @@
+"""`scene3d.yaml`: sections and terrains, their filling, what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from geometry.scenes.scene import save_scene
+from geometry.scenes3d.fill3d import fill_terrain
+from geometry.scenes3d.scene3d import Scene3dDocument, load_scene_3d
+from geometry.terrain.raster import Raster, write_raster
+from pipeline.cli import InputError
+from pipeline.files import parse_yaml, write_text, yaml_text
+
+SOILS = {
+    "fill": {"friction_deg": 35.0, "cohesion_kpa": 5.0},
+    "slimes": {"friction_deg": 0.0, "cohesion_kpa": 5.0, "liquefied": True},
+}
+
+
+@pytest.fixture
+def section(tmp_path, make_scene):
+    """A folder with a section, and what writes its scene3d.yaml."""
+    save_scene(make_scene([[(0, 0), (20, 0), (10, 5)]]), tmp_path / "scene.yaml")
+
+    def write(**fields) -> object:
+        document = {"name": "s", "section": {"file": "scene.yaml", "width_m": 8.0}, **fields}
+        write_text(tmp_path / "scene3d.yaml", yaml_text(document))
+        return tmp_path
+
+    return write
+
+
+@pytest.fixture
+def terrain(tmp_path):
+    """A folder with a tilted base and a surface 4 m above it, and what writes its scene3d.yaml."""
+    pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    x = 1000.0 + 2.0 * np.arange(21)
+    y = 500.0 + 2.0 * np.arange(11)
+    base = np.add.outer(-0.1 * (x - x[0]), 0.0 * y)
+    write_raster(Raster((x[0], y[0]), 2.0, base), tmp_path / "base.tif")
+    write_raster(Raster((x[0], y[0]), 2.0, base + 4.0), tmp_path / "surface.tif")
+    write_raster(Raster((x[0], y[0]), 2.0, base + 2.0), tmp_path / "layer.tif")
+
+    def write(zones: list, materials: dict = SOILS, **fields) -> object:
+        ground = {"surface": "surface.tif", "base": "base.tif", "origin": [1000.0, 500.0]}
+        document = {
+            "name": "t", "spacing": 1.0,
+            "terrain": {**ground, "zones": zones, "materials": materials, **fields},
+        }  # fmt: skip
+        write_text(tmp_path / "scene3d.yaml", yaml_text(document))
+        return tmp_path
+
+    return write
+
+
+def test_a_section_takes_walls_and_spacing_from_the_document(section):
+    folder = section(spacing=0.5)
+    scene = load_scene_3d(folder)
+    assert (scene.spacing, scene.section.spacing, scene.section.domain.walls) == (
+        0.5,
+        0.5,
+        "closed",
+    )
+    wide = {"file": "scene.yaml", "width_m": 8.0, "x_min": -30.0, "x_max": 60.0}
+    scene = load_scene_3d(section(section=wide) / "scene3d.yaml", spacing=2.0)
+    assert (scene.section.domain.x_min, scene.section.domain.x_max) == (-30.0, 60.0)
+    assert scene.section.spacing == 2.0
+
+
+def test_strength_and_water_are_changed_in_both_kinds(section, terrain):
+    scene = load_scene_3d(section()).changed(strengths_kpa={"soil": 7.0})
+    assert scene.section.materials["soil"].cohesion_kpa == 7.0
+    zones = [{"name": "all", "material": "slimes"}]
+    slimes = {"slimes": SOILS["slimes"]}
+    scene = load_scene_3d(terrain(zones, slimes, water_level=3.0))
+    other = scene.changed(strengths_kpa={"slimes": 7.0}, water=False).document.terrain
+    assert (other.materials["slimes"].cohesion_kpa, other.water_level) == (7.0, None)
+    assert scene.document.terrain.water_level == 3.0
+    with pytest.raises(InputError, match="t has no material 'sand'; it has slimes"):
+        scene.changed(strengths_kpa={"sand": 7.0})
+
+
+def test_a_terrain_is_filled_between_base_and_surface(terrain):
+    zones = [{"name": "all", "material": "slimes"}]
+    scene = load_scene_3d(terrain(zones, {"slimes": SOILS["slimes"]}))
+    points = fill_terrain(scene)
+    assert points.volume.sum() == pytest.approx(40.0 * 20.0 * 4.0, rel=0.01)
+    low = scene.ground.base.at(points.position[:, 0], points.position[:, 1])
+    above = points.position[:, 2] - low
+    assert above.min() > 0.0 and above.max() < 4.0
+
+
+def test_the_first_zone_that_holds_a_point_has_it(terrain):
+    zones = [
+        {"name": "dam", "material": "fill", "plan": [[10, 0], [20, 0], [20, 20], [10, 20]]},
+        {"name": "below", "material": "slimes", "top": "layer.tif"},
+        {"name": "above", "material": "slimes", "bottom": "layer.tif"},
+    ]
+    scene = load_scene_3d(terrain(zones))
+    points = fill_terrain(scene)
+    x = points.position[:, 0]
+    assert np.array_equal(points.zone == 0, (x > 10.0) & (x < 20.0))
+    assert np.array_equal(points.material, np.where(points.zone == 0, 0, 1))
+    above = points.position[:, 2] - scene.ground.base.at(x, points.position[:, 1])
+    assert above[points.zone == 1].max() < 2.0 < above[points.zone == 2].min()
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"section": None}, "give either section or terrain"),
+        ({"width": 3.0}, "width"),
+        ({"section": {"file": "no.yaml", "width_m": 8.0}}, r"no\.yaml: no such file"),
+        ({"section": {"file": "scene.yaml", "width_m": 0.0}}, "section.width_m"),
+        ({"spacing": 9.0}, "at 9 m spacing: zones: zone 'zone_0' is a sliver"),
+        ({"paths": {"p": [[0, 0]]}}, "paths.p: needs two places"),
+        ({"lines": {"l": [[0, 0], [0, 0]]}}, "lines.l: needs two places"),
+    ],
+)
+def test_a_bad_section_is_refused_in_one_line(section, fields, words):
+    with pytest.raises(InputError, match=words) as error:
+        load_scene_3d(section(**fields))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("zones", "fields", "words"),
+    [
+        ([{"name": "a", "material": "sand"}], {}, "has material 'sand'; known are fill, slimes"),
+        ([{"name": "a", "material": "fill"}], {}, "'slimes' is used by no zone"),
+        (
+            [{"name": n, "material": m} for n, m in (("a", "fill"), ("a", "slimes"))],
+            {},
+            "two zones are called 'a'",
+        ),
+        (
+            [
+                {"name": "a", "material": "fill", "plan": [[900, 0], [910, 0], [910, 10]]},
+                {"name": "b", "material": "slimes"},
+            ],
+            {},
+            "zone 'a': plan lies outside the base raster",
+        ),
+        (
+            [{"name": "a", "material": "fill"}, {"name": "b", "material": "slimes"}],
+            {"contact": "coulomb"},
+            "friction_coefficient belongs to contact: coulomb",
+        ),
+    ],
+)
+def test_a_bad_terrain_is_refused_in_one_line(terrain, zones, fields, words):
+    with pytest.raises(InputError, match=words):
+        load_scene_3d(terrain(zones, **fields))
+
+
+def test_a_zone_without_points_is_refused(terrain):
+    zones = [{"name": "a", "material": "fill"}, {"name": "b", "material": "slimes"}]
+    with pytest.raises(InputError, match="zone 'b' holds no point at a spacing of 1 m"):
+        fill_terrain(load_scene_3d(terrain(zones)))
+
+
+def test_the_documents_of_the_page_are_valid(root):
+    page = (root / "docs/how-to/three-dimensions.md").read_text("utf-8")
+    documents = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    kinds = [
+        Scene3dDocument.model_validate(parse_yaml(text, name="page")).terrain is not None
+        for text in documents
+    ]
+    assert kinds == [False, True]
