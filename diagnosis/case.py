@@ -180,6 +180,7 @@ def diagnosis_case(
     effects_on(case.scene, source)
     targets = _targets(measurements, question, folder)
     parameters = Parameters(inversion.parameters)
+    _check_freedom(targets, parameters, question, folder)
     setup = Setup(case.scene, case.simulation, parameters, targets, case.feet)
     if hypothesis is not None:
         amplitudes = {name: one.amplitude for name, one in hypothesis.effects.items()}
@@ -224,6 +225,20 @@ def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Pa
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     return targets
+
+
+def _check_freedom(
+    targets: Targets, parameters: Parameters, question: DiagnosisQuestion, folder: Path
+) -> None:
+    """Something must be left to test the model by once the parameters are fitted."""
+    found = split(targets, question.held_out)
+    known = sum(spec.prior is not None for spec in parameters.specs)
+    numbers, unknowns = int(found.fitted.sum()), len(parameters.specs)
+    if numbers + known <= unknowns and not found.held_out.any() and not targets.censored.any():
+        raise InputError(
+            f"{folder / MEASUREMENTS_FILE}: measured numbers: {numbers}, unknowns: {unknowns}; "
+            "nothing is left to test the model by: add a measurement"
+        )
 
 
 def _check_numbers(case: DiagnosisCase) -> None:

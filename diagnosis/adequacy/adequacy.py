@@ -120,7 +120,9 @@ def assess(found: ProjectedFit, places: list[Places], *, score: Test | None = No
     data = found.system.data
     total = found.fit.total
     groups = group_misfits(found, places)
-    tests = [Test("chi2", total, float(stats.chi2.sf(total, found.system.dof)))]
+    # Without a degree of freedom the fitted numbers say nothing; held-out ones still may.
+    p_fit = float(stats.chi2.sf(total, found.system.dof)) if found.system.dof > 0 else 1.0
+    tests = [Test("chi2", total, p_fit)]
     neighbours = neighbour_pairs(data, places)
     if len(neighbours):
         statistic = autocorrelation(found.residual[:, None], neighbours)[0]

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from diagnosis.adequacy.calibration import calibrate
+from diagnosis.adequacy.compare import compare
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import Hypothesis
 from diagnosis.verdict.fitted_models import fitted_to_part
@@ -230,3 +231,28 @@ def test_the_error_of_a_code_is_refused_for_what_nobody_measures(embankment):
     write(embankment, {"source": {"seismogram": {"std": 1.0}}})
     with pytest.raises(InputError, match="no measurement type 'seismogram'"):
         diagnosis_case(load_case(embankment, Config()))
+
+
+def _only(folder, *wanted) -> None:
+    """Keep these measurements alone: a name, or a name and True: held out."""
+    path = folder / "measurements.yaml"
+    document = yaml.safe_load(path.read_text())
+    (name,) = document["sets"]
+    known = {entry["name"]: entry for entry in document["sets"][name]}
+    document["sets"][name] = [{**known[one], "held_out": held} for one, held in wanted]
+    path.write_text(yaml.safe_dump(document))
+
+
+def test_a_question_that_leaves_nothing_to_test_is_refused(embankment):
+    _only(embankment, ("toe", False))
+    with pytest.raises(InputError, match="measured numbers: 1, unknowns: 2; nothing is left"):
+        model_and_options(embankment)
+
+
+@pytest.mark.slow
+def test_held_out_numbers_judge_a_fit_without_freedom(embankment):
+    _only(embankment, ("toe", False), ("marker 1", True))
+    _, model, options = model_and_options(embankment)
+    found = compare(model, options)
+    assert found.adequacy.dof <= 0 and np.isfinite(found.adequacy.p_combined)
+    assert [test.p for test in found.adequacy.tests if test.name == "chi2"] == [1.0]
