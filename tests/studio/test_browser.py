@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
 from playwright.sync_api import expect
 
+from benchmarks.studio import serving
 from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
 
 pytestmark = NEEDS_CHROMIUM
@@ -104,3 +106,29 @@ def test_an_answer_shows_its_search_and_a_prediction_asks_for_its_strength(addre
     assert downloading.value.suggested_filename == "small-predict.pdf"
     assert downloading.value.path().read_bytes().startswith(b"%PDF-")
     assert not errors
+
+
+def test_lower_san_fernando_runs_farther_the_weaker_it_is(tmp_path, browser):
+    with serving("lower_san_fernando", "--threads", "1", cwd=tmp_path) as address:
+        page = watched(browser)
+        page.goto(address)
+        _answered(page, 1)
+        strength = page.get_by_label("S_r, liquefied fill [kPa]")
+
+        def numbers():
+            rows = page.locator("#readings tbody tr")
+            cells = {row.locator("td").first.inner_text(): row.locator("td").nth(2).inner_text()
+                     for row in rows.all()}  # fmt: skip
+            return [float(cells[name].split()[0])
+                    for name in ("toe runout (upstream toe)", "freeboard (held out)")]  # fmt: skip
+
+        found = []
+        for number, value in enumerate((30, 20), start=2):
+            strength.fill(str(value))
+            strength.press("Enter")
+            _answered(page, number)
+            found.append(numbers())
+        (strong_toe, strong_freeboard), (weak_toe, weak_freeboard) = found
+        assert weak_toe > strong_toe + 10.0 and weak_freeboard < strong_freeboard - 0.5
+        # At the published strength the toe is within two standard deviations of the survey.
+        assert weak_toe == pytest.approx(53.0, abs=2 * 5.75)

@@ -1,7 +1,6 @@
 // The documents of the case that is open: edits, undo and redo, and saving by itself.
 
 import { get, send } from "./api.js";
-import { hasOwnBase } from "./section.js";
 
 const PARTS = ["scene", "measurements", "inversion", "diagnosis", "tables"];
 const DEPTH = 200; // edits that can be undone
@@ -33,7 +32,6 @@ export class Documents {
     if (this.shipped) { this.on.failed("this case ships with flowslide: copy it to edit it"); return; }
     const before = this.now;
     const next = structuredClone(before);
-    if (!hasOwnBase(before.scene) && before.scene.ground) delete next.scene.ground.points;
     change(next);
     this.past.push({ words, documents: before });
     if (this.past.length > DEPTH) this.past.shift();

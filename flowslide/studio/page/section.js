@@ -129,11 +129,3 @@ export function dropUnused(scene) {
   const used = new Set(scene.zones.map(({ material }) => material));
   for (const name of Object.keys(scene.materials)) if (!used.has(name)) delete scene.materials[name];
 }
-
-/** The base is the level line that the program put under the lowest vertex; it then follows that. */
-export function hasOwnBase(scene) {
-  const points = scene.ground?.points;
-  const found = bounds(scene);
-  if (!points || !found) return Boolean(points);
-  return points.length !== 2 || points.some(([, y]) => Math.abs(y - found.low) > NEAR);
-}

@@ -1,6 +1,6 @@
 // The section in tables: zones, materials, base, water, spacing, the picture to draw on; faults and vertices.
 
-import { area, dropUnused, hasOwnBase, lines, moveVertex, removeVertex, insertVertex, rounded } from "./section.js";
+import { area, dropUnused, lines, moveVertex, removeVertex, insertVertex, rounded } from "./section.js";
 import { button, el, field, keyWords, refill } from "./ui.js";
 import { zoneColours } from "./view.js";
 
@@ -44,7 +44,7 @@ export class SectionPanel {
     return scene.zones.map((zone, i) => {
       const row = el("div", { className: "zone" + (this.page.editor.selection.zone === i ? " chosen" : "") },
         swatch(colours[i]),
-        el("input", { type: "text", value: zone.name, "aria-label": `name of zone ${i + 1}`, "data-key": `zone-${i}`,
+        el("input", { type: "text", value: zone.name, title: zone.name, "aria-label": `name of zone ${i + 1}`, "data-key": `zone-${i}`,
           on: { change: ({ target }) => this.rename(i, target.value.trim()), focus: () => this.choose(i) } }),
         this.materialOf(scene, zone, i),
         button("✕", () => { this.page.editor.choose({ zone: i }); this.page.editor.remove(); }, { title: `remove ${zone.name}`, className: "small" }));
@@ -126,11 +126,12 @@ export class SectionPanel {
   // --- base and water ---
 
   base(scene) {
-    const own = hasOwnBase(scene);
+    const points = scene.ground?.points;
     const contact = scene.ground?.contact ?? "rough";
     const set = (change) => this.edit("base", (to) => { to.ground = { ...(to.ground ?? {}) }; change(to.ground); });
     const found = [
-      el("p", { className: "note", textContent: own ? "The base is a line of its own." : "The base is level, at the lowest vertex; draw another with the tool Base (b)." }),
+      el("p", { className: "note", textContent: points ? `The base is a line of ${points.length} points; draw another with the tool Base (b).`
+        : "The base will be level, at the lowest vertex; draw another with the tool Base (b)." }),
       field({ words: "contact with the base", kind: "choice", choices: ["rough", "no_slip", "coulomb"], value: contact,
         help: "rough: slip where the soil's own strength is exceeded; no slip: bonded; coulomb: with a coefficient" },
       (value) => set((ground) => { ground.contact = value; if (value !== "coulomb") delete ground.friction_coefficient; })),
@@ -139,7 +140,9 @@ export class SectionPanel {
       found.push(field({ words: "friction coefficient of the base", value: scene.ground.friction_coefficient },
         (value) => set((ground) => { ground.friction_coefficient = value; })));
     }
-    if (own) found.push(button("Level base", () => set((ground) => { delete ground.points; })));
+    if (points) {
+      found.push(button("Level base", () => set((ground) => { delete ground.points; }), { title: "level, at the lowest vertex" }));
+    }
     return found;
   }
 

@@ -92,10 +92,16 @@ function take(found) {
   const of = (part) => found.faults.filter(({ document }) => document === part);
   editor.faults = sectionPanel.faults = of("scene");
   surveyPanel.faults = found.faults.filter(({ document }) => document !== "scene");
-  editor.marks = found.derived?.marks ?? [];
+  showMarks();
   view.preview(documents.now.scene);
   view.paintLegend();
   refresh();
+}
+
+/** What was surveyed, over the section; in the slide the toes are marked as they compare. */
+function showMarks() {
+  const marks = state.found.derived?.marks ?? [];
+  editor.marks = state.mode === "slide" ? marks.filter(({ kind }) => kind === "line") : marks;
 }
 
 async function propose(edit = "edit") {
@@ -151,7 +157,7 @@ function setMode(mode) {
   for (const tab of $("modes").children) tab.setAttribute("aria-selected", String(tab.dataset.mode === mode));
   editor.active = mode === "section" && !state.found.shipped;
   editor.use("select");
-  editor.marks = mode === "slide" ? [] : state.found.derived?.marks ?? [];
+  showMarks();
   if (mode === "section") { view.deposit = null; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
   refresh();
   if (mode === "slide" || mode === "survey") flow();
