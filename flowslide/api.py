@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
     from mpm_taichi.readings3d import Maps
-    from mpm_taichi.simulate3d import Run3d
     from mpm_taichi.trajectory import Run
+    from mpm_taichi.trajectory3d import Run3d
 
 __all__ = [
     "Cancelled",
@@ -268,8 +268,8 @@ def simulate_3d(
     from geometry.scenes3d.scene3d import load_scene_3d
     from mpm_taichi.readings3d import maps_of, readings_3d, walls_reached
     from mpm_taichi.simulate3d import simulate_3d as solve
-    from mpm_taichi.simulate3d import write_run_3d
     from mpm_taichi.solver3d.problem import problem_of
+    from mpm_taichi.trajectory3d import write_run_3d
     from pipeline.files import ready_folder
     from report.simulation3d import FILES, RASTERS, write_simulation_3d
 

@@ -16,8 +16,8 @@ from geometry.survey3d.deposit import (
     volume_beyond,
 )
 from geometry.terrain.raster import Raster
-from mpm_taichi.simulate3d import Run3d
 from mpm_taichi.solver3d.problem import Problem3d
+from mpm_taichi.trajectory3d import Run3d
 
 
 @dataclass(frozen=True)

@@ -48,11 +48,12 @@ from geometry.terrain.raster import Raster
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import material_constants
 from mpm_taichi.simulate import simulate
-from mpm_taichi.simulate3d import Run3d, simulate_3d
+from mpm_taichi.simulate3d import simulate_3d
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver3d.layout import REAL, VEC6, VEC8, VEC9, vec4
 from mpm_taichi.solver3d.problem import Problem3d, extruded
 from mpm_taichi.solver3d.stress import elastic_trial, mohr_coulomb, volume_rate
+from mpm_taichi.trajectory3d import Run3d
 from pipeline.config import SimulationSettings
 
 TITLE = "Three dimensions"

@@ -12,8 +12,8 @@ from benchmarks.verification.three_dimensions import slab_scene
 from flowslide.command_line import main
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.terrain.raster import Raster, write_raster
-from mpm_taichi.simulate3d import read_run_3d
 from mpm_taichi.solver3d.problem import problem_of
+from mpm_taichi.trajectory3d import read_run_3d
 from pipeline.cli import InputError
 from pipeline.files import write_text, yaml_text
 

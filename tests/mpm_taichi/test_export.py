@@ -5,8 +5,10 @@ import csv
 import numpy as np
 import pytest
 
+from flowslide.command_line import main
 from mpm_taichi.export import export_csv, export_vtkhdf
 from mpm_taichi.trajectory import Run
+from mpm_taichi.trajectory3d import Run3d, is_run_3d, read_run_3d, write_run_3d
 from pipeline.cli import InputError
 from tests.mpm_taichi.ballistic import FAST, fly, make_scene
 
@@ -84,3 +86,64 @@ def test_a_run_without_frames_is_refused(tmp_path, export):
     with pytest.raises(InputError, match="no frames to export .it burnt"):
         export(run, tmp_path / "x")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def solid() -> Run3d:
+    """A run of 7 points and 4 frames in three dimensions, all its numbers different."""
+    numbers = np.random.default_rng(3)
+
+    def drawn(*shape: int) -> np.ndarray:
+        return numbers.normal(size=shape).astype(np.float32)
+
+    return Run3d(
+        name="cloud", positions=drawn(4, 7, 3), time=0.5 * np.arange(4.0),
+        material=np.arange(7, dtype=np.int32) % 2, zone=np.arange(7, dtype=np.int32) % 3,
+        top_speed=drawn(7), velocity=drawn(7, 3), stress=drawn(7, 6), initial_stress=drawn(7, 6),
+        plastic_shear_strain=drawn(7), volume=drawn(7), energy={"kinetic": np.arange(4.0)},
+    )  # fmt: skip
+
+
+def test_vtk_reads_a_run_in_three_dimensions_back(tmp_path, solid):
+    io = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs the extra `paraview`")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    write_run_3d(tmp_path / "run.h5", solid)
+    path = tmp_path / "run.vtkhdf"
+    main(["runs", "export", str(tmp_path / "run.h5"), "--format", "vtkhdf", "--out", str(path)])
+    reader = io.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == 4
+    for frame in range(4):
+        reader.SetStep(frame)
+        reader.Update()
+        grid = reader.GetOutput()
+        assert np.array_equal(vtk_to_numpy(grid.GetPoints().GetData()), solid.positions[frame])
+        for name, values in {
+            "displacement": solid.positions[frame] - solid.positions[0],
+            "top_speed": solid.top_speed,
+            "velocity_final": solid.velocity,
+            "stress_initial": solid.initial_stress,
+            "stress_final": solid.stress,
+            "volume_final": solid.volume,
+        }.items():
+            assert np.array_equal(vtk_to_numpy(grid.GetPointData().GetArray(name)), values), name
+
+
+def test_the_table_of_a_run_in_three_dimensions(tmp_path, solid):
+    write_run_3d(tmp_path / "run.h5", solid)
+    assert is_run_3d(tmp_path / "run.h5") and not is_run_3d(tmp_path / "none.h5")
+    export_csv(read_run_3d(tmp_path / "run.h5"), tmp_path / "end.csv")
+    rows = read_csv(tmp_path / "end.csv")
+    assert len(rows) == 7 and rows[4]["zone"] == "1"
+    for name, values in {
+        "z_initial_m": solid.positions[0, :, 2],
+        "z_m": solid.positions[-1, :, 2],
+        "velocity_z_m_per_s": solid.velocity[:, 2],
+        "stress_xz_pa": solid.stress[:, 5],
+        "volume_m3": solid.volume,
+    }.items():
+        assert [float(row[name]) for row in rows] == pytest.approx(values, rel=1e-6)
+    with pytest.raises(InputError, match="in three dimensions"):
+        export_csv(solid, tmp_path / "moments.csv", times=[0.5])

@@ -12,9 +12,10 @@ from benchmarks.verification.three_dimensions import errors_of_returns, slab_sce
 from geometry.scenes.scene import Scene
 from geometry.terrain.raster import Raster
 from mpm_taichi import simulate3d
-from mpm_taichi.simulate3d import Flight3d, read_run_3d, simulate_3d, write_run_3d
+from mpm_taichi.simulate3d import Flight3d, simulate_3d
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver3d.problem import Problem3d, extruded
+from mpm_taichi.trajectory3d import read_run_3d, write_run_3d
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 

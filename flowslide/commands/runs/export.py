@@ -33,9 +33,17 @@ def run(arguments: argparse.Namespace) -> None:
     """Write them."""
     from mpm_taichi.export import export_csv, export_vtkhdf
     from mpm_taichi.trajectory import file_and_run, group_name, list_runs, read_run
+    from mpm_taichi.trajectory3d import is_run_3d, read_run_3d
 
     if arguments.format == "vtkhdf" and arguments.times is not None:
         raise InputError("--times: is for --format csv; a vtkhdf file holds every frame")
+    write = export_vtkhdf if arguments.format == "vtkhdf" else export_csv
+    if is_run_3d(arguments.file):
+        if arguments.times is not None:
+            raise InputError("--times: not in three dimensions")
+        write(read_run_3d(Path(arguments.file)), arguments.out)
+        print(f"wrote {arguments.out}")
+        return
     path, index = file_and_run(arguments.file)
     indices = [run.index for run in list_runs(path)] if index is None else [index]
     for number in indices:
