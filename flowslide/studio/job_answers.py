@@ -21,6 +21,8 @@ from report.posterior import answer_sentence
 from report.sentences.back_analysis import answer_words
 
 Found = dict[str, Any]
+MOST_MOVERS, MOST_NEXT = 3, 2
+"""Assumptions, and measurements to make next, that a line names."""
 UNEXPLAINED = ("suspect", "unknown_effect")
 """Verdicts with which a strength that is quoted is a range and no result."""
 STRENGTHS = ("residual_strength_kpa", "cohesion_kpa")
@@ -56,7 +58,8 @@ def simulation(done: Simulation) -> Found:
 
 def back_analysis(result: Result) -> Found:
     """Every parameter with its 95 % interval."""
-    lines = [_parameter(p) for p in result.answer.parameters]
+    lines = [line for p in result.answer.parameters for line in (_parameter(p), _movers(p))]
+    lines += [f"Not determined: {one.words}." for one in result.answer.undetermined]
     if not result.sensitivities and result.noise is None:
         lines.append("Standard deviation of the survey alone; the full back-analysis has the rest.")
     if not result.answer.reached:
@@ -79,6 +82,13 @@ def _parameter(p: ParameterAnswer) -> str:
         return f"{p.label} {at_least(p.lower_bound_95, p.std_total, p.unit)}: nothing ran"
     doubt = "" if p.determined else "; not determined by the data"
     return f"{answer_words(p)}, 95 % {span(*p.interval_95)} {unit_of(p.unit)}{doubt}"
+
+
+def _movers(p: ParameterAnswer) -> str:
+    """What adds most to the standard deviation, apart from the survey."""
+    largest = sorted(p.std_by_source.items(), key=lambda pair: -pair[1])[:MOST_MOVERS]
+    named = ", ".join(f"{name} (± {fixed(std, 2)})" for name, std in largest if std > 0)
+    return f"moved most by {named} {unit_of(p.unit)}" if named else ""
 
 
 def posterior(document: PosteriorDocument) -> Found:
@@ -149,7 +159,7 @@ def verdict(document: Verdict) -> Found:
         if p.strength:
             method = f"diagnosis, {'only a range' if only else 'all explanations'}"
             strengths.append(_strength(method, p.words, used.value, (low, high), "95 %"))
-    if document.next_measurement:
-        best = document.next_measurement[0]
-        lines.append(f"Measure next: {best.words} (gain {number(best.gain, 2)})")
+    best = [f"{one.words} (gain {number(one.gain, 2)})" for one in document.next_measurement]
+    if best:
+        lines.append(f"Measure next: {'; '.join(best[:MOST_NEXT])}")
     return _found(lines, strengths)

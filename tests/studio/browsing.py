@@ -9,6 +9,8 @@ import pytest
 from benchmarks.studio import CHROMIUM
 
 WAIT_MS = 120_000
+PICTURES = os.environ.get("STUDIO_PICTURES")
+"""Folder for pictures of the page, such as docs/images/studio; none: no pictures."""
 NEEDS_CHROMIUM = [
     pytest.mark.slow,
     pytest.mark.skipif(
@@ -30,3 +32,11 @@ def tab(context):
     page.errors = []
     page.on("pageerror", lambda error: page.errors.append(str(error)))
     return page
+
+
+def picture(page, name: str) -> None:
+    """Take a picture of the page, where pictures are wanted."""
+    if PICTURES:
+        page.mouse.move(5, 5)
+        page.wait_for_timeout(400)
+        page.screenshot(path=f"{PICTURES}/{name}.png")

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from benchmarks.studio import serving
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, watched
 
 pytestmark = NEEDS_CHROMIUM
 
@@ -70,9 +70,7 @@ def test_a_job_is_started_survives_a_reload_and_is_cancelled(address, browser):
 
 
 def test_an_answer_shows_its_search_and_a_prediction_asks_for_its_strength(address, browser):
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
-    errors = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
+    page = watched(browser, height=860)
     page.goto(address)
     _answered(page, 1)
     page.get_by_label("Spacing of points").select_option("2 m")
@@ -88,11 +86,13 @@ def test_an_answer_shows_its_search_and_a_prediction_asks_for_its_strength(addre
     page.get_by_role("button", name="Predict ...").click()
     dialog = page.get_by_role("dialog", name="Predict")
     dialog.get_by_role("button", name="Predict").click()
-    expect(dialog.get_by_role("alert")).to_contain_text("MEAN+-STD")
+    expect(dialog.get_by_role("alert")).to_contain_text("must be greater than 0")
+    expect(dialog.get_by_label("standard deviation of S_r")).to_be_focused()
     dialog.get_by_role("button", name="As found for this case").click()
     mean = dialog.get_by_label("mean of S_r").input_value()
     assert f"{float(mean):.1f}" == value
     expect(dialog.locator("output")).to_contain_text(" to ")
+    picture(page, "predict")
     dialog.get_by_role("button", name="Predict").click()
     job = page.locator("#jobs li").first
     expect(job).to_contain_text("prediction: small at 2 m", timeout=WAIT_MS)
@@ -105,7 +105,7 @@ def test_an_answer_shows_its_search_and_a_prediction_asks_for_its_strength(addre
         job.get_by_role("button", name="PDF").click()
     assert downloading.value.suggested_filename == "small-predict.pdf"
     assert downloading.value.path().read_bytes().startswith(b"%PDF-")
-    assert not errors
+    assert not page.errors
 
 
 def test_lower_san_fernando_runs_farther_the_weaker_it_is(tmp_path, browser):

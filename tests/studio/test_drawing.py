@@ -7,7 +7,6 @@ there.
 from __future__ import annotations
 
 import json
-import os
 import re
 from pathlib import Path
 
@@ -16,18 +15,10 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.studio import serving
 from pipeline.files import read_yaml
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, tab, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, tab, watched
 
 pytestmark = NEEDS_CHROMIUM
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
-PICTURES = os.environ.get("STUDIO_PICTURES")
-
-
-def picture(page: Page, name: str) -> None:
-    if PICTURES:
-        page.mouse.move(5, 5)
-        page.wait_for_timeout(400)
-        page.screenshot(path=f"{PICTURES}/{name}.png")
 
 
 def fill(page: Page, label: str, value: object) -> None:

@@ -57,6 +57,7 @@ async function start(kind, options) {
   try {
     const spacing = kind === "classical" ? {} : { spacing_m: state.spacing };
     await send("/api/jobs", { kind, case: state.name, options: { ...options, ...spacing } });
+    say(`started: ${state.workspace.job_kinds[kind]}`);
     watchJobs();
     return "";
   } catch (error) {

@@ -63,6 +63,7 @@ export function askStrengths(state, done, start) {
       row.mean.value = Number(one.value.toPrecision(4));
       row.std.value = Number(one.std.toPrecision(3));
     }
+    fault.textContent = "";
     tell();
   });
   const run = make("button", { className: "main", textContent: "Predict" });
@@ -80,9 +81,15 @@ export function askStrengths(state, done, start) {
     make("label", { className: "row" }, "Distribution ", kind),
     fault,
     make("div", { className: "buttons" }, fill, close, run));
-  form.addEventListener("input", tell);
+  form.addEventListener("input", () => { fault.textContent = ""; tell(); });
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
+    const empty = source.value ? undefined : rows.find(({ mean, std }) => !(mean.value > 0 && std.value > 0));
+    if (empty) {
+      fault.textContent = `${empty.label}: mean and standard deviation must be greater than 0.`;
+      (empty.mean.value > 0 ? empty.std : empty.mean).focus();
+      return;
+    }
     const options = source.value ? { posterior: source.value } : {
       strengths: rows.map(({ zones, mean, std }) => `${zones.join(",")}=${mean.value}+-${std.value}`), distribution: kind.value,
     };
