@@ -66,8 +66,9 @@ def run(arguments: argparse.Namespace) -> None:
     if not arguments.no_browser:
         webbrowser.open(address)
     server = uvicorn.Server(
+        # Nothing leaves the machine: to compress a deposit takes longer than to pass it on.
         uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio",
-                       ws_max_size=MOST_BYTES)
+                       ws_max_size=MOST_BYTES, ws_per_message_deflate=False)
     )  # fmt: skip
     try:
         with suppress(KeyboardInterrupt):  # it is how it is stopped

@@ -198,6 +198,28 @@ def test_vertices_move_together_and_every_edit_is_undone(address, browser, works
     assert not page.errors
 
 
+def test_the_values_of_the_sliders_are_kept_in_the_case(address, browser, workspace):
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    strength = page.get_by_label("S_r, loose [kPa]")
+    strength.fill("6.5")
+    strength.press("Enter")
+    page.get_by_label("add an effect").select_option("rate_strengthening")
+    page.get_by_role("button", name="Keep these values").click()
+    saved(page)
+    scene = read_yaml(workspace.folder / "small" / "scene.yaml")
+    assert scene["materials"]["loose"]["cohesion_kpa"] == 6.5
+    assert scene["effects"]["rate_strengthening"] > 0
+    expect(strength).to_have_value("6.5")
+    page.get_by_role("button", name="Keep these values").click()
+    expect(page.locator("#status")).to_have_text("the case has these values already")
+    page.keyboard.press("Control+z")
+    saved(page)
+    assert "effects" not in read_yaml(workspace.folder / "small" / "scene.yaml")
+    assert not page.errors
+
+
 def test_two_tabs_on_one_case_are_told_and_nothing_is_lost(address, browser, workspace):
     first = watched(browser)
     first.goto(address)
@@ -304,3 +326,66 @@ def test_a_picture_gets_its_scale_from_two_places(address, browser, workspace, t
     page.get_by_role("button", name="Remove the picture").click()
     expect(page.get_by_label("picture to draw on")).to_be_visible()
     assert not page.errors
+
+
+RANDOM_EDITS = """async ([scene, seed, count]) => {
+  const s = await import('/section.js');
+  let state = seed;
+  const random = () => {
+    state = (1103515245 * state + 12345) % 2147483648;
+    return state / 2147483648;
+  };
+  const pick = (list) => list[Math.floor(random() * list.length)];
+  const areas = () => scene.zones.map(({ polygon }) => s.area(polygon));
+  const close = (a, b) => a.every((v, i) => Math.abs(v - b[i]) < 1e-6 * Math.max(1, v));
+  const wrong = [];
+  for (let n = 0; n < count; n += 1) {
+    const before = JSON.stringify(scene);
+    const was = areas();
+    const zone = pick(scene.zones);
+    const edge = pick(s.edges({ points: zone.polygon, closed: true }));
+    const share = 0.1 + 0.8 * random();
+    const place = [0, 1].map((k) => edge.start[k] + share * (edge.end[k] - edge.start[k]));
+    s.insertVertex(scene, place);
+    if (!close(areas(), was)) wrong.push(`${n}: a vertex on an edge changes an area`);
+    const on = (ring) => ring.some((point) => s.same(point, place));
+    const having = (test) => scene.zones.filter(({ polygon }) => test(polygon)).length;
+    const bordering = having(on);
+    const to = [place[0] + random(), place[1] + random()];
+    s.moveVertex(scene, place, to);
+    const moved = (ring) => ring.some((point) => s.same(point, to));
+    if (having(moved) < bordering) wrong.push(`${n}: a border split`);
+    s.moveVertex(scene, to, place);
+    if (!s.removeVertex(scene, place)) wrong.push(`${n}: not removed`);
+    if (JSON.stringify(scene) !== before) wrong.push(`${n}: there and back is elsewhere`);
+    if (n % 5 === 0) s.insertVertex(scene, place);
+  }
+  return wrong;
+}"""
+
+
+@pytest.mark.parametrize("case", ["lower_san_fernando", "la_marquesa", "upper_san_fernando"])
+def test_edits_of_borders_keep_zones_together(address, browser, case):
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    scene = page.evaluate(f"fetch('/api/cases/{case}').then((answer) => answer.json())")["scene"]
+    assert page.evaluate(RANDOM_EDITS, [scene, 7, 300]) == []
+
+
+def test_a_zone_drawn_at_others_shares_their_vertices(address, browser):
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    found = page.evaluate("""async () => {
+      const s = await import('/section.js');
+      const scene = { zones: [], materials: {} };
+      s.addZone(scene, [[0, 0], [10, 0], [10, 4], [0, 4]]);
+      s.addZone(scene, [[2, 4], [8, 4], [5, 9]]);
+      s.addZone(scene, [[10, 1], [14, 1], [10, 3]]);
+      return scene.zones.map(({ name, polygon }) => [name, polygon, s.area(polygon)]);
+    }""")
+    (_, base, area), (_, roof, _), (_, side, _) = found
+    assert area == 40 and len(roof) == 3 and len(side) == 3
+    assert [tuple(place) for place in base] == [(0, 0), (10, 0), (10, 1), (10, 3), (10, 4), (8, 4),
+                                                (2, 4), (0, 4)]  # fmt: skip

@@ -336,6 +336,20 @@ function buildEffects() {
   $("effects").replaceChildren(...rows, choice);
 }
 
+/** What the sliders say becomes the case: its strengths, its pool, its effects. */
+function keepValues() {
+  const { strengths_kpa: strengths, friction_deg: frictions, water_level: level } = state.changes;
+  const some = Object.keys({ ...strengths, ...frictions, ...state.effects }).length > 0 || level !== undefined;
+  if (!some) { say("the case has these values already"); return; }
+  documents.edit("values of the sliders", ({ scene }) => {
+    for (const [name, value] of Object.entries(strengths)) scene.materials[name].cohesion_kpa = value;
+    for (const [name, value] of Object.entries(frictions)) scene.materials[name].friction_deg = value;
+    if (level !== undefined) scene.water_level = level;
+    if (Object.keys(state.effects).length) scene.effects = { ...scene.effects, ...state.effects };
+    state.effects = {};
+  });
+}
+
 function fillSpacings() {
   const all = [...new Set([...SPACINGS, state.found.scene.spacing, state.spacing])].sort((a, b) => a - b);
   $("spacing").replaceChildren(...all.map((value) => new Option(`${value} m`, value, false, value === state.spacing)));
@@ -343,12 +357,15 @@ function fillSpacings() {
 
 // --- the answer ---
 
+const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
 let asked = 0;
+let filming = 0;
 
 /** The deposit first; the way there, with `film`, when it is shown. */
 function ask(film) {
   if (state.found.faults.some(({ document }) => document === "scene") || documents.dirty) return;
   state.film = film;
+  clearTimeout(filming);
   asked = performance.now();
   say("simulating ...");
   question(false);
@@ -387,7 +404,8 @@ function show(found) {
     + (cached ? ", kept from before" : `, ${computed.toFixed(2)} s of it simulated`));
   state.answered += 1;
   document.body.dataset.answered = String(state.answered);
-  if (state.film) setTimeout(() => question(true));
+  // Who moves on at once does not wait for a film.
+  if (state.film) filming = setTimeout(() => question(true), FILM_PAUSE);
 }
 
 /** Toes, measured and simulated, as places on the section. */
@@ -499,6 +517,7 @@ async function start() {
   for (const tab of $("modes").children) tab.addEventListener("click", () => setMode(tab.dataset.mode));
   buildTools();
   $("spacing").addEventListener("change", () => { state.spacing = Number($("spacing").value); ask(false); });
+  $("keep").addEventListener("click", keepValues);
   $("reset").addEventListener("click", () => open(state.name, true));
   $("theme").addEventListener("click", theme);
   $("play").addEventListener("click", play);

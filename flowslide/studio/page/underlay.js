@@ -86,9 +86,8 @@ export class Underlay {
     const sy = high ? -dy / dv : Math.abs(dx / du);
     if (!(sx > 0 && sy > 0)) { this.page.say("x grows to the right and y upwards: the two places are mixed up", true); return; }
     Object.assign(this.at, { sx, sy, x: a.x - sx * a.pixel[0], y: a.y + sy * a.pixel[1] });
-    this.keep();
     this.page.refresh();
-    this.page.say("the picture has its scale");
+    this.keep().then(() => this.page.say("the picture has its scale"), (error) => this.page.say(error.message, true));
   }
 
   panel() {
