@@ -549,17 +549,15 @@ def predict(
             raise InputError(f"--zones: {OPTION} names its zones already")
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
         known = placed(read, list(zones) or section.default_zones, section.scene)
-        asked = untrained(engine)
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        forward = untrained(engine).forward(store)
         watch.plan({"simulating": (1 + seeds) * 7})
         with watch.stage("simulating"):
             found = prediction.predict(
-                asked.forward(section.setup(known), store),
+                forward,
+                section.setup(known),
                 known,
-                jittered=[
-                    asked.forward(section.setup(known, jitter_seed=seed), store)
-                    for seed in range(1, seeds + 1)
-                ],
+                jittered=[section.setup(known, jitter_seed=s) for s in range(1, seeds + 1)],
                 samples=samples,
             )
         sections = prediction.envelope(found, spacing=section.scene.spacing, ground=section.ground)

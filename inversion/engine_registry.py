@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from inversion.back_analysis.back_analysis import BackAnalysis
     from inversion.back_analysis.case import InversionCase
     from inversion.engines.run_store import RunStore
-    from inversion.engines.setup import Setup
     from inversion.problem.forward import Forward
     from pipeline.progress import Watch
 
@@ -37,7 +36,7 @@ class Engine:
         description: as part of a sentence.
         short: in a chart.
         folder: of its results, below results/<case>/.
-        forward: makes it for one reading of a question; runs are kept in the store.
+        forward: makes it; runs are kept in the store. None: it is made by `analysis` alone.
         trained: it needs a trained model, whose folder `analysis` is given.
         effects: it simulates the physical effects of a scene.
         analysis: the back-analysis by it, from a case, a store of runs, a watch, the model's folder
@@ -49,7 +48,7 @@ class Engine:
     description: str
     short: str
     folder: str
-    forward: Callable[[Setup, RunStore], Forward] | None = None
+    forward: Callable[[RunStore], Forward] | None = None
     trained: bool = False
     effects: bool = True
     analysis: Callable[[InversionCase, RunStore, Watch, Path | None, Path], BackAnalysis] | None = (
@@ -77,10 +76,10 @@ class Engine:
         return BackAnalysis(case, store, watch.say, watch, engine_name=self.name)
 
 
-def _mpm(setup: Setup, store: RunStore) -> Forward:
+def _mpm(store: RunStore) -> Forward:
     from inversion.engines.mpm_engine import MPMEngine
 
-    return MPMEngine(setup, store)
+    return MPMEngine(store)
 
 
 def _with_learned_simulator(

@@ -28,14 +28,13 @@ def run(folder: Path | None, *, quick: bool) -> list[Figure]:
     case, look = analysis.case, analysis.found.best
     row = analysis.objective.targets.names.index("upstream toe")
     own, steps = look.derivative[row], np.abs(look.steps)
-    engines = [
-        MPMEngine(case.jittered(case.setup, seed), analysis.store) for seed in range(1, SEEDS + 1)
-    ]
+    engine = MPMEngine(analysis.store)
+    setups = [case.jittered(case.setup, seed) for seed in range(1, SEEDS + 1)]
     found = []
     for place, step in enumerate(steps):
         change = np.eye(len(steps))[place] * step
-        asked = [(e, look.values + sign * change) for e in engines for sign in (1.0, -1.0)]
-        toes = [p.values[row] for p in engines[0].predict_each(asked)]
+        asked = [s.at(look.values + sign * change) for s in setups for sign in (1.0, -1.0)]
+        toes = [p.values[row] for p in engine.predict(asked)]
         found.append((np.array(toes[0::2]) - np.array(toes[1::2])) / (2 * step))
     return [
         figure(spec.name, spec.unit, own[place], found[place], steps[place],

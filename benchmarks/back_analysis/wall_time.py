@@ -21,7 +21,6 @@ from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_most
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
-from inversion.engines.setup import Setup
 from inversion.estimation.unknowns import Parameters
 
 TITLE = "Wall time of forward and gradient"
@@ -35,13 +34,14 @@ def run(folder: Path | None, *, quick: bool) -> list[Figure]:
     case = lab.loaded(lab.PAPER, quick=quick)
     values = np.array([50.0, 30.0, 30.0])
     steps = np.array([-1.0, 1.0, 1.0])
-    _engine(case.setup).predict([values])  # compiles the kernels
+    asked = case.setup.at(values)
+    _engine().predict([asked])  # compiles the kernels
     one, every, alone = [], [], []
     single = dataclasses.replace(case.setup, parameters=Parameters(case.parameters.specs[:1]))
     for _ in range(REPEATS[quick]):
-        one.append(_seconds(lambda: _engine(case.setup).predict([values])))
-        every.append(_seconds(lambda: _engine(case.setup).derivative(values, steps)))
-        alone.append(_seconds(lambda: _engine(single).derivative(values[:1], steps[:1])))
+        one.append(_seconds(lambda: _engine().predict([asked])))
+        every.append(_seconds(lambda: _engine().derivative(asked, steps)))
+        alone.append(_seconds(lambda: _engine().derivative(single.at(values[:1]), steps[:1])))
     base, both, strength = (np.min(times, axis=0) for times in (one, every, alone))
     load = os.getloadavg()[0]
     return [
@@ -57,8 +57,8 @@ def run(folder: Path | None, *, quick: bool) -> list[Figure]:
     ]  # fmt: skip
 
 
-def _engine(setup: Setup) -> MPMEngine:
-    return MPMEngine(setup, RunStore(None, threads=lab.THREADS))
+def _engine() -> MPMEngine:
+    return MPMEngine(RunStore(None, threads=lab.THREADS))
 
 
 def _seconds(work: Callable[[], object]) -> tuple[float, float]:

@@ -87,33 +87,37 @@ def _specs(case, count: int) -> list[ParameterSpec]:
 def _times(arguments, *, learned: bool) -> list[str]:
     frames = arguments.frames if learned else None
     setups = [_setup(arguments, count, frames) for count in NUMBERS]
-    engines = [_engine(arguments, setup, learned) for setup in setups]
+    make = _engine(arguments, learned)
     starts = [setup.parameters.start for setup in setups]
     # Kernels are compiled, and what torch makes ready at its first derivative is ready.
-    for make, start in zip(engines, starts, strict=True):
-        make().derivative(0.99 * start, -0.03 * start) if learned else make().predict([start])
+    for setup, start in zip(setups, starts, strict=True):
+        if learned:
+            make().derivative(setup.at(0.99 * start), -0.03 * start)
+        else:
+            make().predict([setup.at(start)])
     scale = 1.0
     if learned:
         whole = _setup(arguments, 1).settings.duration_s
         scale = whole / setups[0].settings.duration_s
-    seconds = [_seconds(lambda: engines[0]().predict([starts[0]]))]
-    for make, start in zip(engines, starts, strict=True):
-        work = lambda make=make, start=start: make().derivative(start, -0.03 * start)  # noqa: E731
+    seconds = [_seconds(lambda: make().predict([setups[0].at(starts[0])]))]
+    for setup, start in zip(setups, starts, strict=True):
+        asked = setup.at(start)
+        work = lambda asked=asked: make().derivative(asked, -0.03 * asked.values)  # noqa: E731
         seconds.append(_seconds(work))
     return [f"{scale * one:.1f}" for one in seconds]
 
 
-def _engine(arguments, setup: Setup, learned: bool) -> Callable[[], object]:
+def _engine(arguments, learned: bool) -> Callable[[], object]:
     """Makes an engine that has nothing in store."""
     if not learned:
-        return lambda: MPMEngine(setup, RunStore(None, threads=arguments.threads))
+        return lambda: MPMEngine(RunStore(None, threads=arguments.threads))
     from inversion.engines.gns_engine import GNSEngine, prepare
     from inversion.engines.rollout_store import RolloutStore
     from inversion.engines.trained_model import load_model
 
     prepare("cpu", arguments.threads)
     model = load_model(arguments.model)
-    return lambda: GNSEngine(setup, RolloutStore(None), model)
+    return lambda: GNSEngine(RolloutStore(None), model)
 
 
 def _seconds(work: Callable[[], object]) -> float:
@@ -137,11 +141,11 @@ def _memory(arguments, frames: int, way: str) -> float:
 def _memory_here(arguments) -> float:
     """Growth of this process over one derivative [MiB]."""
     setup = _setup(arguments, 3, arguments.frames)
-    engine = _engine(arguments, setup, learned=True)()
+    engine = _engine(arguments, learned=True)()
     engine.mode = arguments.memory_of
     start = setup.parameters.start
     before = _highest()
-    engine.derivative(start, start)
+    engine.derivative(setup.at(start), start)
     return _highest() - before
 
 

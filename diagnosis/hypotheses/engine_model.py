@@ -27,7 +27,7 @@ from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Forward, State
+from inversion.problem.forward import Request, State
 from inversion.problem.question import Sensitivity
 from mpm_taichi.effects import acting_scene, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
@@ -116,6 +116,7 @@ class EngineModel:
         self._asked: set[State] = set()
         self._proposed: dict[State, np.ndarray] = {}
         self._computed_before = store.computed
+        self._forward = engine.forward(store)
 
     # --- what the statistics see ---
 
@@ -179,7 +180,7 @@ class EngineModel:
     @property
     def keeps_runs(self) -> bool:
         """The engine has whole runs, for pictures and for the stress before failure."""
-        return hasattr(self._forward(self._first, self.targets), "kept_run")
+        return hasattr(self._forward, "kept_run")
 
     @property
     def _first(self) -> State:
@@ -222,7 +223,7 @@ class EngineModel:
         """The kept run of a state, for pictures."""
         run = self.run_behind(state)
         self._asked.add(run)
-        return self._forward(run, self.targets).kept_run(np.array(run.values))
+        return self._forward.kept_run(self._request(run, self.targets))
 
     def _entries(self, acting: Mapping[str, float]) -> dict[str, float | dict[str, float]]:
         """Amplitudes as a scene has them; the coefficients of a curve as one entry."""
@@ -240,34 +241,31 @@ class EngineModel:
         (curve,) = [one for one in self.curves if one.variable == variable]
         return curve_entry(variable, curve.knots, [acting.get(name, 0.0) for name in curve.names])
 
-    def _forward(self, state: State, targets: Targets) -> Forward:
-        """The engine that predicts these numbers for the section of a state.
+    def _request(self, state: State, targets: Targets) -> Request:
+        """A run of the section of a state that predicts these numbers.
 
         Measurements and proposals are both read as a run ends, whichever of them is asked for.
 
         Raises:
-            InputError: there is no such section, or the engine does not know it.
+            InputError: there is no such section.
         """
         both = (*self.targets.entries, *self._possible.entries)
         setup = replace(self.setup_of(state), targets=targets, also_read=both)
-        return self.engine.forward(setup, self.store)
+        return setup.at(np.array(state.values))
 
     def _read_all(self, states: list[State], targets: Targets) -> dict[State, np.ndarray]:
         """Measurements or proposals on distinct runs, one vector each."""
         self._asked.update(states)
         nothing = np.full(len(targets.names), np.nan)
         found = {state: nothing for state in states}
-        engines: dict[State, Forward] = {}
+        requests: dict[State, Request] = {}
         for state in states:
             try:
-                engines[state] = self._forward(state, targets)
+                requests[state] = self._request(state, targets)
             except InputError as error:
                 self.failures[state] = str(error)
-        if not engines:
-            return found
-        requests = [(engine, np.array(state.values)) for state, engine in engines.items()]
-        predictions = requests[0][0].predict_each(requests)
-        for state, prediction in zip(engines, predictions, strict=True):
+        predictions = self._forward.predict(list(requests.values()))
+        for state, prediction in zip(requests, predictions, strict=True):
             found[state] = prediction.values
             unread = not np.any(np.isfinite(prediction.values))
             if prediction.reason and (unread or targets is self.targets):

@@ -96,7 +96,7 @@ class BackAnalysis:
     engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
-        self.engine = self.engine_of(self.case.setup)
+        self.engine = self.engine_of()
         self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
 
@@ -142,27 +142,24 @@ class BackAnalysis:
 
     # --- what an engine decides ---
 
-    def engine_of(self, setup: Setup) -> Forward:
-        """The forward engine of a reading of the question."""
-        return engine_named(self.engine_name).forward(setup, self.store)
+    def engine_of(self) -> Forward:
+        """The forward engine, with no runs counted."""
+        return engine_named(self.engine_name).forward(self.store)
 
     @property
     def coarse_spacing_m(self) -> float | None:
         """Spacing of the coarse runs [m]; None: there are none."""
         return None if engine_named(self.engine_name).trained else self.case.coarse_spacing_m
 
-    def engine_of_changes(self, setup: Setup) -> Forward:
+    def engine_of_changes(self) -> Forward:
         """The engine that says how a reading of the question changes the answer.
 
         Where there are coarse runs: they, moved so that they agree with the fine run at the answer.
         A setup that has no coarse one keeps its own spacing.
         """
         if self.coarse_spacing_m is None:
-            return self.engine_of(setup)
-        coarse = self.case.coarsened(setup)
-        if coarse is None:
-            return Moved(self.engine_of(setup), Move.none())
-        return Moved(self.engine_of(coarse), self.move)
+            return self.engine_of()
+        return Moved(self.engine_of(), self.move, self.case.coarsened)
 
     def objective_of(self, setup: Setup) -> Objective:
         """The objective to minimise for a reading of the question."""
@@ -185,7 +182,7 @@ class BackAnalysis:
     def search(self) -> None:
         """Find the answer from the question's first guess."""
         self.found = self._search_fine(self._search_coarse()) if self.coarse_spacing_m else (
-            self._searched(self.engine, self._jittered(self.case.setup))
+            self._searched(self.engine, self.case.setup)
         )  # fmt: skip
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
@@ -195,27 +192,25 @@ class BackAnalysis:
 
     def _learn_noise(self, values: np.ndarray) -> None:
         """The noise of a finite difference at the answer."""
-        seeds = [self.engine_of_changes(setup) for setup in self._jittered(self.case.setup)]
+        seeds = self._jittered(self.case.setup)
         if seeds:  # runs that the stage `seeds` asks for again: they cost nothing
             mask = self.objective.targets.fitted
-            self.steps.noise, _ = measured_noise(seeds, values, mask)
+            self.steps.noise = measured_noise(self.engine_of_changes(), seeds, values, mask)
 
     def _jittered(self, setup: Setup) -> list[Setup]:
         """The setups whose runs measure the noise of a finite difference."""
         seeds = range(1, self.case.config.inversion.step_seeds + 1)
         return [self.case.jittered(setup, seed) for seed in seeds]
 
-    def _searched(self, engine: Forward, jittered: list[Setup]) -> SearchResult:
+    def _searched(self, engine: Forward, setup: Setup) -> SearchResult:
         """The whole search, from the question's first guess, by one engine."""
-        seeds = [self.engine_of(setup) for setup in jittered]
-        search = self._search(engine, self.steps, seeds=seeds, tell=True)
+        search = self._search(engine, setup, self.steps, seeds=self._jittered(setup), tell=True)
         start, method = self.case.parameters.start, self.case.config.inversion.method
-        return calibrate(search, start, method=method, least_m=self._least_m(engine))
+        return calibrate(search, start, method=method, least_m=self._least_m(setup))
 
     def _search_coarse(self) -> SearchResult:
         """The same by coarse runs alone."""
-        coarse = self.case.coarsened(self.case.setup)
-        found = self._searched(self.engine_of(coarse), self._jittered(coarse))
+        found = self._searched(self.engine_of(), self.case.coarsened(self.case.setup))
         self.say(f"at {self.coarse_spacing_m:g} m: {self._told(found)}")
         return found
 
@@ -225,11 +220,13 @@ class BackAnalysis:
 
         def agreeing(evaluation: Evaluation) -> Forward:
             self.move = self._move(coarse.best, evaluation)
-            return self.engine_of_changes(self.case.setup)
+            return self.engine_of_changes()
 
         slope = coarse.best.derivative * parameters.value_per_fitted(coarse.values)[None, :]
         engine = KnownDerivative(self.engine, slope)
-        search = self._search(engine, self.steps, tell=True, runs_before=coarse.runs)
+        search = self._search(
+            engine, self.case.setup, self.steps, tell=True, runs_before=coarse.runs
+        )
         found = refine(search, coarse.values, method=method, sampled=agreeing)
         self.move = self._move(coarse.best, found.best)
         return self._with_fine_derivative(found).after(coarse, method)
@@ -242,7 +239,9 @@ class BackAnalysis:
         before, best = self.engine.runs, found.best
         self._learn_noise(best.values)
         self.steps.learn(best.derivative[self.objective.targets.fitted], best.values)
-        _, derivative, steps = self.engine.derivative(best.values, self.steps.steps(best.values))
+        _, derivative, steps = self.engine.derivative(
+            self.case.setup.at(best.values), self.steps.steps(best.values)
+        )
         silent = self.objective.silent(best.prediction)[:, None]
         derivative = np.where(silent, 0.0, derivative)
         exact = replace(best, derivative=derivative, steps=steps)
@@ -256,7 +255,7 @@ class BackAnalysis:
         beyond = np.nan_to_num(fine.prediction.values - coarse.prediction.values)
         return Move(
             shift=to_fitted(coarse.values) - to_fitted(fine.values),
-            numbers=dict(zip(self.engine.names, map(float, beyond), strict=True)),
+            numbers=dict(zip(self.objective.targets.names, map(float, beyond), strict=True)),
             sigma_v0_kpa=fine.prediction.sigma_v0_kpa - coarse.prediction.sigma_v0_kpa,
         )
 
@@ -282,9 +281,9 @@ class BackAnalysis:
     def find_equally_good(self) -> None:
         """Walk along what the data do not determine."""
         if len(self.spread.flat):
-            engine = self.engine_of_changes(self.case.setup)
+            engine = self.engine_of_changes()
             self.stops = walk(
-                engine, self.objective, self.found.values, self.slope,
+                engine, self.case.setup, self.objective, self.found.values, self.slope,
                 self.spread.flat, self.found.best.loss,
             )  # fmt: skip
             self.runs += engine.runs
@@ -425,13 +424,13 @@ class BackAnalysis:
         self, reading: Reading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
     ) -> Problem | None:
         """From the answer and the derivative of the reading before; else by a search of its own."""
-        engine, objective = self.engine_of(setup), self.objective_of(setup)
+        objective = self.objective_of(setup)
         if slope is not None and not objective.limit:
-            problem = Problem(engine, objective, begin, slope)
-            self._resolve([problem])
+            problem = Problem(setup, objective, begin, slope)
+            self._resolve([problem], self.engine_of())
             if problem.reached:
                 return problem
-        found = self._calibrated(reading.name, setup, begin, self.engine_of(setup))
+        found = self._calibrated(reading.name, setup, begin, self.engine_of())
         return None if found is None else self._problem(setup, found)
 
     def _told_derivative(self) -> np.ndarray:
@@ -528,16 +527,18 @@ class BackAnalysis:
     def _search(
         self,
         engine: Forward,
+        setup: Setup,
         steps: FiniteSteps,
         *,
-        seeds: list[Forward] | tuple = (),
+        seeds: Sequence[Setup] = (),
         tell: bool = False,
         runs_before: int = 0,
     ) -> Search:
         settings = self.case.config.inversion
         return Search(
             engine,
-            self.objective_of(engine.setup),
+            setup,
+            self.objective_of(setup),
             steps,
             seeds=seeds,
             max_iterations=settings.max_iterations,
@@ -552,17 +553,17 @@ class BackAnalysis:
 
         `engine`: None: that of changes.
         """
-        engine = self.engine_of_changes(setup) if engine is None else engine
+        engine = self.engine_of_changes() if engine is None else engine
         noise = self.steps.noise
         if int(setup.targets.fitted.sum()) != len(noise):
             noise = np.full(int(setup.targets.fitted.sum()), float(np.max(noise)))
-        search = self._search(engine, self._steps(noise, self.objective_of(setup)))
+        search = self._search(engine, setup, self._steps(noise, self.objective_of(setup)))
         try:
             found = calibrate(
                 search,
                 start,
                 method=self.case.config.inversion.method,
-                least_m=self._least_m(engine),
+                least_m=self._least_m(setup),
             )
         except WorkFailed as error:
             self.remark(f"{name}: no answer: {error}")
@@ -575,7 +576,7 @@ class BackAnalysis:
         best = self.found.best if found is None else found.best
         objective = self.objective_of(setup)
         return Problem(
-            self.engine_of_changes(setup),
+            setup,
             objective,
             best.values,
             objective.fitted_derivative(best.derivative, best.values),
@@ -590,7 +591,7 @@ class BackAnalysis:
         """
         again = {
             number: Problem(
-                self.engine_of(one.changed.setup),
+                one.changed.setup,
                 one.problem.objective,
                 one.problem.refined,
                 one.problem.slope,
@@ -598,7 +599,7 @@ class BackAnalysis:
             for number, one in enumerate(solved)
             if self.coarse_spacing_m and self.case.coarsened(one.changed.setup) is not None
         }
-        self._resolve(list(again.values()), linear=True)
+        self._resolve(list(again.values()), self.engine_of(), linear=True)
         for number, problem in again.items():
             if np.isfinite(problem.loss):
                 solved[number].fine = problem
@@ -623,16 +624,22 @@ class BackAnalysis:
         return bool(np.all(left < SHORT * self.spread.std))
 
     @staticmethod
-    def _least_m(engine: Forward) -> float:
+    def _least_m(setup: Setup) -> float:
         """What must move for a search to begin [m]."""
-        return 2.0 * engine.setup.scene.spacing
+        return 2.0 * setup.scene.spacing
 
-    def _resolve(self, problems: list[Problem], *, linear: bool = False) -> None:
-        """Solve; `linear`: one run is enough where the linear step that is left is short."""
-        resolve(problems, 0 if linear else ROUNDS)
+    def _resolve(
+        self, problems: list[Problem], engine: Forward | None = None, *, linear: bool = False
+    ) -> None:
+        """Solve by an engine; None: that of changes.
+
+        `linear`: one run is enough where the linear step that is left is short.
+        """
+        engine = self.engine_of_changes() if engine is None else engine
+        resolve(engine, problems, 0 if linear else ROUNDS)
         if linear:
-            resolve([one for one in problems if not self._short(one)])
-        self.runs += sum(problem.engine.runs for problem in problems)
+            resolve(engine, [one for one in problems if not self._short(one)])
+        self.runs += engine.runs
 
     def _tell_evaluation(self, runs_before: int, evaluation: Evaluation) -> None:
         parameters, targets = self.case.parameters, self.objective.targets

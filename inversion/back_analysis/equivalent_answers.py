@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inversion.back_analysis.perturbed_answers import Problem, resolve
+from inversion.engines.setup import Setup
 from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
 
@@ -73,6 +74,7 @@ class Walker:
 
 def walk(
     engine: Forward,
+    setup: Setup,
     objective: Objective,
     values: np.ndarray,
     slope: np.ndarray,
@@ -83,6 +85,7 @@ def walk(
 
     Args:
         engine: the forward engine.
+        setup: the reading of the question.
         objective: of the answer; its priors and preferences do not count here.
         values: the answer (p,).
         slope: derivative of the fitted numbers by the scaled parameters there (k, p).
@@ -102,8 +105,8 @@ def walk(
     ]
     found: list[EquivalentAnswer] = []
     while walkers:
-        problems = [_ahead(engine, data_alone, walker) for walker in walkers]
-        resolve(problems, rounds=ROUNDS)
+        problems = [_ahead(setup, data_alone, walker) for walker in walkers]
+        resolve(engine, problems, ROUNDS)
         for walker, problem in zip(walkers, problems, strict=True):
             if problem.loss < good_enough:
                 found.append(
@@ -121,13 +124,13 @@ def walk(
     return sorted(found, key=lambda stop: (stop.along, flat[stop.along] @ fitted(stop.values)))
 
 
-def _ahead(engine: Forward, objective: Objective, walker: Walker) -> Problem:
+def _ahead(setup: Setup, objective: Objective, walker: Walker) -> Problem:
     """The next stop of a walker, still to be brought back to the data."""
     walker.turn()
     here = objective.parameters.to_fitted(walker.values)
     far = reach(objective, here, walker.heading, walker.stride)
     start = objective.parameters.to_values(here + far * walker.heading)
-    return Problem(engine, objective, start, walker.slope, frozen=walker.heading)
+    return Problem(setup, objective, start, walker.slope, frozen=walker.heading)
 
 
 def reach(objective: Objective, here: np.ndarray, direction: np.ndarray, length: float) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from inversion.engines.setup import Setup
 from inversion.estimation.gauss_newton import LEAST, bounded_step, broyden
 from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
@@ -24,10 +25,10 @@ SMALL = 0.02
 
 @dataclass
 class Problem:
-    """One question: its engine and objective, where it begins, the derivative known there.
+    """One question: its reading and objective, where it begins, the derivative known there.
 
     Attributes:
-        engine: the forward engine.
+        setup: the reading of the question.
         objective: with the question's targets.
         values: (p,) present best.
         slope: derivative of the fitted numbers by the scaled parameters (k, p).
@@ -38,7 +39,7 @@ class Problem:
         settled: the step that was left was too small to be worth a run.
     """
 
-    engine: Forward
+    setup: Setup
     objective: Objective
     values: np.ndarray
     slope: np.ndarray
@@ -128,14 +129,13 @@ class Problem:
         return bounded_step(matrix, -residuals, low, high)
 
 
-def resolve(problems: Sequence[Problem], rounds: int = ROUNDS) -> None:
-    """Solve all problems in place, by at most `rounds` batches after the first."""
+def resolve(engine: Forward, problems: Sequence[Problem], rounds: int = ROUNDS) -> None:
+    """Solve all problems in place by an engine, by at most `rounds` batches after the first."""
     for _ in range(rounds + 1):
         asked = [(problem, problem.propose()) for problem in problems]
         asked = [(problem, values) for problem, values in asked if values is not None]
         if not asked:
             return
-        engine = asked[0][0].engine
-        predictions = engine.predict_each([(problem.engine, values) for problem, values in asked])
+        predictions = engine.predict([problem.setup.at(values) for problem, values in asked])
         for (problem, _), prediction in zip(asked, predictions, strict=True):
             problem.receive(prediction)

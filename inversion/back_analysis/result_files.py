@@ -98,7 +98,7 @@ def save_answer_run(analysis: BackAnalysis, path: Path) -> None:
     """Simulate the answer once more with all frames, for the film and for other tools."""
     from mpm_taichi.batch import run_batch
 
-    scene = analysis.engine.scene(analysis.found.values)
+    scene = analysis.case.setup.at(analysis.found.values).scene
     run_batch(
         {0: scene},
         analysis.case.setup.settings,

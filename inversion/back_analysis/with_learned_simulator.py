@@ -69,13 +69,13 @@ class SurrogateAnalysis(BackAnalysis):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.truth = MPMEngine(self.case.setup, self.store)
+        self.truth = MPMEngine(self.store)
 
     # --- what the engine decides ---
 
-    def engine_of(self, setup: Setup) -> Forward:
+    def engine_of(self) -> Forward:
         """The learned simulator, corrected as soon as its error is known."""
-        engine = self._uncorrected(setup)
+        engine = self._uncorrected()
         if self.pairs is None:
             return engine
         mean = dict(zip(self.pairs.names, self.pairs.mean, strict=True))
@@ -118,10 +118,10 @@ class SurrogateAnalysis(BackAnalysis):
         """The answer of the learned simulator by itself, from the question's first guess."""
         if self.left_out:
             self.remark(self.left_out)
-        for line in self.engine.outside(self.case.parameters.start):
+        for line in self.engine.outside(self.case.setup.at(self.case.parameters.start)):
             self.remark(f"outside the training of the model {self.model.name}: {line}")
         self.found = self.alone = self._fit(self.case.parameters.start)
-        (self.judged_alone,) = self.truth.predict([self.found.values])
+        (self.judged_alone,) = self.truth.predict([self.case.setup.at(self.found.values)])
         self.say(f"answer of the learned simulator alone: {self._told(self.found)}")
 
     def compare(self) -> None:
@@ -134,10 +134,10 @@ class SurrogateAnalysis(BackAnalysis):
             np.sqrt(np.diag(around.scaled)),
             self.case.config.inversion.surrogate_pairs,
         )
-        surrogate = self._uncorrected(self.case.setup)
-        self.pairs, _ = paired(surrogate, self.truth, self.case.setup.targets, states, width)
+        surrogate = self._uncorrected()
+        self.pairs, _ = paired(surrogate, self.truth, self.case.setup, states, width)
         self.runs += surrogate.runs
-        self.engine = self.engine_of(self.case.setup)
+        self.engine = self.engine_of()
         self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
         std = np.sqrt(np.diag(self.pairs.covariance))
@@ -177,7 +177,7 @@ class SurrogateAnalysis(BackAnalysis):
         surrogate = Surrogate(
             model=self.model.name,
             model_sha256=self.model.sha256,
-            outside=self._uncorrected(self.case.setup).outside(self.found.values),
+            outside=self._uncorrected().outside(self.case.setup.at(self.found.values)),
             pairs=[
                 SurrogatePair(
                     values=parameters.as_mapping(state),
@@ -220,14 +220,15 @@ class SurrogateAnalysis(BackAnalysis):
 
     # --- what the stages share ---
 
-    def _uncorrected(self, setup: Setup) -> GNSEngine:
-        return GNSEngine(setup, self.rollouts, self.model, on_frame=self.on_frame)
+    def _uncorrected(self) -> GNSEngine:
+        return GNSEngine(self.rollouts, self.model, on_frame=self.on_frame)
 
     def _fit(self, start: np.ndarray) -> SearchResult:
         """A search with the engine and objective that are known by now."""
         method = self.case.config.inversion.method
-        search = self._search(self.engine, self.steps, tell=True)
-        found = calibrate(search, start, method=method, least_m=self._least_m(self.engine))
+        setup = self.case.setup
+        search = self._search(self.engine, setup, self.steps, tell=True)
+        found = calibrate(search, start, method=method, least_m=self._least_m(setup))
         self.runs += found.runs
         return found
 
@@ -238,7 +239,7 @@ class SurrogateAnalysis(BackAnalysis):
 
     def _judge(self) -> None:
         """The material point method at the answer; the stress before failure is its own."""
-        (self.judged,) = self.truth.predict([self.found.values])
+        (self.judged,) = self.truth.predict([self.case.setup.at(self.found.values)])
         prediction = replace(
             self.found.best.prediction,
             sigma_v0_kpa=self.judged.sigma_v0_kpa,

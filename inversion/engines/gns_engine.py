@@ -39,7 +39,7 @@ from inversion.engines.rollout_store import (
 from inversion.engines.run_store import KeptRun
 from inversion.engines.setup import Setup, prediction_of
 from inversion.engines.trained_model import Model
-from inversion.problem.forward import Forward, Prediction
+from inversion.problem.forward import Forward, Prediction, Request
 from inversion.problem.question import material_key
 from inversion.problem.water_level import moves_with_pool
 from pipeline.cli import InputError, WorkFailed
@@ -52,6 +52,7 @@ class Slide:
     """A rollout that is about to begin.
 
     Attributes:
+        setup: the question.
         scene: with all values put in.
         facts: of the scene.
         start: positions at t = 0, (N, 2) [m].
@@ -62,6 +63,7 @@ class Slide:
         key: `rollout_key`.
     """
 
+    setup: Setup
     scene: Scene
     facts: SceneFacts
     start: np.ndarray
@@ -88,118 +90,102 @@ class GNSEngine(Forward):
     """`inversion.problem.forward.Forward` by a learned simulator.
 
     Args:
-        setup: the question.
         store: where rollouts and derivatives are kept.
         model: the simulator.
         mode: of the derivative: the cheaper, or one of them.
         on_frame: called for each frame of a rollout: its number, and of how many at most.
-
-    Raises:
-        InputError: the scene or the settings hold what no learned simulator has been shown.
     """
 
     def __init__(
         self,
-        setup: Setup,
         store: RolloutStore,
         model: Model,
         *,
         mode: Mode = "cheaper",
         on_frame: Callable[[int, int], None] | None = None,
     ) -> None:
-        super().__init__(setup)
+        super().__init__()
         self.store = store
         self.model = model
         self.mode = mode
         self.on_frame = on_frame
-        self.settings = model.simulator.settings(setup.settings)
-        self._slide(setup.parameters.start)  # whatever is refused is refused now
 
-    @property
-    def way(self) -> Literal["forward", "reverse"]:
+    def way(self, setup: Setup) -> Literal["forward", "reverse"]:
         """The cheaper way to the derivative, in steps for each frame, or the one asked for.
 
         Where both come to the same, reverse: measured at 6,256 points it then takes 30 % less.
         """
         if self.mode != "cheaper":
             return self.mode
-        fitted = int(self.setup.targets.fitted.sum())
+        fitted = int(setup.targets.fitted.sum())
         backward = 1 + (REVERSE_COST - 1) * fitted
-        return "reverse" if backward <= 1 + len(self.setup.parameters.specs) else "forward"
+        return "reverse" if backward <= 1 + len(setup.parameters.specs) else "forward"
 
-    def outside(self, values: np.ndarray) -> list[str]:
+    def outside(self, request: Request) -> list[str]:
         """Properties of the section outside the ranges of the training, one sentence each."""
-        slide = self._slide(values)
+        slide = self._slide(request)
         return self.model.simulator.outside(slide.start, slide.facts)
 
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several engines, one rollout after the other."""
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """Predictions of all requests, one rollout after the other.
+
+        Raises:
+            InputError: a scene or its settings hold what no learned simulator has been shown.
+        """
         found = []
-        for engine, values in requests:
-            engine.runs += 1
-            values = np.asarray(values, dtype=float)
-            slide = engine._slide(values)
-            run = engine.store.run(slide.key, engine.setup.reader)
+        for request in requests:
+            self.runs += 1
+            slide = self._slide(request)
+            run = self.store.run(slide.key, request.setup.reader)
             if run is None:
-                run = engine._rolled_out(slide, values)
-            found.append(prediction_of(engine.setup, run))
+                run = self._rolled_out(slide, request.values)
+            found.append(prediction_of(request.setup, run))
         return found
 
     def derivative(
-        self, values: np.ndarray, steps: np.ndarray
+        self, request: Request, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
         """Prediction and exact derivative; see `inversion.problem.forward.Forward`.
 
         Rows of what could not be read are NaN, and in reverse mode those of what is not fitted.
         """
         self.runs += 1
-        values = np.asarray(values, dtype=float)
-        slide = self._slide(values)
-        names = entry_keys(self.setup.targets, self.setup.foot)
-        fitted = "".join(str(int(one)) for one in self.setup.targets.fitted)
-        way = self.way if self.way == "forward" else f"reverse {fitted}"
-        key = derivative_key(slide.key, self.setup.parameters, way)
-        run = self.store.run(slide.key, self.setup.reader)
+        setup, slide = request.setup, self._slide(request)
+        names = entry_keys(setup.targets, setup.foot)
+        fitted = "".join(str(int(one)) for one in setup.targets.fitted)
+        way = self.way(setup)
+        key = derivative_key(
+            slide.key, setup.parameters, way if way == "forward" else f"reverse {fitted}"
+        )
+        run = self.store.run(slide.key, setup.reader)
         rows = self.store.rows(key, names)
         if run is None or (rows is None and run.status != "failed"):
-            run, rows = self._differentiated(slide, values, run, key, names)
-        count = len(self.setup.parameters.specs)
+            run, rows = self._differentiated(slide, request.values, run, key, names)
+        count = len(setup.parameters.specs)
         if rows is None:
-            derivative = np.full((len(self.names), count), np.nan)
+            derivative = np.full((len(setup.targets.names), count), np.nan)
         else:
             derivative = np.concatenate([rows[name] for name in names])
-        return prediction_of(self.setup, run), derivative, np.zeros(count)
+        return prediction_of(setup, run), derivative, np.zeros(count)
 
     # -- rollouts ------------------------------------------------------------------------------
 
-    def _slide(self, values: np.ndarray) -> Slide:
-        scene = self.scene(values)
-        facts, start = start_of(scene, self.settings)
-        simulator = self.model.simulator
-        settings = self.settings
+    def _slide(self, request: Request) -> Slide:
+        simulator, scene = self.model.simulator, request.scene
+        settings = simulator.settings(request.setup.settings)
+        facts, start = start_of(scene, settings)
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)
         return Slide(
+            setup=request.setup,
             scene=scene,
             facts=facts,
             start=start,
             window=first_window(start, facts, simulator.config.history),
             frames=max(frames_of(settings.duration_s, facts), 2),
-            scene_of=scene_function(simulator.scaled(facts), facts, self._unknowns(scene, values)),
+            scene_of=scene_function(simulator.scaled(facts), facts, _unknowns(request)),
             rest=rest if settings.early_stop else None,
             key=rollout_key(scene, settings, self.model.hash),
         )
-
-    def _unknowns(self, scene: Scene, values: np.ndarray) -> list[UnknownProperty]:
-        place = {zone.name: number for number, zone in enumerate(scene.zones)}
-        return [
-            UnknownProperty(
-                material_key(spec.property),
-                tuple(place[name] for name in spec.zones),
-                float(value),
-                moves_with_pool(scene) if spec.property == "water_level" else None,
-            )
-            for spec, value in zip(self.setup.parameters.specs, values, strict=True)
-        ]
 
     def _rolled_out(self, slide: Slide, values: np.ndarray) -> KeptRun:
         """Roll out and keep the run."""
@@ -227,14 +213,14 @@ class GNSEngine(Forward):
         if run is not None:  # its frames again, whatever rest would say of other digits
             frames, until = int(round(run.end_s / slide.facts.frame_time)) + 1, None
         reading = RolloutReading(
-            self.setup,
+            slide.setup,
             slide.scene,
             slide.facts.frame_time,
             lambda: watch.at_rest if run is None else run.at_rest,
         )
         differentiate = jacobian
-        if self.way == "reverse":
-            differentiate, reading.wanted = reverse_jacobian, self.setup.targets.fitted
+        if self.way(slide.setup) == "reverse":
+            differentiate, reading.wanted = reverse_jacobian, slide.setup.targets.fitted
         rows, reason = None, ""
         try:
             _, slopes, _ = differentiate(
@@ -279,10 +265,24 @@ class GNSEngine(Forward):
             end_s=float(run.time[-1]),
             at_rest=at_rest,
             wall_time_s=seconds,
-            readings=self.setup.reader.read(run),
+            readings=slide.setup.reader.read(run),
         )
         self.store.keep_run(slide.key, kept)
         return kept
+
+
+def _unknowns(request: Request) -> list[UnknownProperty]:
+    scene = request.scene
+    place = {zone.name: number for number, zone in enumerate(scene.zones)}
+    return [
+        UnknownProperty(
+            material_key(spec.property),
+            tuple(place[name] for name in spec.zones),
+            float(value),
+            moves_with_pool(scene) if spec.property == "water_level" else None,
+        )
+        for spec, value in zip(request.setup.parameters.specs, request.values, strict=True)
+    ]
 
 
 class _Watch:

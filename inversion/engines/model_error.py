@@ -9,14 +9,15 @@ as a few pairs make it look.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Forward, Prediction, WrappedEngine
+from inversion.problem.forward import Forward, Prediction, Request, WrappedEngine
 from pipeline.cli import WorkFailed
 
 #: Covariance of the differences counts by this, and its diagonal by this in addition.
@@ -99,14 +100,14 @@ def states_around(
 
 
 def paired(
-    surrogate: Forward, truth: Forward, targets: Targets, states: np.ndarray, width: np.ndarray
+    surrogate: Forward, truth: Forward, setup: Setup, states: np.ndarray, width: np.ndarray
 ) -> tuple[Pairs, list[Prediction]]:
     """Ask both engines at the states (n, p).
 
     Args:
         surrogate: the learned simulator, without correction.
         truth: the material point method.
-        targets: the measurements; pairs on which a fitted number is missing are left out.
+        setup: the question; pairs on which a fitted number is missing are left out.
         states: the answer first.
         width: see `Pairs`.
 
@@ -116,8 +117,8 @@ def paired(
     Raises:
         WorkFailed: too few pairs are left, or none at the answer.
     """
-    exact = truth.predict(list(states))
-    quick = surrogate.predict(list(states))
+    requests, targets = [setup.at(values) for values in states], setup.targets
+    exact, quick = truth.predict(requests), surrogate.predict(requests)
     values = np.array([[one.values for one in engine] for engine in (quick, exact)])
     whole = np.all(np.isfinite(values[:, :, targets.fitted]), axis=(0, 2))
     if whole.sum() < LEAST_PAIRS or not whole[0]:
@@ -131,7 +132,7 @@ def paired(
             f"the error of the learned simulator is not known: of {len(states)} runs next to the "
             f"material point method {len(states) - int(whole.sum())} failed ({reason})"
         )
-    pairs = Pairs(list(surrogate.names), states[whole], values[0][whole], values[1][whole], width)
+    pairs = Pairs(list(targets.names), states[whole], values[0][whole], values[1][whole], width)
     return pairs, exact
 
 
@@ -155,15 +156,21 @@ class Corrected(WrappedEngine):
 
     def __init__(self, engine: Forward, correction: Mapping[str, float]) -> None:
         self.engine = engine
-        self._correction = np.array([correction.get(name, 0.0) for name in engine.names])
+        self.correction = correction
+
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """Corrected predictions."""
+        found = self.engine.predict(requests)
+        return [self._corrected(*pair) for pair in zip(requests, found, strict=True)]
 
     def derivative(
-        self, values: np.ndarray, steps: np.ndarray
+        self, request: Request, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
         """Corrected prediction and the derivative, which a constant does not change."""
-        prediction, derivative, taken = self.engine.derivative(values, steps)
-        return self.outer(prediction), derivative, taken
+        prediction, derivative, taken = self.engine.derivative(request, steps)
+        return self._corrected(request, prediction), derivative, taken
 
-    def outer(self, prediction: Prediction) -> Prediction:
-        """The prediction with the mean difference added."""
-        return replace(prediction, values=prediction.values + self._correction)
+    def _corrected(self, request: Request, prediction: Prediction) -> Prediction:
+        names = request.setup.targets.names
+        correction = np.array([self.correction.get(name, 0.0) for name in names])
+        return replace(prediction, values=prediction.values + correction)

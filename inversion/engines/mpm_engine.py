@@ -10,35 +10,37 @@ from collections.abc import Sequence
 import numpy as np
 
 from inversion.engines.run_store import KeptRun, RunStore
-from inversion.engines.setup import Setup, prediction_of, read_start
-from inversion.problem.forward import Forward, Prediction
+from inversion.engines.setup import prediction_of, read_start
+from inversion.problem.forward import Forward, Prediction, Request
 
 
 class MPMEngine(Forward):
     """`inversion.problem.forward.Forward` by the material point method."""
 
-    def __init__(self, setup: Setup, store: RunStore) -> None:
-        super().__init__(setup)
+    def __init__(self, store: RunStore) -> None:
+        super().__init__()
         self.store = store
 
-    def kept_run(self, values: np.ndarray) -> KeptRun:
-        """The whole run of a parameter vector, for pictures."""
-        return self.store.fetch([(self.scene(values), self.setup.settings)], [self.setup.reader])[0]
+    def kept_run(self, request: Request) -> KeptRun:
+        """The whole run of a request, for pictures."""
+        return self._fetched([request])[0]
 
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several engines, as one batch."""
-        engines: list[MPMEngine] = [engine for engine, _ in requests]
-        wanted = [(engine.scene(values), engine.setup.settings) for engine, values in requests]
-        runs = self.store.fetch(wanted, [engine.setup.reader for engine in engines])
-        for engine in engines:
-            engine.runs += 1
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """Predictions of all requests as one batch."""
+        self.runs += len(requests)
         starts: dict[tuple, np.ndarray] = {}
         found = []
-        for engine, run in zip(engines, runs, strict=True):
+        for request, run in zip(requests, self._fetched(requests), strict=True):
             # Runs that differ in strength alone begin from the same points.
-            setup = engine.setup
+            setup = request.setup
             key = (id(setup.targets), tuple(setup.foot.items()), run.initial.tobytes())
             if key not in starts:
-                starts[key] = read_start(engine.setup, run)
-            found.append(prediction_of(engine.setup, run, starts[key]))
+                starts[key] = read_start(setup, run)
+            found.append(prediction_of(setup, run, starts[key]))
         return found
+
+    def _fetched(self, requests: Sequence[Request]) -> list[KeptRun]:
+        return self.store.fetch(
+            [(request.scene, request.setup.settings) for request in requests],
+            [request.setup.reader for request in requests],
+        )

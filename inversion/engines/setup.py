@@ -19,7 +19,7 @@ from geometry.survey.measured import Deposit, Measured
 from inversion.engines.run_store import HistoryReader, KeptRun
 from inversion.estimation.data import Targets, read, toes_by_eye
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Prediction
+from inversion.problem.forward import Prediction, Request
 from inversion.problem.question import RESIDUAL_STRENGTH
 from pipeline.config import SimulationSettings
 
@@ -43,6 +43,10 @@ class Setup:
     targets: Targets
     foot: Mapping[str, float]
     also_read: tuple[Measured, ...] = ()
+
+    def at(self, values: np.ndarray) -> Request:
+        """One run of this reading, with values (p,) of its parameters."""
+        return Request(self, np.asarray(values, dtype=float))
 
     def with_scene(self, scene: Scene) -> Setup:
         """The setup of another section; where its foot moves, so does the zero of a runout."""

@@ -16,11 +16,13 @@ would not with equal parameters.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inversion.problem.forward import Forward, Prediction, WrappedEngine
+from inversion.engines.setup import Setup
+from inversion.problem.forward import Forward, Prediction, Request, WrappedEngine
 
 
 @dataclass
@@ -38,12 +40,16 @@ class KnownDerivative(WrappedEngine):
     engine: Forward
     slope: np.ndarray
 
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """Those of the engine inside."""
+        return self.engine.predict(requests)
+
     def derivative(
-        self, values: np.ndarray, steps: np.ndarray
+        self, request: Request, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
         """Prediction, and the derivative by the values that the known one is there."""
-        (prediction,) = self.engine.predict([values])
-        per_fitted = self.setup.parameters.value_per_fitted(values)
+        (prediction,) = self.predict([request])
+        per_fitted = request.setup.parameters.value_per_fitted(request.values)
         return prediction, self.slope / per_fitted[None, :], np.array(steps, dtype=float)
 
 
@@ -63,8 +69,23 @@ class Move:
 
     @classmethod
     def none(cls) -> Move:
-        """For an engine that is used as it is."""
+        """For runs that are used as they are."""
         return cls(np.zeros(1), {}, 0.0)
+
+    def inner(self, setup: Setup, values: np.ndarray) -> Request:
+        """The coarse run of a setup for values of a fine one."""
+        parameters = setup.parameters
+        return setup.at(parameters.to_values(parameters.to_fitted(values) + self.shift))
+
+    def outer(self, request: Request, prediction: Prediction) -> Prediction:
+        """What a fine run would predict."""
+        names = request.setup.targets.names
+        numbers = np.array([self.numbers.get(name, 0.0) for name in names])
+        return replace(
+            prediction,
+            values=prediction.values + numbers,
+            sigma_v0_kpa=prediction.sigma_v0_kpa + self.sigma_v0_kpa,
+        )
 
 
 @dataclass
@@ -72,23 +93,21 @@ class Moved(WrappedEngine):
     """`inversion.problem.forward.Forward`: coarse runs that agree with fine ones at the answer.
 
     Attributes:
-        engine: of the coarse runs.
+        engine: of the runs.
         move: see above.
+        coarsened: a setup at the coarse spacing; None: it has none and is run as it is.
     """
 
     engine: Forward
     move: Move
+    coarsened: Callable[[Setup], Setup | None]
 
-    def inner_values(self, values: np.ndarray) -> np.ndarray:
-        """Values of the coarse run for values of a fine one."""
-        parameters = self.setup.parameters
-        return parameters.to_values(parameters.to_fitted(values) + self.move.shift)
-
-    def outer(self, prediction: Prediction) -> Prediction:
-        """What a fine run would predict."""
-        numbers = np.array([self.move.numbers.get(name, 0.0) for name in self.names])
-        return replace(
-            prediction,
-            values=prediction.values + numbers,
-            sigma_v0_kpa=prediction.sigma_v0_kpa + self.move.sigma_v0_kpa,
-        )
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """What fine runs would predict, by coarse ones where there are any."""
+        moves, inner = [], []
+        for request in requests:
+            coarse = self.coarsened(request.setup)
+            moves.append(Move.none() if coarse is None else self.move)
+            inner.append(moves[-1].inner(coarse or request.setup, request.values))
+        found = self.engine.predict(inner)
+        return [move.outer(*pair) for move, *pair in zip(moves, inner, found, strict=True)]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data
 from inversion.estimation.unknowns import Parameters, Unknowns
 from inversion.problem.forward import Forward, Prediction
+
+if TYPE_CHECKING:
+    from inversion.engines.setup import Setup
 
 #: Least effect of a step, in units of the noise of one run.
 FACTOR = 5.0
@@ -137,13 +141,10 @@ def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:
 
 
 def measured_noise(
-    engines: Sequence[Forward], values: np.ndarray, mask: np.ndarray
-) -> tuple[np.ndarray, list[Prediction]]:
-    """Noise at `values` from engines that differ in nothing but the seed of the jitter."""
-    if not engines:
-        return np.zeros(int(np.sum(mask))), []
-    predictions = engines[0].predict_each([(engine, values) for engine in engines])
-    return noise_of(predictions, mask), predictions
+    engine: Forward, setups: Sequence[Setup], values: np.ndarray, mask: np.ndarray
+) -> np.ndarray:
+    """Noise (k,) at `values` from readings that differ in nothing but the seed of the jitter."""
+    return noise_of(engine.predict([setup.at(values) for setup in setups]), mask)
 
 
 def central_differences(

@@ -128,7 +128,7 @@ def _run(search: Search, start: np.ndarray, places: Sequence[float], kind: Kind)
     before = max((evaluation.iteration for evaluation in search.evaluations), default=-1)
     iteration = before + 1 if kind == "limit" else 0
     found = []
-    for place, own, prediction in zip(places, values, search.engine.predict(values), strict=True):
+    for place, own, prediction in zip(places, values, search.predict(values), strict=True):
         evaluation = search.record(own, kind, iteration, prediction)
         excess = search.objective.excess(prediction)
         found.append(Trial(place, evaluation, excess))

@@ -70,7 +70,7 @@ def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
             lowered = np.where(strengths, first.values * factor, first.values)
             trials.append(parameters.clipped(lowered))
         improved = everything = False
-        for values, prediction in zip(trials, search.engine.predict(trials), strict=True):
+        for values, prediction in zip(trials, search.predict(trials), strict=True):
             evaluation = search.record(values, "scan", 0, prediction)
             changed = moved(search, evaluation, least_m, still)
             anything, everything = anything or changed.any(), everything or changed.all()
@@ -119,7 +119,7 @@ def look_around(search: Search, start: np.ndarray, best: Evaluation) -> Evaluati
     iteration = max(evaluation.iteration for evaluation in search.evaluations)
     evaluations = [
         search.record(values, "scan", iteration, prediction)
-        for values, prediction in zip(trials, search.engine.predict(trials), strict=True)
+        for values, prediction in zip(trials, search.predict(trials), strict=True)
     ]
     nearest = min(evaluations, key=lambda evaluation: evaluation.loss, default=best)
     return nearest if nearest.loss < best.loss else None

@@ -9,13 +9,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.misfit import Objective
 from inversion.problem.forward import Forward, Prediction
+
+if TYPE_CHECKING:
+    from inversion.engines.setup import Setup
 
 Kind = Literal["start", "scan", "lbfgsb", "gauss_newton", "limit"]
 
@@ -55,9 +58,10 @@ class Search:
 
     Attributes:
         engine: the forward engine.
+        setup: the reading of the question.
         objective: what is made small.
         steps: chooses the finite differences.
-        seeds: engines that differ in the seed of the jitter; they measure the noise at the first
+        seeds: readings that differ in the seed of the jitter; they measure the noise at the first
             point where something moves. Empty: the noise in `steps` is taken as it is.
         max_iterations: evaluations with a derivative after the first, for each place the search
             starts from.
@@ -66,16 +70,16 @@ class Search:
     """
 
     engine: Forward
+    setup: Setup
     objective: Objective
     steps: FiniteSteps
-    seeds: Sequence[Forward] = ()
+    seeds: Sequence[Setup] = ()
     max_iterations: int = 20
     max_runs: int = 200
     on_evaluation: Callable[[Evaluation], None] | None = None
     evaluations: list[Evaluation] = field(default_factory=list)
     began: float = field(default_factory=time.perf_counter)
     runs_before: int = field(init=False)
-    _for_noise: int = field(init=False, default=0)
     _iterations_before: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -84,7 +88,7 @@ class Search:
     @property
     def runs(self) -> int:
         """Simulations this search has asked for, those for the noise included."""
-        return self.engine.runs - self.runs_before + self._for_noise
+        return self.engine.runs - self.runs_before
 
     @property
     def exhausted(self) -> bool:
@@ -107,19 +111,22 @@ class Search:
     def evaluate(self, values: np.ndarray, kind: Kind, iteration: int) -> Evaluation:
         """Run at `values` with the derivative; learn the next steps from it."""
         steps = self.steps.steps(values)
-        prediction, derivative, taken = self.engine.derivative(values, steps)
+        prediction, derivative, taken = self.engine.derivative(self.setup.at(values), steps)
         derivative = np.where(self.objective.silent(prediction)[:, None], 0.0, derivative)
         if prediction.status != "failed":
             self.steps.learn(derivative[self.objective.targets.fitted], values)
         return self.record(values, kind, iteration, prediction, derivative, taken)
+
+    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
+        """Predictions at many values (p,), as one batch; not evaluations yet."""
+        return self.engine.predict([self.setup.at(one) for one in values])
 
     def measure_noise(self, evaluation: Evaluation | None, values: np.ndarray) -> None:
         """Measure the noise at `values`; the next steps follow from the derivative there."""
         if not self.seeds:
             return
         mask = self.objective.targets.fitted
-        self.steps.noise, _ = measured_noise(self.seeds, values, mask)
-        self._for_noise += len(self.seeds)
+        self.steps.noise = measured_noise(self.engine, self.seeds, values, mask)
         if evaluation is None or evaluation.derivative is None:
             return
         if evaluation.prediction.status != "failed":

@@ -59,7 +59,8 @@ def _bottom(
     fitted = np.clip(
         centre + half * np.array(offsets), parameters.fitted_low, parameters.fitted_high
     )
-    predictions = engine.predict([parameters.to_values(place) for place in fitted])
+    values = [parameters.to_values(place) for place in fitted]
+    predictions = engine.predict([search.setup.at(one) for one in values])
     mask = search.objective.targets.fitted
     kept = np.array([np.all(np.isfinite(p.values[mask])) for p in predictions])
     if kept.sum() < max(LEAST_RUNS, 2 * len(half) + 1):

@@ -156,12 +156,9 @@ class SectionModel:
     def _numbers(self, setups: Sequence[Setup | None], values: np.ndarray) -> np.ndarray:
         parameters = self.section.parameters
         there = [place for place, setup in enumerate(setups) if setup is not None]
-        requests = [
-            (self.engine.forward(setups[place], self.store), values[place, :parameters])
-            for place in there
-        ]
+        requests = [setups[place].at(values[place, :parameters]) for place in there]
         found = np.full((len(values), len(self.names)), np.nan)
-        predictions = requests[0][0].predict_each(requests) if requests else []
+        predictions = self.engine.forward(self.store).predict(requests)
         for place, prediction in zip(there, predictions, strict=True):
             found[place] = self._read(prediction)
         self.unread += int(np.isnan(found).any(axis=1).sum())

@@ -24,6 +24,7 @@ from inversion import PHYSICS_VERSION
 from inversion.catalogue.correlations import RELATIONS, Relation
 from inversion.engine_registry import MPM, Engine
 from inversion.engines.run_store import RunStore
+from inversion.engines.setup import Setup
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.prediction_case import PredictionCase
 from inversion.prediction.response import Monotone
@@ -69,10 +70,10 @@ def predict_from_blow_counts(
     case = with_liquefied(case, zones)
     zones = liquefied_with_counts(case)
     layered = [KnownStrength((zone,), ANY_KPA, ANY_KPA, "lognormal") for zone in zones]
-    forward = engine.forward(case.setup(layered), store)
+    setup = case.setup(layered)
     gravity = case.simulation.gravity_m_per_s2
     layers = layers_of(case.scene, case.blow_counts, zones, gravity)
-    return document_of(case, layers, forward, relations)
+    return document_of(case, layers, engine.forward(store), setup, relations)
 
 
 def with_liquefied(case: PredictionCase, zones: Sequence[str]) -> PredictionCase:
@@ -122,12 +123,15 @@ def liquefied_with_counts(case: PredictionCase) -> list[str]:
 
 
 def document_of(
-    case: PredictionCase, layers: Sequence[Layer], engine: Forward, relations: Sequence[Relation]
+    case: PredictionCase,
+    layers: Sequence[Layer],
+    engine: Forward,
+    setup: Setup,
+    relations: Sequence[Relation],
 ) -> dict[str, Any]:
-    """The document from an engine whose parameters are the strengths of the layers, in order."""
+    """The document from a setup whose parameters are the strengths of the layers, in order."""
     strengths = [layer_strengths(relation, layers) for relation in relations]
-    asked = [values for rows in strengths for values in rows]
-    found = engine.predict(asked)
+    found = engine.predict([setup.at(values) for rows in strengths for values in rows])
     parts = [found[first : first + len(SCORES)] for first in range(0, len(found), len(SCORES))]
     reported = [
         number

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.survey.surface_profile import surface_profile
+from inversion.engines.setup import Setup
 from inversion.prediction.drawn_strength import sampled_scores
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.response import Response, Sections, design, response
@@ -72,18 +73,20 @@ class Distribution:
 
 def predict(
     engine: Forward,
+    setup: Setup,
     strengths: Sequence[KnownStrength],
     *,
-    jittered: Sequence[Forward] = (),
+    jittered: Sequence[Setup] = (),
     samples: int = 20_000,
     seed: int = 0,
 ) -> Distribution:
     """The distribution of everything the engine predicts.
 
     Args:
-        engine: its parameters are the strengths, in their order [kPa].
+        engine: predicts.
+        setup: its parameters are the strengths, in their order [kPa].
         strengths: p of them; draws of a posterior together, others independent of each other.
-        jittered: engines that differ in the seed of the jitter alone; fewer than two: no noise.
+        jittered: setups that differ in the seed of the jitter alone; fewer than two: no noise.
         samples: strengths that are put through the response.
         seed: of the samples.
 
@@ -91,21 +94,22 @@ def predict(
         WorkFailed: more than a quarter of the runs failed.
     """
     scores = design(len(strengths))
-    predictions = engine.predict(list(values_at(strengths, scores)))
+    predictions = engine.predict([setup.at(one) for one in values_at(strengths, scores)])
     kept = np.array([not prediction.failed for prediction in predictions])
     if np.mean(~kept) > MOST_FAILED:
         reason = next(p.reason for p in predictions if p.failed)
         raise WorkFailed(f"{np.sum(~kept)} of {len(kept)} simulations failed: {reason}")
     scores, predictions = scores[kept], [p for p in predictions if not p.failed]
     runs = np.array([prediction.values for prediction in predictions])
-    noise = noise_at(jittered, strengths, len(engine.names))
+    names = list(setup.targets.names)
+    noise = noise_at(engine, jittered, strengths, len(names))
     smooth = response(scores, runs)
     generator = np.random.default_rng(seed)
     drawn = sampled_scores(strengths, samples, generator)
     # The runs scatter about the response by the noise too: the larger of both, not their sum.
     scatter = np.maximum(noise, smooth.missed) * generator.standard_normal((samples, len(noise)))
     return Distribution(
-        names=list(engine.names),
+        names=names,
         strengths=values_at(strengths, scores),
         scores=scores,
         runs=runs,
@@ -125,14 +129,15 @@ def values_at(strengths: Sequence[KnownStrength], scores: np.ndarray) -> np.ndar
 
 
 def noise_at(
-    jittered: Sequence[Forward], strengths: Sequence[KnownStrength], numbers: int
+    engine: Forward, jittered: Sequence[Setup], strengths: Sequence[KnownStrength], numbers: int
 ) -> np.ndarray:
-    """Standard deviation of each number over the jittered engines, (m,), at three strengths."""
+    """Standard deviation of each number over the jittered setups, (m,), at three strengths."""
     if len(jittered) < 2:
         return np.zeros(numbers)
     scores = np.tile(np.array(NOISE_SCORES)[:, None], len(strengths))
-    asked = [(engine, values) for values in values_at(strengths, scores) for engine in jittered]
-    found = jittered[0].predict_each(asked)
+    found = engine.predict(
+        [setup.at(values) for values in values_at(strengths, scores) for setup in jittered]
+    )
     squares, freedom = np.zeros(numbers), 0
     for first in range(0, len(found), len(jittered)):
         group = [p.values for p in found[first : first + len(jittered)] if not p.failed]

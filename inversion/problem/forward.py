@@ -90,52 +90,54 @@ class Prediction:
         return self.status == "failed" or not bool(np.all(np.isfinite(self.values)))
 
 
-class Forward(ABC):
-    """A forward engine: one section, one set of measurements, any parameters.
-
-    An engine writes `predict_each`, and `derivative` if it knows better than finite differences.
-    `values` are parameters in their outside units (kPa, degrees, kg/m3), in the question's order.
+@dataclass(frozen=True, eq=False)
+class Request:
+    """One forward run that is asked for.
 
     Attributes:
-        setup: the reading of the question.
+        setup: the reading of the question: section, settings, measurements.
+        values: of its parameters in outside units (kPa, degrees, kg/m3), in their order, (p,).
+    """
+
+    setup: Setup
+    values: np.ndarray
+
+    @property
+    def scene(self) -> Scene:
+        """The section with the values put in."""
+        return self.setup.parameters.scene(self.setup.scene, self.values)
+
+
+class Forward(ABC):
+    """A forward engine: whatever predicts the measurements of a reading of a question.
+
+    An engine writes `predict`, and `derivative` if it knows better than finite differences.
+
+    Attributes:
         runs: simulations asked for so far, whether computed now or found in a cache.
     """
 
-    def __init__(self, setup: Setup) -> None:
-        self.setup = setup
+    def __init__(self) -> None:
         self.runs = 0
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the predicted numbers, (m,); a measurement of many numbers has one name each."""
-        return self.setup.targets.names
-
-    def scene(self, values: np.ndarray) -> Scene:
-        """The section with the values put in."""
-        return self.setup.parameters.scene(self.setup.scene, values)
-
     @abstractmethod
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector (p,) for each of several engines of this kind, as one batch.
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """Predictions of all requests, in their order, as one batch.
 
-        All that asks for runs comes to this: engines differ in the reading of the question, in the
-        seed of the jitter, in the effects of their scene.
+        Requests differ in the values, in the reading of the question, in the seed of the jitter, in
+        the effects of their section: all that asks for runs comes to this.
         """
 
-    def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
-        """Predictions for many parameter vectors (p,), as one batch, in their order."""
-        return self.predict_each([(self, one) for one in values])
-
     def derivative(
-        self, values: np.ndarray, steps: np.ndarray
+        self, request: Request, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
-        """Prediction at `values`, and its derivative with respect to them.
+        """Prediction of a request, and its derivative with respect to the values.
 
         Here by one batch of 1 + p runs: the point itself and one step each. A run that fails is
         tried again with half its step; a column whose second run fails too is NaN.
 
         Args:
-            values: (p,) parameters.
+            request: its values are where the derivative is taken.
             steps: (p,) signed changes of the parameters that an engine of finite differences takes;
                 an engine that differentiates exactly ignores them.
 
@@ -143,12 +145,14 @@ class Forward(ABC):
             the prediction; the derivative (m, p), per outside unit; the steps that were taken (p,),
             zero where the derivative is exact.
         """
-        values, taken = np.asarray(values, dtype=float), np.array(steps, dtype=float)
-        base, *moved = self.predict([values, *(values + np.diag(taken))])
+        values, taken = request.values, np.array(steps, dtype=float)
+        places = [values, *(values + np.diag(taken))]
+        base, *moved = self.predict([replace(request, values=place) for place in places])
         failed = [place for place, other in enumerate(moved) if other.status == "failed"]
         if failed and base.status != "failed":
             taken[failed] *= 0.5
-            again = self.predict(list((values + np.diag(taken))[failed]))
+            places = (values + np.diag(taken))[failed]
+            again = self.predict([replace(request, values=place) for place in places])
             for place, other in zip(failed, again, strict=True):
                 moved[place] = other
         change = np.stack([other.values - base.values for other in moved], axis=1)
@@ -159,7 +163,7 @@ class Forward(ABC):
 
 
 class WrappedEngine(Forward):
-    """An engine around another one; what it leaves as it is it need not write.
+    """An engine around another one.
 
     Attributes:
         engine: the one inside.
@@ -171,22 +175,3 @@ class WrappedEngine(Forward):
     def runs(self) -> int:
         """Runs asked for so far."""
         return self.engine.runs
-
-    @property
-    def setup(self) -> Setup:
-        """The question, as the engine inside has it."""
-        return self.engine.setup
-
-    def inner_values(self, values: np.ndarray) -> np.ndarray:
-        """What the engine inside is asked for in place of `values` (p,)."""
-        return values
-
-    def outer(self, prediction: Prediction) -> Prediction:
-        """What its prediction becomes."""
-        return prediction
-
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        """One parameter vector for each of several engines of this kind, as one batch."""
-        inner = [(engine.engine, engine.inner_values(values)) for engine, values in requests]
-        found = self.engine.predict_each(inner)
-        return [engine.outer(one) for (engine, _), one in zip(requests, found, strict=True)]

@@ -12,8 +12,7 @@ import numpy as np
 
 from inversion.engine_registry import Engine
 from inversion.engines.run_store import RunStore
-from inversion.engines.setup import Setup
-from inversion.problem.forward import Forward, Prediction
+from inversion.problem.forward import Forward, Prediction, Request
 
 NOISE = 0.01
 
@@ -21,24 +20,22 @@ NOISE = 0.01
 class FormulaEngine(Forward):
     """`inversion.problem.forward.Forward` by a formula."""
 
-    def __init__(self, setup: Setup, store: RunStore) -> None:
-        super().__init__(setup)
+    def __init__(self, store: RunStore) -> None:
+        super().__init__()
 
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        return [engine._one(np.asarray(values, dtype=float)) for engine, values in requests]
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        self.runs += len(requests)
+        return [_numbers(request) for request in requests]
 
-    def _one(self, values: np.ndarray) -> Prediction:
-        self.runs += 1
-        scene = self.scene(values)
-        place = np.arange(len(self.names))
-        numbers = 30.0 - (5.0 + 0.1 * place) * np.log(values[0])
-        numbers += 8.0 * scene.effects.get("weak_base", 0.0) * np.sin(1.0 + place)
-        if scene.jitter:
-            numbers += NOISE * np.random.default_rng(scene.seed).standard_normal(len(place))
-        unknown = np.full(len(values), np.nan)
-        return Prediction(
-            numbers, np.zeros(len(place)), sigma_v0_kpa=unknown, sigma_v0_std_kpa=unknown
-        )
+
+def _numbers(request: Request) -> Prediction:
+    scene, place = request.scene, np.arange(len(request.setup.targets.names))
+    numbers = 30.0 - (5.0 + 0.1 * place) * np.log(request.values[0])
+    numbers += 8.0 * scene.effects.get("weak_base", 0.0) * np.sin(1.0 + place)
+    if scene.jitter:
+        numbers += NOISE * np.random.default_rng(scene.seed).standard_normal(len(place))
+    unknown = np.full(len(request.values), np.nan)
+    return Prediction(numbers, np.zeros(len(place)), sigma_v0_kpa=unknown, sigma_v0_std_kpa=unknown)
 
 
 FORMULA = Engine(

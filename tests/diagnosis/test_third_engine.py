@@ -42,16 +42,16 @@ def formula(monkeypatch):
 def surveyed(setup, hidden: float = 0.0):
     """The setup with measurements that the formula itself has made."""
     scene = setup.scene.model_copy(update={"effects": {"weak_base": hidden} if hidden else {}})
-    made = FormulaEngine(replace(setup, scene=scene), RunStore(None))
+    made = FormulaEngine(RunStore(None))
     values = setup.parameters.start.copy()
     values[0] = TRUTH
-    (told,) = made.predict([values])
+    (told,) = made.predict([replace(setup, scene=scene).at(values)])
     return replace(setup, targets=replace(setup.targets, measured=told.values))
 
 
 def test_it_is_an_engine_and_an_unknown_one_is_refused(embankment, formula):
     case = inversion_case(load_case(embankment))
-    assert isinstance(FormulaEngine(case.setup, RunStore(None)), Forward)
+    assert isinstance(FormulaEngine(RunStore(None)), Forward)
     assert chosen_engine(case, "formula", None).engine is formula
     with pytest.raises(InputError, match="no engine 'fem'; there are mpm, gns, formula"):
         chosen_engine(case, "fem", None)
@@ -74,11 +74,11 @@ def test_the_back_analysis_finds_the_strength(embankment, formula, tmp_path):
 
 def test_a_prediction_asks_it(embankment, formula):
     case = inversion_case(load_case(embankment))
-    engine = formula.forward(case.setup, RunStore(None))
+    engine = formula.forward(RunStore(None))
     fixed = case.setup.parameters.start[1:]
     known = [KnownStrength(("1",), TRUTH, 1.0, "lognormal")]
     known += [KnownStrength(("2",), float(value), 0.01 * value, "normal") for value in fixed]
-    found = predict(engine, known, samples=500)
+    found = predict(engine, case.setup, known, samples=500)
     assert found.failed == 0
     assert np.median(found.samples[:, 0]) == pytest.approx(30.0 - 5.0 * np.log(TRUTH), abs=0.1)
 

@@ -13,7 +13,7 @@ from inversion.estimation.derivatives import FiniteSteps
 from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Forward, Prediction
+from inversion.problem.forward import Forward, Prediction, Request
 from inversion.problem.question import ParameterSpec
 
 
@@ -55,7 +55,10 @@ def targets(*values: float, std: float = 1.0, loss: str = "runout") -> Targets:
 
 
 class Formula(Forward):
-    """`inversion.problem.forward.Forward` by a formula: values (p,) -> numbers (m,)."""
+    """`inversion.problem.forward.Forward` by a formula: values (p,) -> numbers (m,).
+
+    It is its own reading of a question: any of them runs requests of all of them.
+    """
 
     def __init__(
         self,
@@ -66,16 +69,19 @@ class Formula(Forward):
         noise: float = 0.0,
         seed: int = 0,
     ) -> None:
-        targets = SimpleNamespace(names=names)
-        super().__init__(SimpleNamespace(targets=targets, parameters=parameters))
+        super().__init__()
         self.formula, self.noise, self.seed = formula, noise, seed
+        self.targets, self.parameters = SimpleNamespace(names=names), parameters
         self.asked: list[np.ndarray] = []
 
-    def predict_each(self, requests: Sequence[tuple[Forward, np.ndarray]]) -> list[Prediction]:
-        return [engine._one(np.asarray(values, dtype=float)) for engine, values in requests]
+    def at(self, values: np.ndarray) -> Request:
+        return Request(self, np.asarray(values, dtype=float))
+
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        self.runs += len(requests)
+        return [request.setup._one(request.values) for request in requests]
 
     def _one(self, values: np.ndarray) -> Prediction:
-        self.runs += 1
         self.asked.append(values)
         numbers = np.asarray(self.formula(values), dtype=float)
         if self.noise:
@@ -100,4 +106,4 @@ def problem(
     parameters = Parameters(list(specs))
     engine = Formula(formula, goal.names, noise=noise)
     steps = FiniteSteps(parameters, np.zeros(int(goal.fitted.sum())))
-    return Search(engine, Objective(parameters, goal, loss, tolerance), steps, **more)
+    return Search(engine, engine, Objective(parameters, goal, loss, tolerance), steps, **more)

@@ -68,7 +68,7 @@ def test_quantiles_and_the_probability_of_a_flow_are_the_closed_form(block):
     assert [entry.name for entry in case.entries] == ["toe", "no flow"]
     engine = Formula(mean_law, [entry.name for entry in case.entries])
     relation = RELATIONS["kramer_wang_2015"]
-    document = document_of(case, LAYERS, engine, [relation])
+    document = document_of(case, LAYERS, engine, engine, [relation])
     assert engine.runs == len(SCORES)
     (found,) = document["relations"]
     toe, stood = found["quantities"]
@@ -105,7 +105,7 @@ def test_runs_that_failed_are_left_out_and_reported(block):
     median = RELATIONS["kramer_wang_2015"].strength(8.0, 80.0)
     engine = Weak(mean_law, names)
     engine.least = 0.5 * median
-    document = document_of(case, LAYERS, engine, [RELATIONS["kramer_wang_2015"]])
+    document = document_of(case, LAYERS, engine, engine, [RELATIONS["kramer_wang_2015"]])
     runs = document["relations"][0]["runs"]
     assert [run["predicted"] is None for run in runs] == [True, False, False, False, False]
     assert "1 simulations failed and are left out" in summary(document)
@@ -114,7 +114,7 @@ def test_runs_that_failed_are_left_out_and_reported(block):
 def test_table_and_page(block, tmp_path):
     case = prediction_case(load_case(block))
     engine = Formula(mean_law, [entry.name for entry in case.entries])
-    document = document_of(case, LAYERS, engine, list(RELATIONS.values()))
+    document = document_of(case, LAYERS, engine, engine, list(RELATIONS.values()))
     text = summary(document)
     assert "< 1.5" in text and "4 +- 0.5" in text and "flows: " in text
     assert "a flow, which did not happen, is predicted with a probability of" in text

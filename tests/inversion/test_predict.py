@@ -105,18 +105,23 @@ def test_zones_are_checked(root):
             placed(strengths, zones, scene)
 
 
+def asked(engine: Formula, strengths, **more):
+    """The prediction by a formula, which is its own reading of the question."""
+    return predict(engine, engine, strengths, **more)
+
+
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_exceedance_of_a_power_law_is_its_closed_form(noise):
     strength = lognormal()
     engine = Formula(power_law, ["toe"], noise=noise)
     seeds = [Formula(power_law, ["toe"], noise=noise, seed=seed) for seed in (1, 2, 3)]
-    found = predict(engine, [strength], jittered=seeds, samples=40_000)
+    found = asked(engine, [strength], jittered=seeds, samples=40_000)
     beyond = np.array([20.0, 40.0, 60.0, 80.0, 120.0])
     expected = closed_form(strength, beyond)
     np.testing.assert_allclose(found.exceedance(0, beyond), expected, atol=0.01 + 0.02 * noise)
     median = float(found.quantiles((50,))[0, 0])
     assert median == pytest.approx(53.0 * (strength.at(0.0) / 18.0) ** -1.8, rel=0.005 + noise / 50)
-    assert engine.runs == len(design(1)) <= 20, "not one simulation per sample"
+    assert engine.runs == len(design(1)) + 9 <= 29, "not one simulation per sample"
 
 
 def test_two_strengths_act_together():
@@ -125,7 +130,7 @@ def test_two_strengths_act_together():
     engine = Formula(
         lambda v: np.array([53.0 * (v[0] / 18.0) ** -1.0 * (v[1] / 10.0) ** -0.5]), ["toe"]
     )
-    found = predict(engine, strengths, samples=40_000)
+    found = asked(engine, strengths, samples=40_000)
     variances = [np.log1p((s.std_kpa / s.mean_kpa) ** 2) for s in strengths]
     middle = np.log(53.0) + 0.5 * variances[0] + 0.25 * variances[1]
     spread = np.sqrt(variances[0] + 0.25 * variances[1])
@@ -137,11 +142,11 @@ def test_two_strengths_act_together():
 def test_noise_is_what_the_jittered_runs_scatter_by_and_widens_the_distribution():
     still = lognormal(18.0, 0.01)
     seeds = [Formula(power_law, ["toe"], noise=2.0, seed=seed) for seed in range(1, 30)]
-    noise = noise_at(seeds, [still], 1)
+    noise = noise_at(seeds[0], seeds, [still], 1)
     assert noise[0] == pytest.approx(2.0, rel=0.25)
-    found = predict(Formula(power_law, ["toe"]), [still], jittered=seeds)
+    found = asked(Formula(power_law, ["toe"]), [still], jittered=seeds)
     assert found.samples.std() == pytest.approx(noise[0], rel=0.05)
-    assert noise_at(seeds[:1], [still], 1)[0] == 0.0
+    assert noise_at(seeds[0], seeds[:1], [still], 1)[0] == 0.0
 
 
 def test_a_response_is_monotone_and_keeps_to_its_runs():
@@ -166,9 +171,9 @@ def test_a_surface_tells_what_it_misses():
 def test_too_many_failures_end_the_work():
     engine = Formula(lambda v: np.array([np.nan if v[0] < 18 else 1.0]), ["toe"])
     with pytest.raises(WorkFailed, match="simulations failed"):
-        predict(engine, [lognormal()])
+        asked(engine, [lognormal()])
     few = Formula(lambda v: np.array([np.nan if v[0] < 9 else 100.0 - v[0]]), ["toe"])
-    found = predict(few, [lognormal()])
+    found = asked(few, [lognormal()])
     assert found.failed > 0 and np.all(np.isfinite(found.samples))
 
 
@@ -182,7 +187,7 @@ class CutOff(Formula):
 def test_slides_cut_off_in_motion_are_reported(root):
     case = prediction_case(load_case(root / "case_histories/lower_san_fernando_paper"))
     case = replace(case, entries=[e for e in case.entries if e.name == "upstream toe"])
-    found = predict(CutOff(power_law, ["upstream toe"]), [lognormal()])
+    found = asked(CutOff(power_law, ["upstream toe"]), [lognormal()])
     moving = int(sum(found.strengths[:, 0] <= 15))
     assert 0 < moving < len(found.strengths)
     document = document_of(case, [lognormal()], found, None)
@@ -194,7 +199,7 @@ def test_an_open_domain_has_no_edge_and_room_on_both_sides(root):
     case = prediction_case(load_case(root / "case_histories/lower_san_fernando_paper"))
     assert case.scene.domain.walls == "open"
     toe = next(entry for entry in case.entries if entry.name == "upstream toe")
-    found = predict(Formula(power_law, [toe.name]), [lognormal()])
+    found = asked(Formula(power_law, [toe.name]), [lognormal()])
     near = case.scene.foot(toe.side) + (10.0 if toe.side == "right" else -10.0)
     side = "x_max" if toe.side == "right" else "x_min"
     shares = {}
@@ -232,7 +237,7 @@ def test_the_probability_of_a_flow_that_did_not_happen_is_reported(lsfd):
     assert "downstream toe" in case.known and "right toe" not in {e.name for e in case.entries}
     case = replace(case, entries=[e for e in case.entries if e.name == "downstream toe"])
     strength = lognormal()
-    found = predict(Formula(power_law, ["downstream toe"]), [strength], samples=40_000)
+    found = asked(Formula(power_law, ["downstream toe"]), [strength], samples=40_000)
     document = document_of(case, [strength], found, None)
     (flow,) = document["quantities"]
     expected = closed_form(strength, 40.0)
@@ -253,14 +258,14 @@ class Sheet(Formula):
 
 
 def test_the_envelope_lies_where_the_fronts_are():
-    found = predict(Sheet(power_law, ["toe"]), [lognormal()], samples=5000)
+    found = asked(Sheet(power_law, ["toe"]), [lognormal()], samples=5000)
     band = envelope(found, spacing=1.0, ground=np.array([(-50.0, 0.0), (900.0, 0.0)]))
     low, middle, high = band.surfaces
     assert np.all(low <= middle + 1e-9) and np.all(middle <= high + 1e-9)
     for surface, percent in zip(band.surfaces, (5, 50, 95), strict=True):
         front = band.x[np.flatnonzero(surface > 1.0)[-1]]
         assert front == pytest.approx(float(found.quantiles((percent,))[0, 0]), abs=8.0)
-    assert envelope(predict(Formula(power_law, ["toe"]), [lognormal()]), spacing=1.0,
+    assert envelope(asked(Formula(power_law, ["toe"]), [lognormal()]), spacing=1.0,
                     ground=np.zeros((2, 2))) is None  # fmt: skip
 
 
@@ -334,6 +339,6 @@ def test_draws_of_a_posterior_are_sampled_together():
     values = np.stack([one.at(scores[:, k]) for k, one in enumerate(strengths)], axis=1)
     np.testing.assert_allclose(values[:, 0] * values[:, 1], 400.0, rtol=1e-6)
     engine = Formula(lambda values: np.array([values[0] * values[1]]), ["product"])
-    found = predict(engine, strengths, samples=2000)
+    found = asked(engine, strengths, samples=2000)
     spread = np.percentile(found.samples[:, 0], [10, 90])
     assert 330.0 < spread[0] < spread[1] < 470.0  # independent, it would be 236 to 712

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
+from inversion.engines.setup import Setup
 from inversion.estimation.derivatives import FiniteSteps
 from inversion.estimation.gauss_newton import gauss_newton
 from inversion.estimation.misfit import Objective
@@ -33,8 +34,22 @@ def surrogate(values):
 
 def pairs_of(wrong=surrogate, right=truth, count: int = 5) -> Pairs:
     states, width = states_around(PARAMETERS, HERE, np.array([0.2, 0.2]), count)
-    goal = targets(50.0, 26.0)
-    return paired(Formula(wrong, NAMES), Formula(right, NAMES), goal, states, width)[0]
+    return asked_both(wrong, right, targets(50.0, 26.0), states, width)
+
+
+def asked_both(wrong, right, goal, states, width) -> Pairs:
+    """The pairs of two formulas; the question is one and the same, so each answers with its own."""
+    setup = Setup(None, None, PARAMETERS, goal, {})
+    return paired(Answering(wrong, goal.names), Answering(right, goal.names), setup, states, width)[
+        0
+    ]
+
+
+class Answering(Formula):
+    """Answers every question by its own formula."""
+
+    def predict(self, requests):
+        return super().predict([self.at(request.values) for request in requests])
 
 
 def test_states_surround_the_answer_within_the_bounds():
@@ -75,17 +90,18 @@ def test_the_error_enters_the_covariance_by_the_name_of_a_number():
 
 def test_corrected_predictions():
     engine = Corrected(Formula(surrogate, NAMES), {"toe 0": -3.0, "elsewhere": 9.0})
-    (prediction,) = engine.predict([HERE])
+    here = engine.engine.at(HERE)
+    (prediction,) = engine.predict([here])
     assert np.allclose(prediction.values, [50.0, surrogate(HERE)[1]])
-    base, derivative, steps = engine.derivative(HERE, np.array([0.1, 0.1]))
-    plain = Formula(surrogate, NAMES).derivative(HERE, np.array([0.1, 0.1]))
+    base, derivative, steps = engine.derivative(here, np.array([0.1, 0.1]))
+    plain = Formula(surrogate, NAMES).derivative(here, np.array([0.1, 0.1]))
     assert np.allclose(base.values, prediction.values)
     assert np.array_equal(derivative, plain[1]) and np.array_equal(steps, plain[2])
-    other = Corrected(Formula(truth, NAMES), {"toe 1": 1.0})
-    first, second = engine.predict_each([(engine, HERE), (other, HERE)])
+    other = Formula(surrogate, ["elsewhere", "toe 0"])  # corrected by the names of its question
+    first, second = engine.predict([here, other.at(HERE)])
     assert np.allclose(first.values, prediction.values)
-    assert np.allclose(second.values, truth(HERE) + np.array([0.0, 1.0]))
-    assert engine.runs == 5 and other.runs == 1
+    assert np.allclose(second.values, surrogate(HERE) + np.array([9.0, -3.0]))
+    assert engine.runs == 6
 
 
 def test_pairs_that_failed_are_left_out_and_too_few_are_no_measure():
@@ -105,8 +121,9 @@ def test_a_number_that_cannot_be_read_is_no_pair_but_does_no_harm():
     goal = targets(50.0, 26.0)
     goal = replace(goal, roles=["fitted", "compared"])
     states, width = states_around(PARAMETERS, HERE, np.array([0.2, 0.2]), 5)
-    blind = Formula(lambda values: truth(values) * np.array([1.0, np.nan]), NAMES)
-    pairs, _ = paired(Formula(surrogate, NAMES), blind, goal, states, width)
+    pairs = asked_both(
+        surrogate, lambda values: truth(values) * np.array([1.0, np.nan]), goal, states, width
+    )
     assert np.isnan(pairs.mean[1]) and np.all(pairs.covariance[1] == 0.0)
     assert np.isfinite(pairs.mean[0]) and pairs.covariance[0, 0] > 0.0
 
@@ -122,22 +139,22 @@ def test_a_constant_error_is_taken_off_and_the_rest_is_counted():
     def wrong(values):
         return right(values) + 5.0 + 0.3 * np.sin(40.0 * values[0])
 
-    def fit(engine, goal, start):
+    def fit(engine, setup, goal, start):
         objective = Objective(one, goal, "runout", 1e-4)
-        search = Search(engine, objective, FiniteSteps(one, np.zeros(1)))
+        search = Search(engine, setup, objective, FiniteSteps(one, np.zeros(1)))
         return objective, gauss_newton(search, search.evaluate(start, "start", 0))
 
     smooth = Formula(lambda values: right(values) + 5.0, ["toe 0"])
-    _, alone = fit(smooth, goal, np.array([40.0]))
+    _, alone = fit(smooth, smooth, goal, np.array([40.0]))
     assert alone.values[0] == pytest.approx(1500.0 / 45.0, rel=1e-3)
     states, width = states_around(one, alone.values, np.array([0.1]), 6)
-    pairs, _ = paired(smooth, Formula(right, ["toe 0"]), goal, states, width)
+    pairs = asked_both(smooth.formula, right, goal, states, width)
     corrected = Corrected(smooth, dict(zip(pairs.names, pairs.mean, strict=True)))
-    objective, found = fit(corrected, with_error(goal, pairs), alone.values)
+    objective, found = fit(corrected, smooth, with_error(goal, pairs), alone.values)
     assert found.values[0] == pytest.approx(30.0, rel=1e-3)
     assert np.allclose(objective.covariance, 0.25)  # a constant is known exactly
 
-    rippled, _ = paired(Formula(wrong, ["toe 0"]), Formula(right, ["toe 0"]), goal, states, width)
+    rippled = asked_both(wrong, right, goal, states, width)
     objective = Objective(one, with_error(goal, rippled), "runout", 1e-4)
     slope = np.array([[-1500.0 / 30.0**2]])
     whole = posterior(objective, slope, np.array([30.0]))

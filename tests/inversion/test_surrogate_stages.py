@@ -50,15 +50,15 @@ sensitivities:
 class TooFar(MPMEngine):
     """Stands in for the learned simulator: every toe too far, stress before failure unknown."""
 
-    def __init__(self, setup, store, model, *, on_frame=None) -> None:
-        if setup.settings.water == "pore_pressure":
-            raise InputError("simulation.water: pore_pressure; allowed is buoyant")
-        super().__init__(setup, RUNS)
+    def __init__(self, store, model, *, on_frame=None) -> None:
+        super().__init__(RUNS)
 
-    def outside(self, values) -> list[str]:
+    def outside(self, request) -> list[str]:
         return ["cohesion / (rho g d): 0.9 is outside the training's range, 0.1 to 0.8"]
 
-    def predict_each(self, requests):
+    def predict(self, requests):
+        if any(request.setup.settings.water == "pore_pressure" for request in requests):
+            raise InputError("simulation.water: pore_pressure; allowed is buoyant")
         return [
             replace(
                 found,
@@ -66,7 +66,7 @@ class TooFar(MPMEngine):
                 sigma_v0_kpa=np.full(1, np.nan),
                 sigma_v0_std_kpa=np.full(1, np.nan),
             )
-            for found in super().predict_each(requests)
+            for found in super().predict(requests)
         ]
 
 

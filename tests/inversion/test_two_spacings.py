@@ -53,7 +53,7 @@ def test_the_fine_answer_is_found_by_few_runs_with_the_coarse_derivative():
     known = KnownDerivative(engine(fine), slope)
     steps = FiniteSteps(PARAMETERS, np.zeros(1))
     again = refine(
-        Search(known, search.objective, steps),
+        Search(known, known.engine, search.objective, steps),
         found.values,
         method="gauss_newton",
         sampled=lambda evaluation: known,
@@ -72,15 +72,18 @@ def test_moved_coarse_runs_agree_with_the_fine_one_and_carry_its_changes():
         {"toe 0": float((fine(here) - coarse(there))[0])},
         -3.0,
     )
-    moved = Moved(engine(coarse), move)
-    assert moved.predict([here])[0].values == pytest.approx(fine(here))
+    question, other = engine(fine), engine(fine)
+    moved = Moved(other, move, lambda setup: engine(coarse) if setup is question else None)
+    assert moved.predict([question.at(here)])[0].values == pytest.approx(fine(here))
     # A strength higher by a tenth has the coarse effect, whatever the strengths themselves.
     weaker = np.array([1.1 * 27.5, 31.0])
-    change = moved.predict([weaker])[0].values - moved.predict([here])[0].values
+    before, after = moved.predict([question.at(here), question.at(weaker)])
+    change = after.values - before.values
     assert change == pytest.approx([-100 * np.log(1.1)])
-    plain, other = Moved(engine(fine), Move.none()), engine(fine)
-    assert plain.predict([weaker])[0].values == pytest.approx(other.predict([weaker])[0].values)
-    both = moved.predict_each([(moved, here), (plain, here)])
+    # What has no coarse runs is run as it is.
+    (plain,) = moved.predict([other.at(weaker)])
+    assert plain.values == pytest.approx(fine(weaker))
+    both = moved.predict([question.at(here), other.at(here)])
     assert both[0].values == pytest.approx(both[1].values)
 
 
@@ -89,7 +92,8 @@ def solved(name: str, change: float, factor: float = 2.0) -> Solved:
     objective = problem(PARAMETERS.specs, fine, targets(53.0)).objective
     values = np.array([27.5 * change, 31.0])
     one = Problem(engine(fine), objective, values, np.zeros((1, 2)))
-    one.receive(replace(engine(fine).predict([values])[0], values=np.array([53.0])))
+    (found,) = one.setup.predict([one.setup.at(values)])
+    one.receive(replace(found, values=np.array([53.0])))
     return Solved(CellSize(name=name, kind="cell_size", factor=factor), None, one)
 
 
