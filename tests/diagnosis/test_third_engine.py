@@ -13,6 +13,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from diagnosis.verdict.verdict_builder import verdict_document
+from docs.examples.my_engine import FORMULA, FormulaEngine
 from geometry.case import load_case
 from inversion import engine_registry as registry
 from inversion.back_analysis.case import inversion_case
@@ -28,7 +29,6 @@ from pipeline.cli import InputError
 from pipeline.progress import Watch
 from report.back_analysis import summary
 from report.data.back_analysis import BackAnalysisData
-from tests.diagnosis.formula_engine import FORMULA, FormulaEngine
 
 TRUTH, HIDDEN = 12.0, 0.4
 
@@ -114,3 +114,12 @@ def test_every_function_of_the_interface_asks_it(embankment, formula, tmp_path):
     for ask in (flowslide.diagnose, flowslide.compare, flowslide.explain, flowslide.posterior):
         with pytest.raises(InputError, match="engine: gns .Diff-GNS. needs a trained model"):
             ask(embankment, engine="gns")
+
+
+@pytest.mark.slow
+def test_a_whole_back_analysis_is_written(embankment, formula, tmp_path):
+    result = flowslide.back_analyse(
+        embankment, engine="formula", out=tmp_path, quick=True, spacing_m=2.0, threads=1
+    )
+    assert result.engine == "formula"
+    assert {path.name for path in tmp_path.iterdir()} >= {"result.json", "history.csv", "run.h5"}
