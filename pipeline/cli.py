@@ -110,7 +110,7 @@ def main_exit(
         # Errors that no reader or writer has reported itself: rights, a name too long, a full disk.
         if error.errno is None:
             raise
-        code = _complain(_told(error), EXIT_BAD_INPUT)
+        code = _complain(_described(error), EXIT_BAD_INPUT)
         try:
             sys.stdout.flush()
         except OSError:
@@ -118,7 +118,7 @@ def main_exit(
     sys.exit(code)
 
 
-def _told(error: OSError) -> str:
+def _described(error: OSError) -> str:
     """The file and what the system says of it."""
     file = "" if error.filename is None else f"{error.filename}: "
     return f"{file}{error.strerror}"

@@ -162,7 +162,7 @@ class Progress:
         self._quiet = quiet
         self._log_interval_s = log_interval_s
         self._started = self._last_line = time.monotonic()
-        self._told: set[str] = set()
+        self._said: set[str] = set()
         self._terminal: TextIO | None = None
         self._bar: RichProgress | None = None
         self._task = None
@@ -191,8 +191,8 @@ class Progress:
 
     def report(self, done: int, total: int, message: str) -> None:
         """Show a `Report`: a bar; in a log every new message, and a line at times."""
-        new = message not in self._told
-        self._told.add(message)
+        new = message not in self._said
+        self._said.add(message)
         self.done, self.total = done, total
         if self._bar is not None:
             self._bar.update(self._task, completed=done, total=total or None, note=message)

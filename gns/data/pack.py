@@ -129,13 +129,13 @@ def pack(
             tell(len(sources), f"{name} was there")
             continue
         numbers = [source.number for source in sources]
-        write_shard(folder / name, plan.keys[name], numbers, _told(sources, name, tell))
+        write_shard(folder / name, plan.keys[name], numbers, _reporting(sources, name, tell))
     metadata = _describe(plan, folder, manifest)
     metadata.write(folder)
     return PackResult(metadata, reused=len(plan.shards) - len(missing), written=len(missing))
 
 
-def _told(sources: Sequence[Source], name: str, tell: OnRun) -> Iterable:
+def _reporting(sources: Sequence[Source], name: str, tell: OnRun) -> Iterable:
     for source in sources:
         yield read_source(source)
         tell(1, name)

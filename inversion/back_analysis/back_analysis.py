@@ -187,7 +187,7 @@ class BackAnalysis:
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
         self._learn_noise(self.found.values)
-        self.spread = posterior(self.objective, self._told_derivative(), self.found.values)
+        self.spread = posterior(self.objective, self._resolved_derivative(), self.found.values)
         self.tell_doubts()
 
     def _learn_noise(self, values: np.ndarray) -> None:
@@ -211,7 +211,7 @@ class BackAnalysis:
     def _search_coarse(self) -> SearchResult:
         """The same by coarse runs alone."""
         found = self._searched(self.engine_of(), self.case.coarsened(self.case.setup))
-        self.say(f"at {self.coarse_spacing_m:g} m: {self._told(found)}")
+        self.say(f"at {self.coarse_spacing_m:g} m: {self._described(found)}")
         return found
 
     def _search_fine(self, coarse: SearchResult) -> SearchResult:
@@ -276,7 +276,7 @@ class BackAnalysis:
             found = self._calibrated(f"start {place + 2}", self.case.setup, start)
             if found is not None:
                 self.starts.append(result_builder.start_of(found, self.objective))
-                self.say(f"start {place + 2}: {self._told(found)}")
+                self.say(f"start {place + 2}: {self._described(found)}")
 
     def find_equally_good(self) -> None:
         """Walk along what the data do not determine."""
@@ -433,7 +433,7 @@ class BackAnalysis:
         found = self._calibrated(reading.name, setup, begin, self.engine_of())
         return None if found is None else self._problem(setup, found)
 
-    def _told_derivative(self) -> np.ndarray:
+    def _resolved_derivative(self) -> np.ndarray:
         """The derivative at the answer without its noise, which carries no information."""
         evaluation, mask = self.found.best, self.objective.targets.fitted
         signal = self.steps.signal(evaluation.derivative[mask], evaluation.steps)
@@ -662,7 +662,7 @@ class BackAnalysis:
         self.say(f"{name}: {values}: {predicted}: {loss} ({runs} simulations)")
         self.watch.evaluated(runs, parameters.as_mapping(evaluation.values), evaluation.loss)
 
-    def _told(self, found: SearchResult) -> str:
+    def _described(self, found: SearchResult) -> str:
         return f"{self._listed(found.values)}: {found.words} ({found.runs} simulations)"
 
     def _listed(self, values: np.ndarray) -> str:

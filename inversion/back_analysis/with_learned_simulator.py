@@ -122,7 +122,7 @@ class SurrogateAnalysis(BackAnalysis):
             self.remark(f"outside the training of the model {self.model.name}: {line}")
         self.found = self.alone = self._fit(self.case.parameters.start)
         (self.judged_alone,) = self.truth.predict([self.case.setup.at(self.found.values)])
-        self.say(f"answer of the learned simulator alone: {self._told(self.found)}")
+        self.say(f"answer of the learned simulator alone: {self._described(self.found)}")
 
     def compare(self) -> None:
         """Run the material point method next to it around the answer: its error from now on."""

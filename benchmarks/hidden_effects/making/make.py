@@ -30,7 +30,7 @@ OnCase = Callable[[int, int, str], None]
 """Called with (cases done, cases in all, what was made)."""
 
 
-def _told_nobody(done: int, total: int, words: str) -> None:
+def _silent(done: int, total: int, words: str) -> None:
     """Tell nobody."""
 
 
@@ -40,7 +40,7 @@ def make(
     laboratory: Laboratory,
     *,
     part: tuple[int, int] = (0, 1),
-    on_case: OnCase = _told_nobody,
+    on_case: OnCase = _silent,
 ) -> None:
     """Make the cases of a benchmark that are not there yet; seal them when all are.
 
@@ -82,7 +82,7 @@ def reach_of(
     places: Places,
     laboratory: Laboratory,
     base: Callable[[Section], BaseModel] | None = None,
-    on_case: OnCase = _told_nobody,
+    on_case: OnCase = _silent,
 ) -> Reach:
     """How well each effect can be seen, measured once.
 
