@@ -53,7 +53,7 @@ def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: st
         token: that the browser must know.
         port: that it is served on.
     """
-    own = _Studio(workspace, Jobs(workspace), live, first)
+    own = _Studio(workspace, Jobs(workspace, live.threads), live, first)
     routes = [
         Route("/", _answering(own.page)),
         Route("/api/workspace", _answering(own.overview)),

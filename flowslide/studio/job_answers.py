@@ -59,7 +59,8 @@ def simulation(done: Simulation) -> Found:
 def back_analysis(result: Result) -> Found:
     """Every parameter with its 95 % interval."""
     lines = [line for p in result.answer.parameters for line in (_parameter(p), _movers(p))]
-    lines += [f"Not determined: {one.words}." for one in result.answer.undetermined]
+    if len(result.answer.parameters) > 1:  # of a single one its own line says so
+        lines += [f"Not determined: {one.words}." for one in result.answer.undetermined]
     if not result.sensitivities and result.noise is None:
         lines.append("Standard deviation of the survey alone; the full back-analysis has the rest.")
     if not result.answer.reached:

@@ -89,7 +89,7 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
     runs = out / "runs"
     if not runs.exists():
         runs.symlink_to(store.resolve(), target_is_directory=True)
-    common["spacing_m"] = job.options.spacing_m
+    common |= {"spacing_m": job.options.spacing_m, "threads": job.threads}
     match job.kind:
         case "simulate":
             return job_answers.simulation(flowslide.simulate(job.folder, film="gif", **common))

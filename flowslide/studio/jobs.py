@@ -89,6 +89,7 @@ class Job(StrictDocument):
     case: str
     folder: str = Field(description="of the case")
     revision: str = Field("", description="of the case when the job was asked for")
+    threads: int | None = Field(None, description="of the CPU; null: all")
     options: JobOptions
 
 
@@ -97,10 +98,11 @@ class Jobs:
 
     Args:
         workspace: of the cases.
+        threads: CPU threads of each; None: all.
     """
 
-    def __init__(self, workspace: Workspace) -> None:
-        self.workspace = workspace
+    def __init__(self, workspace: Workspace, threads: int | None = None) -> None:
+        self.workspace, self.threads = workspace, threads
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, kind: str, case: str, options: dict[str, Any]) -> dict[str, Any]:
@@ -117,7 +119,7 @@ class Jobs:
             self._check_prediction(case, wanted)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
         job = Job(id=number, kind=kind, case=case, folder=str(source), options=wanted,
-                  revision=self.workspace.revision(case))  # fmt: skip
+                  revision=self.workspace.revision(case), threads=self.threads)  # fmt: skip
         folder = make_folder(self._folder(case, number))
         write_json(folder / JOB, job.model_dump(mode="json"))
         self._launch(folder, number)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,10 +12,15 @@ from starlette.testclient import TestClient
 
 from diagnosis.verdict.verdict import CompareDocument, FittedModelSummary
 from flowslide.command_line import main
+from flowslide.studio import job_process
 from flowslide.studio.app import studio
 from flowslide.studio.job_answers import back_analysis
+from flowslide.studio.job_process import Told
+from flowslide.studio.jobs import Job, JobOptions
 from flowslide.studio.live import Live
 from inversion.back_analysis.result import load_result
+from pipeline.cli import InputError
+from pipeline.files import read_json, write_json
 from tests.dams import dam_with_pool
 
 PORT, TOKEN = 8321, "the-token"
@@ -66,6 +72,8 @@ def command(capsys, *words) -> str:
 def test_strength_and_runout_are_those_of_the_command_line(browser, workspace, tmp_path, capsys):
     case = workspace.folder / "small"
     job = ask(browser, "back_analyse", spacing_m=SPACING, quick=True)
+    asked = read_json(workspace.hidden("small", "jobs", job["id"], "job.json"))
+    assert asked["threads"] == 1, "as the studio was started"
     out = tmp_path / "inversion"
     shared = ["--spacing", SPACING, "--threads", 1]
     command(capsys, "invert", case, "--out", out, "--quick", "--report", "none", *shared)
@@ -110,7 +118,7 @@ def test_the_comparison_is_that_of_the_command_line(browser, workspace, tmp_path
 
 
 @pytest.mark.slow
-def test_classical_methods_stand_next_to_a_back_analysis(browser, workspace, tmp_path, capsys):
+def test_the_classical_methods_are_those_of_the_command_line(browser, workspace, tmp_path, capsys):
     folder = dam_with_pool(workspace.folder / "dam")
     path = folder / "classical.yaml"
     calls = yaml.safe_load(path.read_text())
@@ -129,8 +137,40 @@ def test_classical_methods_stand_next_to_a_back_analysis(browser, workspace, tmp
         assert f"{one['value_kpa']:.1f}" in said
     assert job["page"] == "classical.html" and "upstream.png" in job["files"]
 
-    quick = ask(browser, "back_analyse", "dam", spacing_m=4.0, quick=True)
-    assert left(browser, quick, "result.json")["classical"] == [], "only the full one asks for them"
+
+def _job(workspace, number, kind, revision, state="done") -> tuple[Job, Path]:
+    """A job that was asked for, and left a file."""
+    folder = workspace.hidden("small", "jobs", number)
+    job = Job(id=number, kind=kind, case="small", folder="x", revision=revision,
+              options=JobOptions())  # fmt: skip
+    write_json(folder / "job.json", job.model_dump(mode="json"))
+    write_json(folder / "state.json", {"state": state})
+    if kind == "classical":
+        write_json(folder / "classical" / "classical.json", {"of": number})
+    return job, folder
+
+
+def test_a_report_finds_the_newest_classical_methods_on_the_same_files(workspace, monkeypatch):
+    _job(workspace, "1-a", "classical", "now")
+    _job(workspace, "2-b", "classical", "now")
+    _job(workspace, "3-c", "classical", "now", state="failed")
+    _job(workspace, "4-d", "classical", "before")
+    asked: list[Path] = []
+
+    def classical(case, *, out, progress):
+        asked.append(out)
+        raise InputError("no surface after the slide")
+
+    monkeypatch.setattr("flowslide.api.classical", classical)
+    job, folder = _job(workspace, "5-e", "back_analyse", "now")
+    for _ in range(2):  # a job that goes on finds it again
+        job_process._classical(job, folder, Told(folder))
+        assert read_json(folder / "classical" / "classical.json") == {"of": "2-b"}
+    assert not asked
+    # Where there are none on these files they are asked for; a case need not have them.
+    job, folder = _job(workspace, "6-f", "back_analyse", "other")
+    job_process._classical(job, folder, Told(folder))
+    assert asked == [folder / "classical"] and not (folder / "classical").exists()
 
 
 def test_a_prediction_is_asked_for_with_strengths(browser):
