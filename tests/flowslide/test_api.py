@@ -20,6 +20,7 @@ class Told:
 
     def __init__(self) -> None:
         self.calls: list[tuple[int, int, str]] = []
+        self.tried: list[tuple[int, dict[str, float], float]] = []
 
     def __call__(self, done: int, total: int, message: str) -> None:
         self.calls.append((done, total, message))
@@ -30,8 +31,9 @@ def answered(tmp_path_factory):
     """A back-analysis by the library, its folder, and the calls of the callback."""
     folder, told = tmp_path_factory.mktemp("api") / "inversion", Told()
     result = flowslide.back_analyse(
-        CASE, out=folder, spacing_m=COARSE, quick=True, threads=1, progress=told
-    )
+        CASE, out=folder, spacing_m=COARSE, quick=True, threads=1, progress=told,
+        evaluated=lambda *tried: told.tried.append(tried),
+    )  # fmt: skip
     return result, folder, told
 
 
@@ -69,6 +71,8 @@ def test_progress_counts_up_to_the_end(answered):
     assert all(call[0] <= call[1] for call in told.calls)
     assert told.calls[0][2].startswith("answer (1 of ")
     assert any(call[2].startswith("answer after") for call in told.calls)
+    # Every value that the search tried, as the history of the result has it.
+    assert told.tried == [(line.runs_so_far, line.values, line.loss) for line in result.iterations]
 
 
 def test_nothing_is_printed_and_nothing_is_left(tmp_path, monkeypatch, capsys):
@@ -103,9 +107,14 @@ def test_a_back_analysis_stops_between_runs_and_goes_on(tmp_path):
 
 
 def test_cancel_may_be_a_function(tmp_path):
-    for call in (flowslide.simulate, flowslide.back_analyse, flowslide.diagnose):
+    for call in (
+        flowslide.simulate, flowslide.back_analyse, flowslide.compare, flowslide.explain,
+        flowslide.diagnose,
+    ):  # fmt: skip
         with pytest.raises(flowslide.Cancelled):
             call(CASE, out=tmp_path, spacing_m=COARSE, threads=1, cancel=lambda: True)
+    with pytest.raises(flowslide.Cancelled):
+        flowslide.classical(CASE, out=tmp_path, cancel=lambda: True)
     with pytest.raises(flowslide.Cancelled):
         flowslide.predict(
             CASE, ["18+-5"], out=tmp_path, spacing_m=COARSE, threads=1, cancel=lambda: True

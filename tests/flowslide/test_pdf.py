@@ -9,11 +9,13 @@ import stat
 import pytest
 
 import flowslide
+from diagnosis.verdict.verdict import save_document
 from flowslide.command_line import main
 from inversion.back_analysis.result import save_result
 from report import pdf
 from report.page import Paragraph, Section, write_page
 from report.table import Table
+from tests.diagnosis.verdict_case import identified
 from tests.inversion.report_case import full
 
 printing = pytest.mark.skipif(
@@ -93,3 +95,12 @@ def test_a_browser_that_fails_is_quoted(page, monkeypatch):
     with pytest.raises(flowslide.WorkFailed, match="no screen"):
         flowslide.write_pdf(page)
     assert not page.with_suffix(".pdf").exists()
+
+
+def test_the_command_takes_a_diagnosis_as_well(tmp_path, capsys):
+    verdict = identified()
+    save_document(verdict, tmp_path / "verdict.json")
+    assert main(["report", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("IDENTIFIED.") and f"wrote {tmp_path / 'report.html'}" in said
+    assert "Reviewer" in (tmp_path / "report.html").read_text()
