@@ -330,8 +330,9 @@ def back_analyse(
     Args:
         case: with a section, measurements and a question (`inversion.yaml`).
         out: see above; `result.json`, `history.csv`, `sections.npz` and `run.h5` are written there.
-        engine: "mpm", the material point method, or "gns", a learned simulator; None: the
-            question's, else the settings'.
+        engine: "mpm", the material point method, "gns", a learned simulator, or "mpm3d", the
+            material point method over the width of the case's `scene3d.yaml`; None: the question's,
+            else the settings'.
         model: of the engine "gns": a folder, or the name of a model that ships.
         method: of the search; None: the settings'.
         quick: the answer alone: one start, no variants, no seeds, no sensitivities,

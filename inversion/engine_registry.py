@@ -108,6 +108,14 @@ def _with_learned_simulator(
     )
 
 
+def _in_three_dimensions(
+    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
+) -> BackAnalysis:
+    from inversion.back_analysis.in_three_dimensions import in_three_dimensions
+
+    return in_three_dimensions(case, store, watch)
+
+
 _engines: dict[str, Engine] = {}
 
 
@@ -138,13 +146,15 @@ def untrained(name: str) -> Engine:
     """The engine of a name, which answers more than a back-analysis.
 
     Raises:
-        InputError: there is none, or it needs a trained model.
+        InputError: there is none, or it needs a trained model, or answers back-analyses alone.
     """
     chosen = engine_named(name)
     if chosen.trained:
         raise InputError(
             f"engine: {chosen.label} needs a trained model: back-analysis alone has it"
         )
+    if chosen.analysis is not None:
+        raise InputError(f"engine: {chosen.label} answers back-analyses alone")
     return chosen
 
 
@@ -168,5 +178,17 @@ register_engine(
         trained=True,
         effects=False,
         analysis=_with_learned_simulator,
+    )
+)
+register_engine(
+    Engine(
+        name="mpm3d",
+        title="material point method in three dimensions",
+        description="the material point method in three dimensions",
+        short="MPM in 3-D",
+        folder="inversion_3d",
+        forward=_mpm,
+        effects=False,
+        analysis=_in_three_dimensions,
     )
 )

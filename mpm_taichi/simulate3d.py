@@ -61,11 +61,7 @@ def simulate_3d(
     Raises:
         InputError: a setting that three dimensions do not have, or points outside the domain.
     """
-    refuse_settings(settings)
-    sloping = problem.water is not None and np.ptp(problem.water.values) > 0.0
-    if sloping and settings.water == "pore_pressure" and settings.water_face == "moving":
-        raise InputError("water_face 'moving': in three dimensions a sloping water level is fixed")
-    _refuse_outside(problem)
+    refuse_problem(problem, settings)
     start("cpu", threads)
     flight = Flight3d(problem, settings)
     if checkpoint is not None:
@@ -82,6 +78,18 @@ def simulate_3d(
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
     return flight.run()
+
+
+def refuse_problem(problem: Problem3d, settings: SimulationSettings) -> None:
+    """Refuse what three dimensions do not have, or points outside the domain, in one line."""
+    refuse_settings(settings)
+    sloping = problem.water is not None and np.ptp(problem.water.values) > 0.0
+    if sloping and settings.water == "pore_pressure" and settings.water_face == "moving":
+        raise InputError(
+            "water_face 'moving': in three dimensions a sloping water level is fixed; "
+            "--set simulation.water_face=fixed"
+        )
+    _refuse_outside(problem)
 
 
 def refuse_settings(settings: SimulationSettings) -> None:

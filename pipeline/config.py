@@ -194,8 +194,8 @@ class InversionSettings(Settings):
 
     engine: str = Field(
         "mpm",
-        description="what simulates: mpm, the material point method, or gns, a learned simulator "
-        "that is differentiated (Diff-GNS)",
+        description="what simulates: mpm, the material point method, gns, a learned simulator "
+        "that is differentiated (Diff-GNS), or mpm3d, the material point method over a width",
     )
     model: str = Field(
         "", description="of the engine gns: a folder with model.pt, or a name in models/"

@@ -28,7 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--engine",
         choices=tuple(engines()),
-        help="material point method, or a learned simulator that is differentiated; default: the "
+        help="material point method, a learned simulator that is differentiated, or the material "
+        "point method over the width of CASE/scene3d.yaml; default: the "
         "question's, else inversion.engine",
     )
     parser.add_argument(

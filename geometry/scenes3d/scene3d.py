@@ -28,6 +28,8 @@ from pipeline.files import read_yaml
 
 FILE_NAME = "scene3d.yaml"
 PAGE = "docs/how-to/three-dimensions.md"
+POINTS_PER_CELL = 2
+"""Along an edge of a cell of a terrain."""
 Flanks = Literal["smooth", "rough", "no_slip"]
 
 
@@ -35,7 +37,7 @@ class Section(Document):
     """A section of two dimensions, extruded over a width."""
 
     file: str = Field(description="scene of the section, relative to this file")
-    width_m: float = Field(gt=0, description="width on the ground [m]")
+    width_m: float = Field(gt=0, description="width on the ground [m], rounded to whole cells")
     flank_slope: float | None = Field(
         None, gt=0, le=1, description="rise of the flanks over their run; null = vertical"
     )
@@ -194,7 +196,7 @@ def load_scene_3d(path: str | Path, *, spacing: float | None = None) -> Scene3d:
     """
     path = Path(path)
     path = path / FILE_NAME if path.is_dir() else path
-    document = checked_document(Scene3dDocument, read_yaml(path), path, PAGE)
+    document = read_document(path)
     spacing = spacing or document.spacing
     if document.section is not None:
         section = _section(document.section, path.parent, spacing)
@@ -218,6 +220,15 @@ def load_scene_3d(path: str | Path, *, spacing: float | None = None) -> Scene3d:
     scene = Scene3d(document, spacing, None, Ground3d(surface, base, after, limits))
     _check_plans(scene, path)
     return scene
+
+
+def read_document(path: Path) -> Scene3dDocument:
+    """Read `scene3d.yaml`, without what it names.
+
+    Raises:
+        InputError: one line with file, field, value and what is allowed.
+    """
+    return checked_document(Scene3dDocument, read_yaml(path), path, PAGE)
 
 
 def _section(section: Section, folder: Path, spacing: float | None) -> Scene:
@@ -248,11 +259,17 @@ def _check_plans(scene: Scene3d, path: Path) -> None:
 
 
 def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max [m]: where both base and surface are given."""
+    """x_min, x_max, y_min, y_max [m]: where both base and surface are given, in whole cells."""
     assert scene.ground is not None
     axes = [raster.axes for raster in (scene.ground.base, scene.ground.surface)]
     x_min, y_min = (max(pair[k][0] for pair in axes) for k in (0, 1))
     x_max, y_max = (min(pair[k][-1] for pair in axes) for k in (0, 1))
-    if x_max <= x_min or y_max <= y_min:
-        raise InputError(f"{scene.name}: surface and base raster do not overlap")
-    return float(x_min), float(x_max), float(y_min), float(y_max)
+    cell = POINTS_PER_CELL * scene.spacing
+    along, across = (
+        int((high - low) / cell + 1e-6) for low, high in ((x_min, x_max), (y_min, y_max))
+    )
+    if along < 1 or across < 1:
+        raise InputError(
+            f"{scene.name}: surface and base raster do not overlap by a cell of {cell:g} m"
+        )
+    return float(x_min), float(x_min + along * cell), float(y_min), float(y_min + across * cell)

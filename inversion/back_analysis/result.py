@@ -372,7 +372,7 @@ class Result(StrictDocument):
     case: str = Field(description="name of the folder")
     title: str = Field(description="name in words")
     measurement_set: str = Field(description="the set that was fitted")
-    engine: str = Field(description="mpm, or gns: a learned simulator")
+    engine: str = Field(description="mpm, gns: a learned simulator, or mpm3d: over a width")
     spacing_m: float = Field(description="between material points, m: of the answer")
     coarse_spacing_m: float | None = Field(
         None,

@@ -96,16 +96,8 @@ def save_sections(analysis: BackAnalysis, path: Path) -> None:
 
 def save_answer_run(analysis: BackAnalysis, path: Path) -> None:
     """Simulate the answer once more with all frames, for the film and for other tools."""
-    from mpm_taichi.batch import run_batch
-
     scene = analysis.case.setup.at(analysis.found.values).scene
-    run_batch(
-        {0: scene},
-        analysis.case.setup.settings,
-        path,
-        device=analysis.store.device,
-        threads=analysis.store.threads,
-    )
+    analysis.store.write_run(scene, analysis.case.setup.settings, path)
 
 
 def with_neighbours(result: Result, folder: Path) -> Result:

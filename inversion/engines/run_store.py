@@ -22,7 +22,6 @@ from numpy.lib import format as npy
 
 from geometry.survey.measured import Deposit, Measured, Reading
 from mpm_taichi.batch import run_key
-from mpm_taichi.effects import changes_volume
 from pipeline.files import atomic_path
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ class RunStore:
             wanted: scenes and settings; equal ones are computed once.
             readers: evaluated on each of them as it ends; None: nothing.
         """
-        keys = [run_key(scene, settings, self.device) for scene, settings in wanted]
+        keys = [self.key(scene, settings) for scene, settings in wanted]
         to_read: dict[str, list[HistoryReader]] = {key: [] for key in keys}
         for key, reader in zip(keys, readers or (), strict=bool(readers)):
             to_read[key].append(reader)
@@ -158,6 +157,16 @@ class RunStore:
         if missing:
             self._compute(missing, to_read)
         return [self._kept[key] for key in keys]
+
+    def key(self, scene: Scene, settings: SimulationSettings) -> str:
+        """Hash of everything the numbers of a run depend on."""
+        return run_key(scene, settings, self.device)
+
+    def write_run(self, scene: Scene, settings: SimulationSettings, path: Path) -> None:
+        """Simulate once more with all frames, for films and other tools."""
+        from mpm_taichi.batch import run_batch
+
+        run_batch({0: scene}, settings, path, device=self.device, threads=self.threads)
 
     def _is_there(self, key: str, readers: Iterable[HistoryReader]) -> bool:
         run = self._kept.get(key)
@@ -210,6 +219,7 @@ class RunStore:
 def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
     """The stored part of a run, with the readings of `readers`."""
     end = float(run.time[-1]) if len(run.time) else 0.0
+    volume = run.bulk_volume
     return KeptRun(
         initial=run.positions[0].copy(),
         final=run.positions[-1].copy(),
@@ -221,7 +231,7 @@ def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
         at_rest=run.came_to_rest,
         wall_time_s=run.wall_time_s,
         readings={name: found for reader in readers for name, found in reader.read(run).items()},
-        volume=run.bulk_volume if changes_volume(run.scene) else None,
+        volume=volume if isinstance(volume, np.ndarray) else None,
     )
 
 

@@ -267,7 +267,8 @@ class Question(Document):
         "runout", description="runout: squared error of the runouts [m2]; misfit: standardised"
     )
     engine: str | None = Field(
-        None, description="what simulates, mpm or gns; null: inversion.engine of the configuration"
+        None,
+        description="what simulates, mpm, gns or mpm3d; null: inversion.engine of the settings",
     )
     model: str | None = Field(
         None,

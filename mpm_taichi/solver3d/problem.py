@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
@@ -49,6 +50,9 @@ def extruded(
 ) -> Problem3d:
     """A section over a width [m], its points repeated at their spacing.
 
+    The width is rounded to whole cells: in a cell that a flank cuts, soil is held or let go (a bank
+    between smooth flanks 3.5 cells apart stopped 7 % too early).
+
     Between vertical flanks, or with `flank_slope` (rise over run) in a valley whose sides rise from
     the edges of the width until they are higher than the section; the sides are ground.
 
@@ -66,11 +70,12 @@ def extruded(
         word = next(word for word, present in lacking.items() if present)
         raise InputError(f"{scene.name}: {word}: not in three dimensions")
     points = fill(scene)
-    reach = 0.0
+    cell = scene.cell_size
+    floor = width = cell * max(round(width / cell), 1)
     if flank_slope is not None:
-        reach = (scene.extent[1] - scene.ground.lowest) / flank_slope + 2 * scene.cell_size
-        floor, width = width, width + 2 * reach
-    rows = max(round(width / scene.spacing), 1)
+        reach = (scene.extent[1] - scene.ground.lowest) / flank_slope
+        width = floor + 2 * cell * (math.ceil(reach / cell) + 2)
+    rows = round(width / scene.spacing)
     across = width / rows * (np.arange(rows) + 0.5)
     count = len(points)
     position = np.empty((count, rows, 3))

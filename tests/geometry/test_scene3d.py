@@ -9,7 +9,7 @@ import pytest
 
 from geometry.scenes.scene import save_scene
 from geometry.scenes3d.fill3d import fill_terrain
-from geometry.scenes3d.scene3d import Scene3dDocument, load_scene_3d
+from geometry.scenes3d.scene3d import Scene3dDocument, load_scene_3d, plan_domain
 from geometry.terrain.raster import Raster, write_raster
 from pipeline.cli import InputError
 from pipeline.files import parse_yaml, write_text, yaml_text
@@ -91,6 +91,15 @@ def test_a_terrain_is_filled_between_base_and_surface(terrain):
     low = scene.ground.base.at(points.position[:, 0], points.position[:, 1])
     above = points.position[:, 2] - low
     assert above.min() > 0.0 and above.max() < 4.0
+
+
+def test_the_domain_is_whole_cells(terrain):
+    zones = [{"name": "all", "material": "slimes"}]
+    folder = terrain(zones, {"slimes": SOILS["slimes"]})
+    assert plan_domain(load_scene_3d(folder)) == (0.0, 40.0, 0.0, 20.0)
+    assert plan_domain(load_scene_3d(folder, spacing=1.5)) == (0.0, 39.0, 0.0, 18.0)
+    with pytest.raises(InputError, match="do not overlap by a cell of 24 m"):
+        plan_domain(load_scene_3d(folder, spacing=12.0))
 
 
 def test_the_first_zone_that_holds_a_point_has_it(terrain):
