@@ -22,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from flowslide.studio.case_documents import proposed_question
 from flowslide.studio.forms import material_fields, measurement_forms
 from flowslide.studio.jobs import KINDS, Jobs
 from flowslide.studio.live import Asked, Live, question
@@ -65,7 +66,7 @@ def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: st
         Route("/api/cases/{name}/files/{file}", _answering(own.own_file)),
         Route("/api/cases/{name}/files/{file}", _answering(own.save_file), methods=["PUT"]),
         Route("/api/cases/{name}/revision", _answering(own.revision)),
-        Route("/api/cases/{name}/question", _answering(own.propose), methods=["POST"]),
+        Route("/api/question", _answering(own.propose), methods=["POST"]),
         Route("/api/check", _answering(own.check), methods=["POST"]),
         Route("/api/import", _answering(own.import_drawing), methods=["POST"]),
         Route("/api/jobs", _answering(own.jobs)),
@@ -151,8 +152,7 @@ class _Studio:
 
     async def propose(self, request: Request) -> Response:
         """The question that `flowslide new` would ask of the documents."""
-        name, asked = request.path_params["name"], await _body(request)
-        question = await run_in_threadpool(self.workspace.proposed, name, asked)
+        question = await run_in_threadpool(proposed_question, await _body(request))
         return JSONResponse({"inversion": question})
 
     async def check(self, request: Request) -> Response:

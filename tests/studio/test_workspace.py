@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from flowslide.studio.case_documents import proposed_question
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 
@@ -147,7 +148,7 @@ def test_a_case_drawn_from_nothing_gets_the_files_of_a_new_case(workspace):
     survey = {"case": "drawn", "upstream": "left", "initial": {}, "default_set": "field",
               "sets": {"field": [toe, profile]}}  # fmt: skip
     tables = {"after.csv": "x_m,y_m\n-21,0\n5,3\n30,0\n"}
-    question = workspace.proposed("drawn", {**case, "measurements": survey, "tables": tables})
+    question = proposed_question({**case, "measurements": survey, "tables": tables})
     assert question["fit"] == ["toe"] and question["parameters"][0]["zones"] == ["a"]
     case = _draw(workspace, "drawn", measurements=survey, tables=tables, inversion=question)
     assert not case["faults"]
@@ -191,6 +192,29 @@ def test_no_table_leads_out_of_the_case(workspace, table):
         workspace.save("small", case["revision"], {**case, "tables": {table: "x_m,y_m\n"}})
     with pytest.raises(InputError, match="table"):
         workspace.faults("small", {**case, "tables": {table: "x_m,y_m\n"}})
+
+
+@pytest.mark.parametrize("tables", [["after.csv"], {"after.csv": 3}, "after.csv"])
+def test_tables_are_texts_by_name(workspace, tables):
+    case = workspace.read("small")
+    with pytest.raises(InputError, match="must be the texts"):
+        workspace.save("small", case["revision"], {**case, "tables": tables})
+
+
+def test_an_edit_that_is_killed_while_it_is_written_is_a_whole_draft(workspace, monkeypatch):
+    case = workspace.read("small")
+    case["scene"]["zones"][0]["name"] = "renamed"
+    case["inversion"]["parameters"][0]["zones"] = ["renamed"]
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flowslide.studio.workspace.write_case", killed)
+    with pytest.raises(KeyboardInterrupt):
+        workspace.save("small", case["revision"], case)
+    found = workspace.read("small")
+    assert found["draft"] and not found["faults"]
+    assert found["inversion"] == case["inversion"]
 
 
 def test_two_tabs_with_drafts_notice_each_other(workspace):

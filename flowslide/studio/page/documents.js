@@ -9,7 +9,7 @@ const LOOK = 3000; // ms between two looks whether the files were changed elsewh
 
 const partsOf = (found) => Object.fromEntries(PARTS.map((part) => [part, structuredClone(found[part] ?? null)]));
 
-/** `on` has changed(words), saved(case), conflict(case) and failed(words). */
+/** `on` has changed(words, whether the section is another), saved(case), conflict(case) and failed(words). */
 export class Documents {
   constructor(on) {
     this.on = on;
@@ -57,9 +57,10 @@ export class Documents {
   }
 
   take(documents, words) {
+    const isOther = JSON.stringify(documents.scene) !== JSON.stringify(this.now.scene);
     this.now = documents;
     this.dirty = true;
-    this.on.changed(words);
+    this.on.changed(words, isOther);
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => this.save(), PAUSE);
   }
