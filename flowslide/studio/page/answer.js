@@ -2,6 +2,7 @@
 
 import { get, send } from "./api.js";
 import { askStrengths } from "./predict.js";
+import { el } from "./ui.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -12,7 +13,7 @@ const QUESTIONS = [
     ["posterior", "Posterior", {}], ["classical", "Classical methods", {}],
   ]],
   ["How far would it run?", [
-    ["predict", "Predict ...", {}], ["from_blow_counts", "From blow counts", {}],
+    ["predict", "Predict ...", {}], ["from_blow_counts", "From blow counts", {}], ["simulate", "Simulate", {}],
   ]],
   ["Is the model enough?", [
     ["compare", "Compare", {}], ["explain", "Explain", {}], ["diagnose", "What is missing?", {}],
@@ -34,19 +35,13 @@ export function answers(page, tell) {
   $("close").addEventListener("click", () => $("report").close());
 }
 
-function make(tag, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-}
-
 // --- questions ---
 
 function buildQuestions() {
-  $("ask").replaceChildren(...QUESTIONS.map(([words, group]) => make("div", {},
-    make("span", { textContent: words }),
+  $("ask").replaceChildren(...QUESTIONS.map(([words, group]) => el("div", {},
+    el("span", { textContent: words }),
     ...group.map(([kind, label, options]) => {
-      const button = make("button", { textContent: label, className: label === "Back-analyse" ? "main" : "" });
+      const button = el("button", { textContent: label, className: label === "Back-analyse" ? "main" : "" });
       button.title = state.workspace.job_kinds[kind] + (kind === "classical" ? "" : ", at the spacing chosen on the left");
       button.addEventListener("click", () => (kind === "predict" ? predict() : start(kind, options)));
       return button;
@@ -108,20 +103,20 @@ async function watchJobs() {
 const isOld = (job) => job.case === state.name && Boolean(state.found) && job.revision !== state.found.revision;
 
 function jobLine(job) {
-  const line = make("li");
+  const line = el("li");
   line.dataset.state = job.state;
   line.dataset.job = job.id;
   const quick = job.options.quick ? ", quick" : "";
   const at = job.options.spacing_m ? ` at ${job.options.spacing_m} m` : "";
   line.append(`${job.words}${quick}: ${job.case.replaceAll("_", " ")}${at}`);
-  if (job.answer) line.append(make("div", { className: "found" }, ...job.answer.map((text) => make("p", { textContent: text }))));
+  if (job.answer) line.append(el("div", { className: "found" }, ...job.answer.map((text) => el("p", { textContent: text }))));
   const seconds = job.seconds === undefined ? "" : `, ${Math.round(job.seconds)} s`;
   const counted = job.state === "running" && job.total ? `, ${job.done} of about ${job.total} simulations` : "";
   const note = [job.state + seconds + counted, job.message].filter(Boolean).join(": ");
-  line.append(make("div", { className: "note state", textContent: note }));
-  if (isOld(job)) line.append(make("div", { className: "note", textContent: "the case has changed since" }));
+  line.append(el("div", { className: "note state", textContent: note }));
+  if (isOld(job)) line.append(el("div", { className: "note", textContent: "the case has changed since" }));
   if (job.state === "running") {
-    const bar = make("progress");
+    const bar = el("progress");
     bar.setAttribute("aria-label", job.words);
     if (job.total) Object.assign(bar, { max: job.total, value: Math.min(job.done, job.total) });
     line.append(bar);
@@ -132,9 +127,9 @@ function jobLine(job) {
 }
 
 function jobButtons(job) {
-  const buttons = make("div", { className: "buttons" });
+  const buttons = el("div", { className: "buttons" });
   const add = (words, act) => {
-    const button = make("button", { textContent: words });
+    const button = el("button", { textContent: words });
     button.addEventListener("click", act);
     buttons.append(button);
   };
@@ -158,7 +153,7 @@ async function download(job) {
   say("printing the report ...");
   const answer = await fetch(`/api/jobs/${job.id}/pdf`);
   if (!answer.ok) { say((await answer.json()).message, true); return; }
-  const link = make("a", { href: URL.createObjectURL(await answer.blob()), download: `${job.case}-${job.kind}.pdf` });
+  const link = el("a", { href: URL.createObjectURL(await answer.blob()), download: `${job.case}-${job.kind}.pdf` });
   link.click();
   URL.revokeObjectURL(link.href);
   say(`${link.download} is with your downloads`);
@@ -227,12 +222,12 @@ function showStrengths() {
     const [low, high] = [one.low ?? one.value, one.high ?? (one.low === null ? one.value : most)];
     bar.append(draw("line", { class: "range", x1: at(low), x2: at(high), y1: 6, y2: 6 }));
     bar.append(draw("circle", { class: "value", cx: at(one.value), cy: 6, r: 3 }));
-    const row = make("tr", { title: `${one.label}; range: ${one.range}` },
-      make("td", { textContent: several ? `${one.method}: ${one.label}` : one.method }),
-      make("td", { textContent: (one.high === null && one.low !== null ? "≥ " : "") + one.value.toFixed(1) }),
-      make("td", { className: "range" }, bar));
+    const row = el("tr", { title: `${one.label}; range: ${one.range}` },
+      el("td", { textContent: several ? `${one.method}: ${one.label}` : one.method }),
+      el("td", { textContent: (one.high === null && one.low !== null ? "≥ " : "") + one.value.toFixed(1) }),
+      el("td", { className: "range" }, bar));
     return row;
   });
-  const head = make("thead", {}, make("tr", {}, ...["strength by", "kPa", "range"].map((text) => make("th", { textContent: text }))));
-  $("strengths").replaceChildren(...(rows.length ? [make("table", {}, head, make("tbody", {}, ...body))] : []));
+  const head = el("thead", {}, el("tr", {}, ...["strength by", "kPa", "range"].map((text) => el("th", { textContent: text }))));
+  $("strengths").replaceChildren(...(rows.length ? [el("table", {}, head, el("tbody", {}, ...body))] : []));
 }

@@ -1,10 +1,6 @@
 // Asks for the strengths of a prediction: mean, standard deviation and distribution, with help.
 
-function make(tag, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-}
+import { el } from "./ui.js";
 
 /**
  * Zones that share a strength: those whose strength the question of the case asks for, else the
@@ -32,21 +28,21 @@ function ends(mean, std, distribution) {
 
 /** `done`: jobs on the case as it is; `start(options)` gives a fault in words, or nothing. */
 export function askStrengths(state, done, start) {
-  const dialog = make("dialog", { className: "form" });
+  const dialog = el("dialog", { className: "form" });
   dialog.setAttribute("aria-label", "Predict");
   const rows = groups(state).map((group) => ({ ...group, ...fields(group) }));
   const known = done.flatMap((job) => job.strengths ?? []).filter((one) => one.std);
   const drawn = done.filter((job) => job.kind === "posterior");
-  const kind = make("select", {}, new Option("lognormal: never negative, longer to the right", "lognormal"),
+  const kind = el("select", {}, new Option("lognormal: never negative, longer to the right", "lognormal"),
     new Option("normal: as far above as below", "normal"));
-  const source = make("select", {}, new Option("the values below", ""),
+  const source = el("select", {}, new Option("the values below", ""),
     ...drawn.map((job) => new Option(`draws of the posterior at ${job.options.spacing_m} m`, job.id)));
-  const fault = make("p", { className: "fault" });
+  const fault = el("p", { className: "fault" });
   fault.setAttribute("role", "alert");
-  const table = make("table", {},
-    make("thead", {}, make("tr", {}, ...["soil", "mean, kPa", "std, kPa", "95 % of the slides"].map((text) => make("th", { textContent: text })))),
-    make("tbody", {}, ...rows.map((row) => make("tr", {},
-      make("td", { textContent: row.label, title: row.zones.join(", ") }), make("td", {}, row.mean), make("td", {}, row.std), make("td", {}, row.range)))));
+  const table = el("table", {},
+    el("thead", {}, el("tr", {}, ...["soil", "mean, kPa", "std, kPa", "95 % of the slides"].map((text) => el("th", { textContent: text })))),
+    el("tbody", {}, ...rows.map((row) => el("tr", {},
+      el("td", { textContent: row.label, title: row.zones.join(", ") }), el("td", {}, row.mean), el("td", {}, row.std), el("td", {}, row.range)))));
   const tell = () => {
     table.hidden = Boolean(source.value);
     for (const { mean, std, range } of rows) {
@@ -54,7 +50,7 @@ export function askStrengths(state, done, start) {
       range.value = a > 0 && b > 0 ? ends(a, b, kind.value).map((end) => end.toFixed(1)).join(" to ") : "-";
     }
   };
-  const fill = make("button", { type: "button", textContent: "As found for this case", hidden: !known.length });
+  const fill = el("button", { type: "button", textContent: "As found for this case", hidden: !known.length });
   fill.title = known.length ? `${known[0].method}: ${known[0].label}` : "";
   fill.addEventListener("click", () => {
     for (const row of rows) {
@@ -66,21 +62,21 @@ export function askStrengths(state, done, start) {
     fault.textContent = "";
     tell();
   });
-  const run = make("button", { className: "main", textContent: "Predict" });
-  const close = make("button", { type: "button", textContent: "Close" });
+  const run = el("button", { className: "main", textContent: "Predict" });
+  const close = el("button", { type: "button", textContent: "Close" });
   close.addEventListener("click", () => dialog.close());
-  const form = make("form", {},
-    make("h2", { textContent: "How far would it run?" }),
-    make("p", { textContent: "The strength of a soil that liquefies is known within a range only. Give the value that you expect "
+  const form = el("form", {},
+    el("h2", { textContent: "How far would it run?" }),
+    el("p", { textContent: "The strength of a soil that liquefies is known within a range only. Give the value that you expect "
       + "and its standard deviation: two slides of three then have a strength within one standard deviation of the mean. The "
       + "result is the probability that the toe passes any distance." }),
-    make("p", { className: "note", textContent: "Where from: a back-analysis of this slope or of a similar one gives both numbers. From "
+    el("p", { className: "note", textContent: "Where from: a back-analysis of this slope or of a similar one gives both numbers. From "
       + "blow counts alone, close this and ask \"From blow counts\": published relations bring their own scatter." }),
-    ...(drawn.length ? [make("label", { className: "row" }, "Strengths ", source)] : []),
+    ...(drawn.length ? [el("label", { className: "row" }, "Strengths ", source)] : []),
     table,
-    make("label", { className: "row" }, "Distribution ", kind),
+    el("label", { className: "row" }, "Distribution ", kind),
     fault,
-    make("div", { className: "buttons" }, fill, close, run));
+    el("div", { className: "buttons" }, fill, close, run));
   form.addEventListener("input", () => { fault.textContent = ""; tell(); });
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
@@ -109,9 +105,9 @@ export function askStrengths(state, done, start) {
 
 function fields({ label, mean }) {
   const field = (value, words) => {
-    const made = make("input", { type: "number", min: 0, step: "any", value });
+    const made = el("input", { type: "number", min: 0, step: "any", value });
     made.setAttribute("aria-label", `${words} of ${label} [kPa]`);
     return made;
   };
-  return { mean: field(mean, "mean"), std: field("", "standard deviation"), range: make("output", { value: "-" }) };
+  return { mean: field(mean, "mean"), std: field("", "standard deviation"), range: el("output", { value: "-" }) };
 }
