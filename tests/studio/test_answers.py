@@ -188,3 +188,13 @@ def test_a_prediction_is_asked_for_with_strengths(browser):
         answer = browser.post("/api/jobs", json=body, headers=OURS)
         assert answer.status_code == 400 and words in answer.json()["message"], answer.text
     assert browser.get("/api/jobs").json() == []
+
+
+@pytest.mark.slow
+def test_a_simulation_leaves_its_film(browser, workspace):
+    job = ask(browser, "simulate", spacing_m=SPACING)
+    films = [name for name in job["files"] if name.endswith(".gif")]
+    assert len(films) == 1
+    film = browser.get(f"/api/jobs/{job['id']}/files/{films[0]}")
+    assert film.content[:6] == b"GIF89a" and film.headers["content-type"] == "image/gif"
+    assert any(line.startswith("toe") for line in job["answer"]), job["answer"]

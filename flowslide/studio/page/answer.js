@@ -140,13 +140,17 @@ function jobButtons(job) {
   if (job.state === "running") add("Cancel", post("cancel"));
   if (["cancelled", "interrupted", "failed"].includes(job.state)) add("Go on", post("again"));
   if (job.state === "done" && job.page) {
-    add("Open the report", () => {
-      $("frame").src = `/api/jobs/${job.id}/files/${job.page}`;
-      $("report").showModal();
-    });
+    add("Open the report", () => open(job, job.page));
     add("PDF", () => download(job));
   }
+  const film = job.files.find((file) => file.endsWith(".gif"));
+  if (job.state === "done" && film) add("Watch the film", () => open(job, film));
   return buttons;
+}
+
+function open(job, file) {
+  $("frame").src = `/api/jobs/${job.id}/files/${file}`;
+  $("report").showModal();
 }
 
 async function download(job) {
