@@ -92,10 +92,8 @@ def readings_3d(scene: Scene3d, problem: Problem3d, run: Run3d, maps: Maps) -> d
         )
         found[f"runout_{name}_m"] = after - (0.0 if np.isnan(before) else before)
     for name, line in scene.document.lines.items():
-        crossed = volume_beyond(end, run.volume, *line) - volume_beyond(
-            start, problem.volume, *line
-        )
-        found[f"volume_across_{name}_m3"] = crossed
+        before, after = (volume_beyond(place, problem.volume, *line) for place in (start, end))
+        found[f"volume_across_{name}_m3"] = after - before
     if scene.ground is not None and scene.ground.after is not None:
         x, y = np.meshgrid(*maps.after.axes, indexing="ij")
         off = maps.surface.values - scene.ground.after.at(x, y)

@@ -103,9 +103,10 @@ def add_simulating(parser: argparse.ArgumentParser) -> None:
 
 
 def is_3d(text: str) -> bool:
-    """True for scene3d.yaml or a folder that holds one."""
+    """True for scene3d.yaml, and for a folder that holds one and is no case with measurements."""
     path = Path(text)
-    return path.name == "scene3d.yaml" or (path / "scene3d.yaml").is_file()
+    alone = (path / "scene3d.yaml").is_file() and not (path / "measurements.yaml").is_file()
+    return alone or path.name == "scene3d.yaml"
 
 
 def check(arguments: argparse.Namespace) -> None:

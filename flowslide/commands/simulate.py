@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 FILMS = ("mp4", "gif", "none")
 DESCRIPTION = (
     "Simulate the section of a case history, write runout.png, a film and observables.csv, and "
-    "print what was measured next to what was simulated. A folder with scene3d.yaml is "
+    "print what was measured next to what was simulated. A scene3d.yaml is "
     "simulated in three dimensions: report.html, map.png, readings.csv, GeoTIFFs, run.h5."
 )
 
@@ -23,7 +23,9 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     options.add_case(parser)
-    options.add_out(parser, "folder of the results; default: results/<case>/simulation")
+    options.add_out(
+        parser, "folder of the results; default: results/<case>/simulation, in 3-D simulation_3d"
+    )
     parser.add_argument("--no-water", action="store_true", help="without reservoir and groundwater")
     options.add_spacing(parser)
     parser.add_argument(
@@ -94,7 +96,7 @@ def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
             raise InputError(f"{option}: not in three dimensions ({arguments.case})")
     folder = Path(arguments.case)
     name = (folder.parent if folder.is_file() else folder).resolve().name
-    out = Path(arguments.out or Path(settings.results_folder) / name / "simulation")
+    out = Path(arguments.out or Path(settings.results_folder) / name / "simulation_3d")
     with Progress(0, name, quiet=arguments.quiet) as bar:
         done = api.simulate_3d(
             folder,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import runpy
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import flowslide
 from benchmarks.verification.three_dimensions import slab_scene
 from flowslide.command_line import main
+from flowslide.commands import options
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.terrain.raster import Raster, write_raster
 from mpm_taichi.solver3d.problem import problem_of
@@ -39,6 +41,13 @@ def test_check_and_show(slab, tmp_path, capsys):
     assert "slab: three-dimensional" in said and "x 8 m in plan" in said
     main(["show", str(slab / "scene3d.yaml"), "--out", str(tmp_path / "a.png")])
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_case_with_measurements_is_its_section_unless_the_file_is_named(root):
+    case = root / "case_histories/lower_san_fernando"
+    assert not options.is_3d(str(case)) and options.is_3d(str(case / "scene3d.yaml"))
+    wide = load_scene_3d(case)
+    assert (wide.document.section.width_m, wide.section.domain.walls) == (550.0, "closed")
 
 
 def test_a_valley_with_sloping_sides_holds_the_section_within_them(slab):
@@ -90,6 +99,23 @@ def test_what_three_dimensions_lack_is_refused_before_any_work(slab, tmp_path):
     with pytest.raises(InputError, match="has no material 'sand'"):
         flowslide.simulate_3d(slab, strengths_kpa={"sand": 5.0})
     assert not (tmp_path / "out").exists()
+
+
+def test_the_example_of_the_page_holds_its_tailings_behind_its_dam(root, tmp_path):
+    pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    example = runpy.run_path(str(root / "docs/examples/tailings_valley.py"))
+    example["write_example"](tmp_path)
+    scene = load_scene_3d(tmp_path)
+    problem = problem_of(scene)
+    x, y = problem.position[:, 0], problem.position[:, 1]
+    dam, sand, slimes = (problem.zone == number for number in range(3))
+    assert x[dam].min() > 200.0 and x[sand | slimes].max() < 200.0
+    assert problem.position[sand, 2].min() > problem.position[slimes, 2].max() - 3.0
+    # Soil lies between base and surface, and fills what is between them.
+    base, surface = scene.ground.base, scene.ground.surface
+    assert np.all(problem.position[:, 2] > base.at(x, y))
+    between = (surface.values - base.values).sum() * base.spacing**2
+    assert problem.volume.sum() == pytest.approx(between, rel=0.05)
 
 
 def test_a_slide_on_rasters_stops_at_the_wall_and_says_so(tmp_path):
