@@ -75,12 +75,12 @@ def readings_3d(scene: Scene3d, problem: Problem3d, run: Run3d, maps: Maps) -> d
         for deposit in (maps.before, maps.after)
     )
     start, end = problem.position, run.positions[-1].astype(float)
-    beyond = outward * end[:, 0] > first
+    beyond = [problem.volume[outward * place[:, 0] > first].sum() for place in (start, end)]
     found = {
         "duration_s": float(run.time[-1]),
         "toe_runout_m": last - first,
         "inundated_area_m2": inundated_area(maps.before, maps.after, least),
-        "volume_beyond_foot_m3": float(run.volume[beyond].sum()),
+        "volume_beyond_foot_m3": float(beyond[1] - beyond[0]),
         "volume_moved_m3": float(
             problem.volume[np.linalg.norm(end - start, axis=1) > problem.spacing].sum()
         ),

@@ -29,7 +29,7 @@ def slab(tmp_path):
     folder.mkdir()
     write_text(folder / "scene.yaml", yaml_text(slab_scene(spacing=1.0)))
     section = {"file": "scene.yaml", "width_m": 8.0}
-    lines = {"gauge": [[0.0, 8.0], [0.0, 0.0]]}
+    lines = {"gauge": [[25.0, 0.0], [25.0, 8.0]]}
     document = {"name": "slab", "section": section, "flanks": "smooth", "lines": lines}
     write_text(folder / "scene3d.yaml", yaml_text(document))
     return folder
@@ -84,6 +84,11 @@ def test_simulate_leaves_a_run_readings_rasters_and_a_page(slab, tmp_path, capsy
     assert readings["runout_middle_m"] == pytest.approx(readings["toe_runout_m"], abs=0.5)
     moved = np.linalg.norm(run.positions[-1] - run.positions[0], axis=1) > 1.0
     assert readings["volume_moved_m3"] == pytest.approx(moved.sum())
+    foot = toe[0, 1]
+    beyond = [(frame[:, 0] > foot).sum() for frame in (run.positions[0], run.positions[-1])]
+    assert readings["volume_beyond_foot_m3"] == pytest.approx(beyond[1] - beyond[0], rel=0.02)
+    across = (run.positions[-1][:, 0] > 25.0).sum()  # of 1 m3 each; none was there before
+    assert readings["volume_across_gauge_m3"] == pytest.approx(across) and across > 50
     assert not (out / "checkpoint.npz").exists()
     page = (out / "report.html").read_text()
     assert page.count("data:image/png") == 2 and "inundated area" in page
