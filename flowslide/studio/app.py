@@ -272,6 +272,12 @@ class _Studio:
                 await socket.send_bytes(found)
         except (InputError, WorkFailed) as error:
             await socket.send_json({"type": "failed", "id": number, "message": str(error)})
+        except WebSocketDisconnect:
+            pass
+        except Exception as error:
+            message = f"ended by an error of the program: {error!r}"
+            await socket.send_json({"type": "failed", "id": number, "message": message})
+            raise
 
 
 async def _body(request: Request) -> dict[str, Any]:

@@ -17,11 +17,13 @@ column, lumped).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import taichi as ti
 
+from geometry.scenes.scene import Ground
 from mpm_taichi.layout import (
     AREA,
     COEFFICIENT,
@@ -128,9 +130,9 @@ def node_tables(
     normal = ground_normal(scene, x)
     surroundings[..., NORMAL_X], surroundings[..., NORMAL_Y] = normal[..., 0], normal[..., 1]
     surroundings[..., COEFFICIENT] = scene.ground.friction_coefficient or 0.0
-    edges = edge_bits(scene, grid)
+    edges = edge_bits(scene.ground, grid)
     kind |= edges
-    area, volume = ground_shares(scene, grid)
+    area, volume = ground_shares(scene.ground, grid)
     rows = rows_of_columns(scene, grid, area, edges)
     together = column_nodes(rows)
     kind[together] = CONTACT[scene.ground.contact] | COLUMN | edges[together]
@@ -167,7 +169,7 @@ def node_tables(
     return kind.ravel(), surroundings.reshape(-1, 8)
 
 
-def edge_bits(scene: Scene, grid: Grid) -> np.ndarray:
+def edge_bits(ground: Ground, grid: Grid) -> np.ndarray:
     """Bits of the nodes on level ground that lies on a line of nodes, and on the side walls.
 
     Ground is level at a node where it is over 1.5 cells to both sides, the reach of its points.
@@ -176,8 +178,8 @@ def edge_bits(scene: Scene, grid: Grid) -> np.ndarray:
         (grid.shape) int32.
     """
     x, y = grid.coordinates()
-    height = scene.ground.height(x)
-    near = [scene.ground.height(x + k * grid.cell) for k in (-1.5, -1.0, 1.0, 1.5)]
+    height = ground.height(x)
+    near = [ground.height(x + k * grid.cell) for k in (-1.5, -1.0, 1.0, 1.5)]
     level = np.max([np.abs(other - height) for other in near], axis=0) < 1e-6 * grid.cell
     bits = np.where(level & (np.abs(y - height) < 1e-4 * grid.cell), BASE_EDGE, 0)
     bits[MARGIN] |= LEFT_EDGE
@@ -185,26 +187,33 @@ def edge_bits(scene: Scene, grid: Grid) -> np.ndarray:
     return bits.astype(np.int32)
 
 
-def ground_shares(scene: Scene, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+def ground_shares(ground: Ground, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Area of the ground and volume above it that belong to each node, both of `grid.shape`.
 
     The integrals of the splines over the ground line [m2 per m] and over the space above it [m2],
     from wall to wall: a traction t on the ground loads a node with t x area, wherever the line lies
-    in the cell.
+    in the cell. Read only.
     """
+    return _shares(tuple(ground.points), grid)
+
+
+@lru_cache(maxsize=32)  # a back-analysis lays the same grid on the same ground a hundred times
+def _shares(line: tuple[tuple[float, float], ...], grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    ground = Ground(points=list(line))
     fine = grid.cell / 8
     left = grid.origin[0] + MARGIN * grid.cell
     right = grid.origin[0] + (grid.shape[0] - 1 - MARGIN) * grid.cell
     x = np.arange(left + 0.5 * fine, right, fine)
-    ends = scene.ground.height(np.stack([x - 0.5 * fine, x + 0.5 * fine]))
+    ends = ground.height(np.stack([x - 0.5 * fine, x + 0.5 * fine]))
     length = np.hypot(fine, ends[1] - ends[0])
     base = ends.mean(axis=0)
-    edges = edge_bits(scene, grid)
+    edges = edge_bits(ground, grid)
     area = node_weight(grid, np.stack([x, base], axis=1), length, edges)
     heights = fine * (np.arange(0.5, 8 * 3))
     space = np.stack([np.repeat(x, len(heights)), (base[:, None] + heights[None]).ravel()], axis=1)
     volume = node_weight(grid, space, np.full(len(space), fine**2), edges)
     area[area < 1e-6 * grid.cell] = 0.0
+    area.flags.writeable = volume.flags.writeable = False
     return area, volume
 
 

@@ -98,7 +98,7 @@ def test_node_weight_keeps_the_amount_and_its_first_moment(name):
     base = chosen.ground.height(points[:, 0])
     points[:, 1] = base + points[:, 1] * (28 - base)
     amount = random.uniform(0, 2, 300)
-    weight = node_weight(grid, points, amount, edge_bits(chosen, grid))
+    weight = node_weight(grid, points, amount, edge_bits(chosen.ground, grid))
     x, y = grid.coordinates()
     assert weight.sum() == pytest.approx(amount.sum())
     assert (weight * x).sum() == pytest.approx(amount @ points[:, 0])
@@ -117,7 +117,7 @@ def ends_of_integration(grid):
 def test_ground_areas_add_up_to_the_length_of_the_ground(name):
     chosen = scene(LINES[name])
     grid = make_grid(chosen)
-    area, _ = ground_shares(chosen, grid)
+    area, _ = ground_shares(chosen.ground, grid)
     fine = np.linspace(*ends_of_integration(grid), 200_001)
     length = np.hypot(np.diff(fine), np.diff(chosen.ground.height(fine))).sum()
     assert area.sum() == pytest.approx(length, rel=1e-3 if name == "bent" else 1e-6)
@@ -127,7 +127,7 @@ def test_ground_areas_add_up_to_the_length_of_the_ground(name):
 def test_ground_areas_integrate_linear_functions_over_the_ground(name):
     chosen = scene(LINES[name])
     grid = make_grid(chosen)
-    area, _ = ground_shares(chosen, grid)
+    area, _ = ground_shares(chosen.ground, grid)
     x, y = grid.coordinates()
     fine = np.linspace(*ends_of_integration(grid), 200_001)
     middle = 0.5 * (fine[1:] + fine[:-1])
@@ -141,7 +141,7 @@ def test_a_level_ground_has_a_cell_of_area_in_each_column_wherever_it_lies(heigh
     # Lowest ground at 2 m sets the grid; the level part lies anywhere in its cell.
     chosen = scene([[0, 2], [2, height], [40, height]])
     grid = make_grid(chosen)
-    area, volume = ground_shares(chosen, grid)
+    area, volume = ground_shares(chosen.ground, grid)
     columns = slice(MARGIN + 5, -MARGIN - 4)
     assert area[columns].sum(axis=1) == pytest.approx(grid.cell)
     # Three cells of space above the ground, of which no share is lost to the nodes below it.
@@ -166,7 +166,7 @@ def test_traction_reaches_the_nodes_whose_splines_touch_the_ground_and_no_others
 def test_splines_end_on_level_ground_that_lies_on_a_line_of_nodes_and_on_walls():
     chosen = scene([[0, 2], [20, 2], [25, 6], [40, 6]])
     grid = make_grid(chosen)
-    bits = edge_bits(chosen, grid)
+    bits = edge_bits(chosen.ground, grid)
     x, y = grid.coordinates()
     low = (y == 2.0) & (x <= 18.5)
     high = (y == 6.0) & (x >= 26.5)
@@ -174,7 +174,9 @@ def test_splines_end_on_level_ground_that_lies_on_a_line_of_nodes_and_on_walls()
     assert ((bits & LEFT_EDGE > 0) == (x == 0.0)).all()
     assert ((bits & RIGHT_EDGE > 0) == (x == 40.0)).all()
     between = scene([[0, 2], [2, 2.5], [40, 2.5]])
-    assert not (edge_bits(between, make_grid(between)) & BASE_EDGE)[MARGIN + 5 : -MARGIN - 5].any()
+    assert not (edge_bits(between.ground, make_grid(between)) & BASE_EDGE)[
+        MARGIN + 5 : -MARGIN - 5
+    ].any()
 
 
 # --- ground that crosses the cells ---

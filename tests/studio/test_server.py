@@ -241,3 +241,16 @@ def test_a_job_whose_process_is_gone_is_interrupted(browser, workspace):
     bad = {"kind": "diagnose", "case": "small", "options": {"spacing_m": -1}}
     answer = browser.post("/api/jobs", json=bad, headers=OURS)
     assert answer.status_code == 400 and "spacing_m" in answer.json()["message"]
+
+
+def test_an_error_of_the_program_is_said_and_the_page_goes_on(browser, live, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("by zero")
+
+    with browser.websocket_connect(LIVE, headers=OURS) as socket, monkeypatch.context() as patch:
+        patch.setattr(live, "_run", broken)
+        socket.send_text(json.dumps({"type": "run", "id": 7, "case": "small"}))
+        said = json.loads(socket.receive_text())
+        assert said["id"] == 7 and "error of the program: ZeroDivisionError" in said["message"]
+        socket.send_text(json.dumps({"type": "run", "id": 8, "case": "none"}))
+        assert "there is none" in json.loads(socket.receive_text())["message"]
