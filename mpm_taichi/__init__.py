@@ -14,5 +14,5 @@ import os
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
-PHYSICS_VERSION = 4
+PHYSICS_VERSION = 5
 """Raised whenever the same scene and settings give other numbers; part of every cache key."""

@@ -77,14 +77,12 @@ def settle_forces(n, step: A, nodes: A):
 
 
 @ti.func
-def settle_by(n, force, step: A, nodes: A):
-    """Dynamic relaxation of a node by a force (Cundall's damping), before the ground acts [m/s]."""
-    old, mass = nodes.velocity[n], nodes.load[n][NODE_MASS]
-    new = vec2(0.0, 0.0)
+def damped(push, old):
+    """Force, or change of velocity, less Cundall's damping of it against a velocity."""
+    left = push
     for k in ti.static(range(2)):
-        damped = force[k] - SETTLE_DAMPING * ti.abs(force[k]) * ti.math.sign(old[k])
-        new[k] = old[k] + (step.dt / mass) * damped
-    return new
+        left[k] = push[k] - SETTLE_DAMPING * ti.abs(push[k]) * ti.math.sign(old[k])
+    return left
 
 
 @ti.func
@@ -144,36 +142,58 @@ def velocity_kept(n, step: A, nodes: A, slots: A):
 
 
 @ti.func
+def hold_column(lowest, rows, step: A, nodes: A):
+    """Have the ground hold a column in settling: its nodes' velocities, kept as momentum [m/s]."""
+    flow, give, _ = join_column(lowest, rows, step, nodes, nodes, velocity_kept)
+    new = vec2(0.0, 0.0)
+    for k in range(rows):
+        n = lowest + rows - 1 - k
+        if nodes.kind[n] & COLUMN and nodes.load[n][NODE_MASS] > 0.0:
+            group = nodes.velocity[n]
+            if group[GROUP_MASS] > 0.0:
+                new = vec2(group[GROUP_X], group[GROUP_Y])
+                new -= (group[GROUP_AREA] / (group[GROUP_MASS] * give)) * flow
+                if nodes.kind[n] & WALLS:
+                    new[0] = 0.0
+            for a in ti.static(range(2)):
+                nodes.load[n][MOMENTUM_X + a] = new[a]
+
+
+@ti.func
 def settle_column(lowest, step: A, nodes: A):
     """Dynamic relaxation of the nodes of a column; the ground holds the soil along it.
+
+    The force that is damped is what the ground leaves of it: a force that the ground balances would
+    be damped, by its whole size, against whatever small velocity there is, and never come to rest.
 
     Returns:
         their unbalanced forces and their weight [N/m].
     """
     rows = ti.cast(nodes.surroundings[lowest][ROWS], ti.i32)
     for n in range(lowest, lowest + rows):  # groups take the place of the velocities
-        if nodes.kind[n] & COLUMN and nodes.load[n][NODE_MASS] > 0.0:
-            old = nodes.velocity[n]
-            new = settle_by(n, settle_forces(n, step, nodes), step, nodes)
+        mass = nodes.load[n][NODE_MASS]
+        if nodes.kind[n] & COLUMN and mass > 0.0:
+            force = settle_forces(n, step, nodes)
             for k in ti.static(range(2)):
-                nodes.load[n][MOMENTUM_X + k] = new[k]
-                nodes.load[n][FORCE_X + k] = old[k]
-    flow, give, _ = join_column(lowest, rows, step, nodes, nodes, velocity_kept)
+                old = nodes.velocity[n][k]
+                nodes.load[n][MOMENTUM_X + k] = old + step.dt * force[k] / mass
+                nodes.load[n][FORCE_X + k] = old
+    hold_column(lowest, rows, step, nodes)
     unbalanced, weight = 0.0, 0.0
-    new = vec2(0.0, 0.0)
-    for k in range(rows):
-        n = lowest + rows - 1 - k
-        load, group = nodes.load[n], nodes.velocity[n]
+    for n in range(lowest, lowest + rows):
+        load = nodes.load[n]
         if nodes.kind[n] & COLUMN and load[NODE_MASS] > 0.0:
-            if group[GROUP_MASS] > 0.0:
-                new = vec2(group[GROUP_X], group[GROUP_Y])
-                new -= (group[GROUP_AREA] / (group[GROUP_MASS] * give)) * flow
-                if nodes.kind[n] & WALLS:
-                    new[0] = 0.0
-            change = new - vec2(load[FORCE_X], load[FORCE_Y])
+            old = vec2(load[FORCE_X], load[FORCE_Y])
+            change = vec2(load[MOMENTUM_X], load[MOMENTUM_Y]) - old
             unbalanced += (ti.abs(change[0]) + ti.abs(change[1])) * load[NODE_MASS] / step.dt
             weight += step.gravity * load[NODE_MASS]
-            leave_settled(n, new, nodes)
+            new = old + damped(change, old)
+            for k in ti.static(range(2)):
+                nodes.load[n][MOMENTUM_X + k] = new[k]
+    hold_column(lowest, rows, step, nodes)
+    for n in range(lowest, lowest + rows):
+        if nodes.kind[n] & COLUMN and nodes.load[n][NODE_MASS] > 0.0:
+            leave_settled(n, velocity_kept(n, step, nodes, nodes), nodes)
     return unbalanced, weight
 
 
@@ -196,7 +216,9 @@ def settle_node(n, step: A, nodes: A):
             force[0] = 0.0
         unbalanced += ti.abs(force[0]) + ti.abs(force[1])
         weight += step.gravity * nodes.load[n][NODE_MASS]
-        leave_settled(n, settle_by(n, force, step, nodes), nodes)
+        old = vec2(nodes.velocity[n][0], nodes.velocity[n][1])
+        new = old + (step.dt / nodes.load[n][NODE_MASS]) * damped(force, old)
+        leave_settled(n, new, nodes)
     return unbalanced, weight
 
 
