@@ -92,7 +92,7 @@ def question(asked: Asked, case: Case) -> Question:
     """
     if case.survey is not None:
         case = case.with_set(asked.set)
-    case = case.resolved(spacing_m=asked.spacing_m)
+    case = _at_spacing(case, asked.spacing_m)
     document, changes = case.scene.model_dump(), asked.changes
     for key, values in (("cohesion_kpa", "strengths_kpa"), ("friction_deg", "friction_deg")):
         for material, value in getattr(changes, values).items():
@@ -106,6 +106,19 @@ def question(asked: Asked, case: Case) -> Question:
     document["effects"] |= {one.name: one.amplitude for one in asked.effects}
     scene = scene_from_mapping(document, "scene with the sliders' values")
     return Question(asked.id, replace(case, scene=scene), asked.film)
+
+
+_last: list[tuple[Case, float | None, Case]] = []
+
+
+def _at_spacing(case: Case, spacing_m: float | None) -> Case:
+    """The case at a spacing; the last one is kept, since a slider asks about it again and again."""
+    for known, spacing, found in _last:
+        if known is case and spacing == spacing_m:
+            return found
+    found = case.resolved(spacing_m=spacing_m)
+    _last[:] = [(case, spacing_m, found)]
+    return found
 
 
 @dataclass(frozen=True)
