@@ -198,3 +198,14 @@ def test_a_simulation_leaves_its_film(browser, workspace):
     film = browser.get(f"/api/jobs/{job['id']}/files/{films[0]}")
     assert film.content[:6] == b"GIF89a" and film.headers["content-type"] == "image/gif"
     assert any(line.startswith("toe") for line in job["answer"]), job["answer"]
+
+
+@pytest.mark.slow
+def test_blow_counts_say_what_they_say_to_the_command_line(browser, tmp_path, capsys):
+    dam = "lower_san_fernando"
+    job = ask(browser, "from_blow_counts", dam, spacing_m=3.0)
+    command(capsys, "predict", dam, "--from-blow-counts", "--out", tmp_path / "own",
+            "--spacing", 3.0, "--threads", 1)  # fmt: skip
+    own = json.loads((tmp_path / "own" / "from_blow_counts.json").read_text())
+    assert left(browser, job, "from_blow_counts.json") == own
+    assert job["page"] == "from_blow_counts.html" and job["answer"]
