@@ -189,7 +189,13 @@ def _verdict(data: BackAnalysisData) -> Verdict | None:
 
 def _of_case(data: BackAnalysisData, case: Case) -> Iterator[Row]:
     """What the section assumes; which sensitivities, variants and hypotheses question it."""
-    question, scene, verdict = data.result.question, case.drawn, _verdict(data)
+    result, scene, verdict = data.result, case.drawn, _verdict(data)
+    question = result.question
+    answered = {one.name for one in (*result.sensitivities, *result.variants)}
+
+    def checked(names: Sequence[str], tested: int) -> str:
+        return _checked([name for name in names if name in answered], tested)
+
     comments = Comments(case.folder / SCENE_FILE)
     zones: dict[str, set[str]] = {}
     for zone in scene.zones:
@@ -201,37 +207,37 @@ def _of_case(data: BackAnalysisData, case: Case) -> Iterator[Row]:
         if left:
             source = soil.source or comments.on("materials", name) or SCENE_FILE
             own = _of_property(question, STRENGTH_KEYS, left)
-            how = _checked(own, _tested(verdict, "soil", f"strength_of_{name}"))
+            how = checked(own, _tested(verdict, "soil", f"strength_of_{name}"))
             yield Row(f"strength of the {spoken(name)}", _strength(soil), source, how=how)
     used = {name: soil for name, soil in scene.materials.items() if zones.get(name)}
     every = {zone.name for zone in scene.zones}
     yield Row("densities", _span([soil.density for soil in used.values()], "kg/m3"), SCENE_FILE,
-              how=_checked(_of_property(question, ("density",), every),
+              how=checked(_of_property(question, ("density",), every),
                            _tested(verdict, "soil", "density_of_")))  # fmt: skip
     moduli = _span([soil.youngs_modulus_mpa for soil in used.values()], "MPa")
     yield Row("stiffnesses (Young's modulus)", moduli, SCENE_FILE,
-              how=_checked([], _tested(verdict, "soil", "stiffness_of_")))  # fmt: skip
+              how=checked([], _tested(verdict, "soil", "stiffness_of_")))  # fmt: skip
     kinds = {one.name: one.kind for one in question.sensitivities}
     wet = [one.name for one in question.variants if one.water or one.pool_level_m is not None]
     wet += [name for name, kind in kinds.items() if kind == "water_level"]
     level, waters = scene.water_level, _tested(verdict, "water")
     words = "none" if level is None else f"pool at {level:g} m"
     yield Row("water", words, comments.on("water_level") or SCENE_FILE,
-              how=_checked(wet, waters))  # fmt: skip
+              how=checked(wet, waters))  # fmt: skip
     if scene.phreatic_line is not None:
         source = comments.on("phreatic_line") or SCENE_FILE
         yield Row("phreatic line", f"{len(scene.phreatic_line)} points", source,
-                  how=_checked(wet, waters))  # fmt: skip
+                  how=checked(wet, waters))  # fmt: skip
     moved = [name for name, kind in kinds.items() if kind == "zone_boundary"]
     yield Row(
         "outline of the section and of its zones", f"{len(scene.zones)} zones",
-        comments.on("zones") or SCENE_FILE, how=_checked(moved, _tested(verdict, "section")),
+        comments.on("zones") or SCENE_FILE, how=checked(moved, _tested(verdict, "section")),
     )  # fmt: skip
     contact = [one.name for one in question.variants if one.contact]
     yield Row(
         "contact with the base", scene.ground.contact.replace("_", " "),
         comments.on("ground", "contact") or SCENE_FILE,
-        how=_checked(contact, _tested(verdict, "ground")),
+        how=checked(contact, _tested(verdict, "ground")),
     )  # fmt: skip
 
 

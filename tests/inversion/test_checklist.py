@@ -106,10 +106,17 @@ def test_what_the_section_assumes_is_varied_or_not_checked(tmp_path):
     pool = WaterLevel(name="pool level", kind="water_level", std_m=0.5)
     dry, bonded = Variant(name="dry", water="none"), Variant(name="bonded", contact="no_slip")
     result = asked(full(), sensitivities=[core, pool], variants=[dry, bonded])
+    found = rows(back_analysis_checklist(data(tmp_path, result, case)))
+    assert found[CORE][1] == NOT_CHECKED, "a quick answer has asked for it, and answers it not"
+    sensitivity, variant = result.sensitivities[0], result.variants[0]
+    result = result.model_copy(update={
+        "sensitivities": [sensitivity.model_copy(update={"name": "c of the core"})],
+        "variants": [variant.model_copy(update={"name": name}) for name in ("dry", "bonded")],
+    })  # fmt: skip
     table = back_analysis_checklist(data(tmp_path, result, case))
     found = rows(table)
     assert found[CORE][1] == "varied: c of the core"
-    assert found["water"][1] == "varied: dry, pool level"
+    assert found["water"][1] == "varied: dry"
     assert found["contact with the base"][1] == "varied: bonded"
     assert found["pool level"][1].startswith(NOT_CHECKED), "it was asked for and has no answer"
     assert found["strength of the berm"][1] == NOT_CHECKED
