@@ -234,7 +234,7 @@ def _check_freedom(
     found = split(targets, question.held_out)
     known = sum(spec.prior is not None for spec in parameters.specs)
     numbers, unknowns = int(found.fitted.sum()), len(parameters.specs)
-    if numbers + known <= unknowns and not found.held_out.any() and not targets.censored.any():
+    if numbers + known < unknowns and not found.held_out.any() and not targets.censored.any():
         raise InputError(
             f"{folder / MEASUREMENTS_FILE}: measured numbers: {numbers}, unknowns: {unknowns}; "
             "nothing is left to test the model by: add a measurement"
