@@ -249,6 +249,12 @@ def test_a_question_that_leaves_nothing_to_test_is_refused(embankment):
         model_and_options(embankment)
 
 
+def test_as_many_numbers_as_unknowns_are_a_question(embankment):
+    # La Marquesa: two toes and a crest, three strengths. Bounds of the strengths are known as well.
+    _only(embankment, ("toe", False), ("marker 1", False))
+    model_and_options(embankment)
+
+
 @pytest.mark.slow
 def test_held_out_numbers_judge_a_fit_without_freedom(embankment):
     _only(embankment, ("toe", False), ("marker 1", True))
