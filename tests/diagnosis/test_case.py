@@ -245,6 +245,11 @@ def _only(folder, *wanted) -> None:
 
 def test_a_question_that_leaves_nothing_to_test_is_refused(embankment):
     _only(embankment, ("toe", False))
+    path = embankment / "inversion.yaml"
+    question = yaml.safe_load(path.read_text())
+    for parameter in question["parameters"]:
+        parameter.pop("prior", None)
+    path.write_text(yaml.safe_dump(question))
     with pytest.raises(InputError, match="measured numbers: 1, unknowns: 2; nothing is left"):
         model_and_options(embankment)
 
@@ -256,8 +261,9 @@ def test_as_many_numbers_as_unknowns_are_a_question(embankment):
 
 
 @pytest.mark.slow
-def test_held_out_numbers_judge_a_fit_without_freedom(embankment):
-    _only(embankment, ("toe", False), ("marker 1", True))
+@pytest.mark.parametrize("others", [[("marker 1", True)], []], ids=["held out", "a prior alone"])
+def test_a_fit_without_freedom_is_judged_by_what_else_is_known(embankment, others):
+    _only(embankment, ("toe", False), *others)
     _, model, options = model_and_options(embankment)
     found = compare(model, options)
     assert found.adequacy.dof <= 0 and np.isfinite(found.adequacy.p_combined)
