@@ -20,12 +20,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.generated_pages import table
 from pipeline.cli import InputError
 from pipeline.places import CASES, shipped
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 CASE, DRAWN, MOVES = "lower_san_fernando", "drawn", 50
 ASKED = {
@@ -134,6 +138,14 @@ def measure(address: str, picture: Path | None) -> None:
     show(rows, {**ASKED, held_row: 300.0})
 
 
+def pixel_of(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where a place of the section [m] is in the window [pixels]."""
+    canvas = page.locator("#canvas")
+    left, bottom, scale = map(float, canvas.evaluate("canvas => canvas.dataset.box.split(' ')"))
+    box = canvas.bounding_box()
+    return box["x"] + (x - left) / scale, box["y"] + box["height"] - (y - bottom) / scale
+
+
 def measure_drawing(address: str) -> None:
     """Drag a vertex about, and print how smoothly it follows."""
     from playwright.sync_api import expect, sync_playwright
@@ -144,11 +156,7 @@ def measure_drawing(address: str) -> None:
         page.goto(address)
         expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=120_000)
         page.get_by_role("tab", name="Section").click()
-        left, bottom, scale = (float(part) for part in page.locator("#canvas").evaluate(
-            "canvas => canvas.dataset.box.split(' ')"))  # fmt: skip
-        box = page.locator("#canvas").bounding_box()
-        x = box["x"] + (169.9 - left) / scale  # a foot of the core, which three lines share
-        y = box["y"] + box["height"] - (5.0 - bottom) / scale
+        x, y = pixel_of(page, 169.9, 5.0)  # a foot of the core, which three lines share
         page.evaluate(
             f"async () => {{ window.View_ = (await import('/view.js')).View; ({WATCH_FRAMES})(); }}"
         )

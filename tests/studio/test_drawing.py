@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmarks.studio import serving
+from benchmarks.studio import pixel_of, serving
 from pipeline.files import read_yaml
 from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, tab, watched
 
@@ -30,11 +30,7 @@ def fill(page: Page, label: str, value: object) -> None:
 
 def click(page: Page, x: float, y: float, **options) -> None:
     """Click a place of the section [m]."""
-    left, bottom, scale = (float(part) for part in page.locator("#canvas").evaluate(
-        "canvas => canvas.dataset.box.split(' ')"))  # fmt: skip
-    box = page.locator("#canvas").bounding_box()
-    place = {"x": (x - left) / scale, "y": box["height"] - (y - bottom) / scale}
-    page.locator("#canvas").click(position=place, **options)
+    page.mouse.click(*pixel_of(page, x, y), **options)
 
 
 def saved(page: Page) -> None:
@@ -139,17 +135,10 @@ def test_vertices_move_together_and_every_edit_is_undone(address, browser, works
 
     # Drag the vertex (70, 10), which two zones share, to (71, 11).
     page.get_by_label("grid").select_option("1")
-    left, bottom, scale = (float(part) for part in page.locator("#canvas").evaluate(
-        "canvas => canvas.dataset.box.split(' ')"))  # fmt: skip
-    box = page.locator("#canvas").bounding_box()
-
-    def pixel(x, y):
-        return box["x"] + (x - left) / scale, box["y"] + box["height"] - (y - bottom) / scale
-
-    page.mouse.move(*pixel(70, 10))
+    page.mouse.move(*pixel_of(page, 70, 10))
     page.mouse.down()
-    page.mouse.move(*pixel(70.6, 10.4), steps=4)
-    page.mouse.move(*pixel(71, 11), steps=4)
+    page.mouse.move(*pixel_of(page, 70.6, 10.4), steps=4)
+    page.mouse.move(*pixel_of(page, 71, 11), steps=4)
     page.mouse.up()
     saved(page)
     assert [71.0, 11.0] in ring(1) and [71.0, 11.0] in ring(2)
@@ -308,7 +297,9 @@ def test_a_picture_gets_its_scale_from_two_places(address, browser, workspace, t
     view = workspace.hidden("small", "view.json")
     for number, (x, y, known) in enumerate(((45, 2, (0, 0)), (85, 12, (80, 10))), start=1):
         page.get_by_role("button", name=f"Click place {number}").click()
-        click(page, x, y, modifiers=["Alt"])
+        page.keyboard.down("Alt")  # where it is, not on the grid
+        click(page, x, y)
+        page.keyboard.up("Alt")
         for key, value in zip("xy", known, strict=True):
             fill(page, f"{key} of place {number} [m]", value)
     before = json.loads(view.read_text())["underlay"]

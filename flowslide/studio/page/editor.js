@@ -104,9 +104,7 @@ export class Editor {
     const base = this.on.scene();
     let to = from;
     const move = (now) => {
-      this.draft = null;
       const copy = structuredClone(base);
-      this.draft = copy;
       // It does not snap to itself.
       const others = structuredClone(base);
       moveVertex(others, from, [NaN, NaN], only);
@@ -193,10 +191,7 @@ export class Editor {
   remove() {
     const { zone, vertex } = this.selection;
     if (vertex) {
-      let done = true;
-      const test = structuredClone(this.on.scene());
-      done = removeVertex(test, vertex);
-      if (!done) { this.on.say("a zone has at least three vertices", true); return; }
+      if (!removeVertex(structuredClone(this.on.scene()), vertex)) { this.on.say("a zone has at least three vertices", true); return; }
       this.on.edit("vertex removed", ({ scene }) => removeVertex(scene, vertex));
       this.choose({ zone });
     } else if (zone !== undefined && zone >= 0) {
