@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from inversion.back_analysis.result import Result
     from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
+    from inversion.prediction.on_ground import GroundPrediction
     from mpm_taichi.comparison import Reading
     from mpm_taichi.readings3d import Maps
     from mpm_taichi.trajectory import Run
@@ -71,6 +72,7 @@ __all__ = [
     "load_settings",
     "posterior",
     "predict",
+    "predict_3d",
     "predict_from_blow_counts",
     "simulate",
     "simulate_3d",
@@ -527,8 +529,7 @@ def predict(
     from inversion.engine_registry import untrained
     from inversion.engines.run_store import RunStore
     from inversion.prediction import predict as prediction
-    from inversion.prediction.drawn_strength import drawn_strengths
-    from inversion.prediction.known_strength import OPTION, parse_strength, placed
+    from inversion.prediction.known_strength import placed
     from inversion.prediction.prediction_case import prediction_case
     from inversion.prediction.prediction_document import document_of
     from pipeline.files import write_json
@@ -537,17 +538,9 @@ def predict(
     for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
         if value < least:
             raise InputError(f"--{name} {value}: at least {least}")
-    if bool(strengths) == (posterior is not None):
-        raise InputError("predict: give strengths or a posterior, one of the two")
     watch = Watch(progress, cancel)
     with own_code(effect_files, measurement_files), _folder(out) as folder:
-        read = [
-            parse_strength(one, distribution) if isinstance(one, str) else one for one in strengths
-        ]
-        if posterior is not None:
-            read = drawn_strengths(posterior)
-        if zones and read[0].zones:
-            raise InputError(f"--zones: {OPTION} names its zones already")
+        read = _strengths(strengths, posterior, zones, distribution)
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
         known = placed(read, list(zones) or section.default_zones, section.scene)
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
@@ -566,6 +559,106 @@ def predict(
         write_json(folder / PREDICTION, document)
         write_page(section.scene, document, folder)
         return document
+
+
+def predict_3d(
+    scene: str | os.PathLike[str],
+    strengths: Sequence[str | KnownStrength] = (),
+    *,
+    posterior: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] | None = None,
+    zones: Sequence[str] = (),
+    distribution: Literal["lognormal", "normal"] = "lognormal",
+    thicker_than_m: Sequence[float] = (),
+    samples: int = 20_000,
+    spacing_m: float | None = None,
+    settings: Config | None = None,
+    threads: int | None = None,
+    progress: Report | None = None,
+    cancel: Cancel | None = None,
+) -> GroundPrediction:
+    """How far a slide would run in three dimensions, and where it would come to lie.
+
+    Args:
+        scene: `scene3d.yaml` or its folder.
+        strengths: see `predict`; zones are those of the section or of the terrain.
+        posterior: see `predict`.
+        out: see above; `prediction.json`, its page and the exceedance maps are written there.
+        zones: of a single strength; empty: the liquefied ones.
+        distribution: of strengths that are given as text.
+        thicker_than_m: thicknesses of the deposit [m] of which the probability is mapped; empty:
+            that from which soil counts as a deposit.
+        samples: drawn from the strengths, at least 100.
+        spacing_m: see above.
+        settings: see above.
+        threads: see above.
+        progress: see above.
+        cancel: asked at every frame.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: the simulations fail.
+        Cancelled: the caller asked for it.
+    """
+    from geometry.scenes3d.scene3d import load_scene_3d
+    from inversion.engines.ground_engine import GroundEngine, GroundSetup
+    from inversion.prediction.known_strength import placed
+    from inversion.prediction.on_ground import predict_on_ground
+    from inversion.prediction.response import design
+    from pipeline.files import write_json
+    from report.prediction3d import write_report as write_page
+
+    if samples < 100:
+        raise InputError(f"--samples {samples}: at least 100")
+    if any(not 0.0 < thickness < float("inf") for thickness in thicker_than_m):
+        raise InputError("--thicker-than: thicknesses must be greater than 0 m")
+    watch = Watch(progress, cancel)
+    with _folder(out) as folder:
+        described = load_scene_3d(scene, spacing=spacing_m)
+        soil = described.soil
+        liquefied = [z.name for z in soil.zones if soil.materials[z.material].liquefied]
+        read = _strengths(strengths, posterior, zones, distribution)
+        known = placed(read, list(zones) or liquefied, soil)
+        simulation = (settings or load_settings(None)).simulation
+        if described.document.duration_s is not None:
+            simulation = simulation.model_copy(update={"duration_s": described.document.duration_s})
+        setup = GroundSetup(described, simulation, tuple(one.zones for one in known))
+        engine = GroundEngine(
+            folder / "runs", threads=threads, on_run=watch.run_done, on_frame=watch.frame_done
+        )
+        watch.plan({"simulating": len(design(len(known)))})
+        with watch.stage("simulating"):
+            found = predict_on_ground(
+                engine,
+                setup,
+                known,
+                thicker_than_m=sorted(thicker_than_m) or [setup.before.least],
+                samples=samples,
+            )
+        write_json(folder / PREDICTION, found.document)
+        write_page(found, folder)
+        return found
+
+
+def _strengths(
+    strengths: Sequence[str | KnownStrength],
+    posterior: str | os.PathLike[str] | None,
+    zones: Sequence[str],
+    distribution: Literal["lognormal", "normal"],
+) -> Sequence[KnownStrength]:
+    """The strengths of a prediction as they are given, or as a posterior has drawn them."""
+    from inversion.prediction.drawn_strength import drawn_strengths
+    from inversion.prediction.known_strength import OPTION, parse_strength
+
+    if bool(strengths) == (posterior is not None):
+        raise InputError("predict: give strengths or a posterior, one of the two")
+    if posterior is not None:
+        read: Sequence[KnownStrength] = drawn_strengths(posterior)
+    else:
+        read = [parse_strength(s, distribution) if isinstance(s, str) else s for s in strengths]
+    if zones and read[0].zones:
+        raise InputError(f"--zones: {OPTION} names its zones already")
+    return read
 
 
 def predict_from_blow_counts(

@@ -19,6 +19,9 @@ from geometry.terrain.raster import Raster
 from mpm_taichi.solver3d.problem import Problem3d
 from mpm_taichi.trajectory3d import Run3d
 
+UNITS = {"_m_per_s": "m/s", "_m3": "m3", "_m2": "m2", "_m": "m", "_s": "s"}
+"""End of the name of a reading -> its unit."""
+
 
 @dataclass(frozen=True)
 class Maps:
@@ -99,6 +102,12 @@ def readings_3d(scene: Scene3d, problem: Problem3d, run: Run3d, maps: Maps) -> d
         off = maps.surface.values - scene.ground.after.at(x, y)
         found["rms_to_measured_surface_m"] = float(np.sqrt(np.mean(off**2)))
     return found
+
+
+def named(reading: str) -> tuple[str, str]:
+    """Words and unit of a reading: "toe_runout_m" -> ("toe runout", "m")."""
+    end = next(end for end in UNITS if reading.endswith(end))
+    return reading.removesuffix(end).replace("_", " "), UNITS[end]
 
 
 def _outermost(toe: np.ndarray) -> float:

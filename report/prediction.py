@@ -30,10 +30,10 @@ BAND, MEDIAN, MEASURED = "#222222", "#111111", "#009e73"
 
 def summary(document: dict[str, Any]) -> str:
     """The answer for a terminal or a log."""
-    toes = _toes(document)
+    toes = toes_of(document)
     lines = [
         f"{document['case']}: {strength_words(document)}", "", quantity_table(document).text(), "",
-        _exceedances(toes).text() if toes else "no toe moves", *remarks(document),
+        exceedance_table(toes).text() if toes else "no toe moves", *remarks(document),
         f"{len(document['runs'])} simulations, {document['samples']} samples",
     ]  # fmt: skip
     return "\n".join(lines)
@@ -49,7 +49,7 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
     """
     picture = folder / PICTURE
     save_prediction_picture(scene, document, picture)
-    toes = _toes(document)
+    toes = toes_of(document)
     parts = [
         *shown(
             picture,
@@ -59,7 +59,7 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
             "it: the probability that a toe runs farther.",
             least_width_px=820,
         ),
-        *tabulated(quantity_table(document), _exceedances(toes) if toes else None),
+        *tabulated(quantity_table(document), exceedance_table(toes) if toes else None),
         *said([f"{line[0].upper()}{line[1:]}." for line in remarks(document)]),
         *said([f"{len(document['runs'])} simulations, {document['samples']} samples, points every "
                f"{document['spacing_m']:g} m."]),
@@ -101,7 +101,7 @@ def remarks(document: dict[str, Any]) -> list[str]:
                 f"{entry['measured']:g} {entry['unit']}, is "
                 f"{100 * entry['probability_beyond_measured']:.1f} %"
             )
-    for entry in _toes(document):
+    for entry in toes_of(document):
         if entry["probability_at_the_edge"] > EDGE_SHOWN:
             lines.append(
                 f"{entry['name']}: {100 * entry['probability_at_the_edge']:.1f} % of the slides "
@@ -113,7 +113,7 @@ def remarks(document: dict[str, Any]) -> list[str]:
     if document["runs_cut_off"]:
         lines.append(
             f"{document['runs_cut_off']} simulations were cut off in motion and would run farther; "
-            "increase duration_s of inversion.yaml, or use --set simulation.duration_s"
+            "increase their duration_s, or use --set simulation.duration_s"
         )
     return lines
 
@@ -123,12 +123,12 @@ def _measured(entry: dict[str, Any]) -> str:
     return f"{'< ' * entry['censored']}{entry['measured']:g}"
 
 
-def _toes(document: dict[str, Any]) -> list[dict[str, Any]]:
+def toes_of(document: dict[str, Any]) -> list[dict[str, Any]]:
     """The quantities that are runouts of a toe, measured or below a limit."""
     return [entry for entry in document["quantities"] if entry["type"] in ("toe_runout", "no_flow")]
 
 
-def _exceedances(toes: Sequence[dict[str, Any]]) -> Table:
+def exceedance_table(toes: Sequence[dict[str, Any]]) -> Table:
     """Round distances, and the probability that each toe runs farther."""
     last = max(max(entry["exceedance"]["beyond"]) for entry in toes)
     step = _round_step(max(last, 1e-6) / 8.0)
@@ -171,7 +171,7 @@ def save_prediction_picture(scene: Scene, document: dict[str, Any], path: str | 
     figure.text(
         0.075, 1 - 0.55 / total, f"S_r = {strength_words(document)}", fontsize=9, va="center"
     )
-    _draw_curves(panel(figure, 0.75, 0.55, 9.1, 2.75), document)
+    draw_curves(panel(figure, 0.75, 0.55, 9.1, 2.75), document)
     save_figure(figure, path, dpi=150)
 
 
@@ -198,9 +198,9 @@ def _draw_band(ax: Axes, sections: dict[str, Any] | None) -> None:
     ax.legend(fontsize=8, loc="upper right", frameon=False)
 
 
-def _draw_curves(ax: Axes, document: dict[str, Any]) -> None:
+def draw_curves(ax: Axes, document: dict[str, Any]) -> None:
     """Exceedance of each toe, and what was measured."""
-    for entry, colour in zip(_toes(document), TOES, strict=False):
+    for entry, colour in zip(toes_of(document), TOES, strict=False):
         curve = entry["exceedance"]
         beyond = np.array(curve["beyond"])
         ax.plot(beyond, 100 * np.array(curve["probability"]), color=colour, linewidth=1.8,

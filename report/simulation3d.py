@@ -12,7 +12,7 @@ import numpy as np
 
 from geometry.survey3d.deposit import toe_line
 from geometry.terrain.raster import has_library, write_raster
-from mpm_taichi.readings3d import Maps, paths_of
+from mpm_taichi.readings3d import Maps, named, paths_of
 from pipeline.files import write_text
 from report import page
 from report.pictures.ground_map import save_map
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 FILES = ("map.png", "view.png", "readings.csv", "toe_line.csv", "report.html")
 RASTERS = ("thickness_before.tif", "thickness_after.tif", "surface_after.tif", "largest_speed.tif")
-UNITS = {"_m_per_s": "m/s", "_m3": "m3", "_m2": "m2", "_m": "m", "_s": "s"}
 
 
 def write_simulation_3d(
@@ -70,12 +69,6 @@ def draw_scene_3d(scene: Scene3d, maps: Maps, path: str | Path) -> Path:
         water_level=level,
         measured=scene.ground.after if scene.ground and maps.after is not None else None,
     )
-
-
-def named(quantity: str) -> tuple[str, str]:
-    """Words and unit of a reading: "toe_runout_m" -> ("toe runout", "m")."""
-    end = next(end for end in UNITS if quantity.endswith(end))
-    return quantity.removesuffix(end).replace("_", " "), UNITS[end]
 
 
 def warning(walls: Sequence[str]) -> str:

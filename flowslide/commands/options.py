@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline.cli import InputError, add_common
@@ -107,6 +107,28 @@ def is_3d(text: str) -> bool:
     path = Path(text)
     alone = (path / "scene3d.yaml").is_file() and not (path / "measurements.yaml").is_file()
     return alone or path.name == "scene3d.yaml"
+
+
+def name_3d(text: str) -> str:
+    """Name of the results of a three-dimensional scene: that of its folder."""
+    path = Path(text)
+    return (path.parent if path.is_file() else path).resolve().name
+
+
+def refuse_in_3d(arguments: argparse.Namespace, given: Mapping[str, object]) -> None:
+    """Refuse what three dimensions do not have: options that are given, and what all share.
+
+    Raises:
+        InputError: the first of them.
+    """
+    shared = {
+        "--device cuda": arguments.device != "cpu",
+        "--effects": arguments.effect_files,
+        "--measurements-code": arguments.measurement_files,
+    }
+    for option, present in {**given, **shared}.items():
+        if present:
+            raise InputError(f"{option}: not in three dimensions ({arguments.case})")
 
 
 def check(arguments: argparse.Namespace) -> None:

@@ -21,7 +21,9 @@ OF_STRENGTHS = ("distribution", "samples", "seeds")
 DESCRIPTION = (
     "The distribution of the runout that follows from the distribution of the "
     "residual strength: exceedance curve, envelope of the final sections, table. Or, from the "
-    "blow counts of the layers: what published relations predict without a fit."
+    "blow counts of the layers: what published relations predict without a fit. Of a scene3d.yaml "
+    "in three dimensions: readings of the deposit, and maps of the probability that it is thicker "
+    "than stated."
 )
 
 
@@ -53,8 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seeds", type=int, metavar="N",
         help="jitter seeds that measure the numerical noise; 0: none. Default: 3",
     )  # fmt: skip
+    parser.add_argument(
+        "--thicker-than", type=options.numbers, default=[], metavar="M,...",
+        help="in 3-D: thicknesses [m] whose probability is mapped; default: that of a deposit",
+    )  # fmt: skip
     options.add_spacing(parser)
-    options.add_out(parser, "default: results/<case>/prediction")
+    options.add_out(parser, "default: results/<case>/prediction, in 3-D prediction_3d")
     options.add_simulating(parser)
 
 
@@ -65,6 +71,11 @@ def run(arguments: argparse.Namespace) -> None:
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
+    if options.is_3d(arguments.case):
+        _run_3d(arguments)
+        return
+    if arguments.thicker_than:
+        raise InputError("--thicker-than: only in three dimensions, of a scene3d.yaml")
     chosen = {
         name: getattr(arguments, name)
         for name in OF_STRENGTHS
@@ -96,3 +107,37 @@ def run(arguments: argparse.Namespace) -> None:
             )
         bar.say(f"wrote {folder}")
     print(summary(document))
+
+
+def _run_3d(arguments: argparse.Namespace) -> None:
+    from flowslide import api
+    from pipeline.config import load_config
+    from pipeline.progress import Progress
+    from report.prediction3d import summary
+
+    refused = {
+        FROM_COUNTS: arguments.from_blow_counts,
+        "--seeds": arguments.seeds is not None,
+        "--distribution with --posterior": arguments.posterior and arguments.distribution,
+    }
+    options.refuse_in_3d(arguments, refused)
+    settings = load_config(arguments.config, arguments.overrides)
+    name = options.name_3d(arguments.case)
+    folder = Path(arguments.out or Path(settings.results_folder) / name / "prediction_3d")
+    with Progress(0, name, quiet=arguments.quiet) as bar:
+        found = api.predict_3d(
+            arguments.case,
+            arguments.strengths or (),
+            posterior=arguments.posterior,
+            out=folder,
+            zones=[zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()],
+            distribution=arguments.distribution or KINDS[0],
+            thicker_than_m=arguments.thicker_than,
+            samples=arguments.samples or 20_000,
+            spacing_m=arguments.spacing,
+            settings=settings,
+            threads=arguments.threads,
+            progress=bar.report,
+        )
+        bar.say(f"wrote {folder}")
+    print(summary(found.document))

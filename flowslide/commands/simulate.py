@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flowslide.commands import options
-from pipeline.cli import InputError
 
 if TYPE_CHECKING:
     from pipeline.config import Config
@@ -81,25 +80,20 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
     from flowslide import api
+    from mpm_taichi.readings3d import named
     from pipeline.progress import Progress
-    from report.simulation3d import named, warning
+    from report.simulation3d import warning
 
     refused = {
         "--set-of-measurements": arguments.set_of_measurements,
         "--film": arguments.film not in (None, "none"),
-        "--device cuda": arguments.device != "cpu",
-        "--effects": arguments.effect_files,
-        "--measurements-code": arguments.measurement_files,
     }
-    for option, given in refused.items():
-        if given:
-            raise InputError(f"{option}: not in three dimensions ({arguments.case})")
-    folder = Path(arguments.case)
-    name = (folder.parent if folder.is_file() else folder).resolve().name
+    options.refuse_in_3d(arguments, refused)
+    name = options.name_3d(arguments.case)
     out = Path(arguments.out or Path(settings.results_folder) / name / "simulation_3d")
     with Progress(0, name, quiet=arguments.quiet) as bar:
         done = api.simulate_3d(
-            folder,
+            arguments.case,
             out=out,
             strengths_kpa=dict(arguments.strength),
             water=not arguments.no_water,

@@ -156,6 +156,19 @@ class Scene3d:
         """What was subtracted from the coordinates of rasters [m]."""
         return self.document.terrain.origin if self.document.terrain else (0.0, 0.0)
 
+    @property
+    def soil(self) -> Scene | Terrain:
+        """What holds the zones and their materials: the section, or the terrain."""
+        part = self.section or self.document.terrain
+        assert part is not None  # a document has one or the other
+        return part
+
+    def with_soil(self, soil: Scene | Terrain) -> Scene3d:
+        """The scene with another section, or another terrain on the same rasters."""
+        if isinstance(soil, Scene):
+            return replace(self, section=soil)
+        return replace(self, document=self.document.model_copy(update={"terrain": soil}))
+
     def changed(
         self, *, water: bool = True, strengths_kpa: Mapping[str, float] | None = None
     ) -> Scene3d:
@@ -168,8 +181,7 @@ class Scene3d:
         Raises:
             InputError: there is no such material, or a strength that cannot be.
         """
-        part = self.section or self.document.terrain
-        assert part is not None  # a document has one or the other
+        part = self.soil
         fields = part.model_dump()
         if not water:
             fields["water_level"] = None
@@ -178,10 +190,9 @@ class Scene3d:
                 known = ", ".join(fields["materials"])
                 raise InputError(f"strengths: {self.name} has no material {name!r}; it has {known}")
             fields["materials"][name]["cohesion_kpa"] = cohesion
-        made = checked_document(type(part), fields, f"{self.name} with the options given", PAGE)
-        if isinstance(made, Scene):
-            return replace(self, section=made)
-        return replace(self, document=self.document.model_copy(update={"terrain": made}))
+        return self.with_soil(
+            checked_document(type(part), fields, f"{self.name} with the options given", PAGE)
+        )
 
 
 def load_scene_3d(path: str | Path, *, spacing: float | None = None) -> Scene3d:

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from geometry.scenes.scene import Scene
+from geometry.scenes3d.scene3d import Terrain
 from pipeline.cli import InputError
 
 Kind = Literal["lognormal", "normal", "posterior"]
@@ -89,7 +90,7 @@ def parse_strength(text: str, kind: Kind) -> KnownStrength:
 
 
 def placed(
-    strengths: Sequence[KnownStrength], zones: Sequence[str], scene: Scene
+    strengths: Sequence[KnownStrength], zones: Sequence[str], scene: Scene | Terrain
 ) -> list[KnownStrength]:
     """Give a strength without zones its zones, and check all of them against the scene.
 
@@ -119,7 +120,7 @@ def placed(
     return found
 
 
-def _check_zone(name: str, scene: Scene, taken: Sequence[str]) -> None:
+def _check_zone(name: str, scene: Scene | Terrain, taken: Sequence[str]) -> None:
     soils = {zone.name: scene.materials[zone.material] for zone in scene.zones}
     if name not in soils:
         raise InputError(f"zone {name!r} is not in the scene; known are {', '.join(soils)}")

@@ -26,8 +26,27 @@ def document_of(
 ) -> dict[str, Any]:
     """The document (keys: docs/method/prediction.md); lengths in m, strengths in kPa."""
     return {
-        "case": case.name,
-        "spacing_m": case.scene.spacing,
+        **head_of(case.name, case.scene.spacing, strengths, found),
+        "quantities": [
+            _quantity(case, found, number)
+            for number in range(len(found.names))
+            if _worth_telling(case, found, number)
+        ],
+        "sections": None if sections is None else {
+            "x_m": _rounded(sections.x),
+            **{f"y_{percent}_m": _rounded(row)
+               for percent, row in zip(ENVELOPE, sections.surfaces, strict=True)},
+        },
+    }  # fmt: skip
+
+
+def head_of(
+    name: str, spacing_m: float, strengths: Sequence[KnownStrength], found: Distribution
+) -> dict[str, Any]:
+    """What every prediction has: its question and its runs."""
+    return {
+        "case": name,
+        "spacing_m": spacing_m,
         "physics": {"mpm": SOLVER_VERSION, "inversion": PHYSICS_VERSION},
         "strengths": [
             {"zones": list(s.zones), "mean_kpa": s.mean_kpa, "std_kpa": s.std_kpa,
@@ -42,29 +61,35 @@ def document_of(
                                                                    strict=True))}
             for kpa, row in zip(found.strengths, found.runs, strict=True)
         ],
-        "quantities": [
-            _quantity(case, found, number)
-            for number in range(len(found.names))
-            if _worth_telling(case, found, number)
-        ],
-        "sections": None if sections is None else {
-            "x_m": _rounded(sections.x),
-            **{f"y_{percent}_m": _rounded(row)
-               for percent, row in zip(ENVELOPE, sections.surfaces, strict=True)},
-        },
     }  # fmt: skip
 
 
 def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[str, Any]:
-    entry, samples = case.entries[number], found.samples[:, number]
-    low, high = np.percentile(samples, (0.05, 99.95))
-    beyond = np.linspace(low, high, CURVE_POINTS)
+    entry = case.entries[number]
     known = entry.name in case.known
     value = float(entry.values[0])
     return {
-        "name": entry.name,
-        "type": entry.type,
-        "unit": entry.unit,
+        **distribution_of(found, number, entry.name, entry.type, entry.unit),
+        "measured": value if known else None,
+        "censored": entry.censored,
+        "probability_beyond_measured": (
+            _round(float(found.exceedance(number, np.array([value]))[0])) if known else None
+        ),
+        "probability_at_the_edge": _at_the_edge(case, found, number),
+    }
+
+
+def distribution_of(
+    found: Distribution, number: int, name: str, kind: str, unit: str
+) -> dict[str, Any]:
+    """What every predicted number has."""
+    samples = found.samples[:, number]
+    low, high = np.percentile(samples, (0.05, 99.95))
+    beyond = np.linspace(low, high, CURVE_POINTS)
+    return {
+        "name": name,
+        "type": kind,
+        "unit": unit,
         "mean": _round(samples.mean()),
         "std": _round(samples.std()),
         "quantiles": {
@@ -76,12 +101,6 @@ def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[st
             "beyond": _rounded(beyond),
             "probability": _rounded(found.exceedance(number, beyond)),
         },
-        "measured": value if known else None,
-        "censored": entry.censored,
-        "probability_beyond_measured": (
-            _round(float(found.exceedance(number, np.array([value]))[0])) if known else None
-        ),
-        "probability_at_the_edge": _at_the_edge(case, found, number),
     }
 
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 from geometry.scenes.scene import Scene
+from geometry.scenes3d.scene3d import Terrain
+
+Soil = TypeVar("Soil", Scene, Terrain)
+"""What has zones and materials."""
 
 
-def with_properties(base: Scene, changes: Sequence[tuple[str, str, float | bool]]) -> Scene:
-    """A scene in which some zones have other properties.
+def with_properties(base: Soil, changes: Sequence[tuple[str, str, float | bool]]) -> Soil:
+    """A scene, or a terrain, in which some zones have other properties.
 
     Where zones that share a material come to differ, each changed group gets a material of its own,
     so that a zone that is not named keeps its soil. Equal changes keep equal materials, so the
     scene, and with it the key of its run, does not depend on the order of the changes.
 
     Args:
-        base: the scene.
+        base: the scene or terrain.
         changes: (zone, property, value), the property a key of a scene's material.
     """
     document = base.model_dump()
@@ -34,4 +39,4 @@ def with_properties(base: Scene, changes: Sequence[tuple[str, str, float | bool]
             name = f"{name}_{zone['name']}"
         zone["material"] = name
     document["materials"] = materials
-    return Scene.model_validate(document)
+    return type(base).model_validate(document)

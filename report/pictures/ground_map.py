@@ -60,22 +60,34 @@ def save_map(
     bar.set_label("thickness [m]", fontsize=style.SMALL)
     bar.ax.tick_params(labelsize=style.SMALL)
     _draw_lines(plan, maps)
+    draw_places(plan, paths, lines, 0.5 * (x[0] + x[-1]))
+    finish_plan(plan, title, extent)
+    for number, (name, way) in enumerate(paths.items()):
+        low = total - 0.35 - plan_height - 0.5 - (number + 1) * (SECTION + GAP) + GAP - 0.2
+        _draw_section(_axes(figure, total, low, SECTION), name, way, maps, water_level, measured)
+    return style.save_figure(figure, path)
+
+
+def draw_places(
+    plan: Axes, paths: Mapping[str, np.ndarray], lines: Mapping[str, np.ndarray], middle: float
+) -> None:
+    """Paths and lines with their names, written towards the middle of x [m]."""
     for name, way in paths.items():
         plan.plot(*way.T, color=style.TEXT_COLOUR, lw=0.9, ls=":")
-        inwards = "left" if way[-1, 0] < 0.5 * (x[0] + x[-1]) else "right"
+        inwards = "left" if way[-1, 0] < middle else "right"
         plan.annotate(
             name, way[-1], fontsize=style.SMALL, ha=inwards, va="bottom", path_effects=style.HALO
         )
     for name, line in lines.items():
         plan.plot(*line.T, color=style.HELD_OUT, lw=1.2)
         plan.annotate(name, line[0], fontsize=style.SMALL, path_effects=style.HALO)
+
+
+def finish_plan(plan: Axes, title: str, extent: tuple[float, float, float, float]) -> None:
+    """Axes of a plan over x_min, x_max, y_min, y_max [m]."""
     plan.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", xlim=extent[:2], ylim=extent[2:])
     plan.set_title(title, fontsize=style.TEXT, loc="left")
     plan.tick_params(labelsize=style.SMALL)
-    for number, (name, way) in enumerate(paths.items()):
-        low = total - 0.35 - plan_height - 0.5 - (number + 1) * (SECTION + GAP) + GAP - 0.2
-        _draw_section(_axes(figure, total, low, SECTION), name, way, maps, water_level, measured)
-    return style.save_figure(figure, path)
 
 
 def _axes(figure: Figure, total: float, low: float, height: float) -> Axes:

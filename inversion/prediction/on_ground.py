@@ -1,0 +1,135 @@
+"""Prediction in three dimensions: what is read of the deposit, and where it comes to lie.
+
+The distribution of each reading is that of `inversion.prediction.predict`. The thickness of the
+deposit at each place is a function of the strengths as well, joined between the runs; the share of
+sampled strengths at which it exceeds a thickness is the exceedance map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from geometry.terrain.raster import Raster
+from inversion.engines.ground_engine import GroundEngine, GroundSetup, KeptMaps
+from inversion.prediction.known_strength import KnownStrength
+from inversion.prediction.predict import ENVELOPE_SAMPLES, Distribution, predict
+from inversion.prediction.prediction_document import distribution_of, head_of
+from inversion.prediction.response import Sections
+from mpm_taichi.readings3d import named
+
+#: Pixels that are put through the samples at a time.
+BLOCK = 4096
+#: Areas with at least this probability are reported, %.
+PERCENT = (5, 50, 95)
+
+
+@dataclass(frozen=True)
+class GroundPrediction:
+    """A prediction in three dimensions.
+
+    Attributes:
+        setup: the question.
+        strengths: with their zones.
+        found: distribution of the readings.
+        exceedance: thickness [m] -> probability that the deposit is thicker, at each pixel.
+        wall_share: probability that soil reaches a wall of the domain, by wall.
+    """
+
+    setup: GroundSetup
+    strengths: Sequence[KnownStrength]
+    found: Distribution
+    exceedance: Mapping[float, Raster]
+    wall_share: Mapping[str, float]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """`prediction.json` (keys: docs/method/prediction.md)."""
+        found = self.found
+        pixel = next(iter(self.exceedance.values())).spacing ** 2
+        before = self.setup.before.before.values
+        return {
+            **head_of(self.setup.scene.name, self.setup.scene.spacing, self.strengths, found),
+            "quantities": [
+                {**distribution_of(found, number, words, _kind(name), unit), "measured": None,
+                 "censored": False, "probability_beyond_measured": None,
+                 "probability_at_the_edge": max(self.wall_share.values(), default=0.0)}
+                for number, name in enumerate(found.names) for words, unit in [named(name)]
+            ],
+            "inundation": [
+                {"thicker_than_m": thickness,
+                 "area_m2": {
+                     str(percent): pixel * float(np.sum(
+                         (before < thickness) & (chance.values >= percent / 100.0)))
+                     for percent in PERCENT},
+                 "mean_area_m2": round(pixel * float(chance.values[before < thickness].sum()), 1)}
+                for thickness, chance in self.exceedance.items()
+            ],
+            "walls": {name: round(share, 4) for name, share in self.wall_share.items()},
+        }  # fmt: skip
+
+
+def predict_on_ground(
+    engine: GroundEngine,
+    setup: GroundSetup,
+    strengths: Sequence[KnownStrength],
+    *,
+    thicker_than_m: Sequence[float],
+    samples: int = 20_000,
+) -> GroundPrediction:
+    """The distribution of the readings and the exceedance maps.
+
+    Args:
+        engine: simulates.
+        setup: the scene and the zones of the strengths.
+        strengths: p of them.
+        thicker_than_m: thicknesses [m] of which the probability is mapped.
+        samples: strengths that are put through the response.
+
+    Raises:
+        WorkFailed: more than a quarter of the runs failed.
+    """
+    found = predict(engine, setup, strengths, samples=samples)
+    kept = [engine.kept_maps(setup.at(values)) for values in found.strengths]
+    before = setup.before.before
+    maps = {
+        thickness: Raster(before.origin, before.spacing, chance, before.crs)
+        for thickness, chance in zip(
+            thicker_than_m, exceedance(found, kept, thicker_than_m), strict=True
+        )
+    }
+    return GroundPrediction(setup, strengths, found, maps, _wall_share(found, kept))
+
+
+def exceedance(
+    found: Distribution, kept: Sequence[KeptMaps], thicker_than_m: Sequence[float]
+) -> list[np.ndarray]:
+    """Share of the samples whose deposit is thicker than each thickness, (nx, ny) each."""
+    thick = np.stack([one.thickness for one in kept])
+    flat = thick.reshape(len(kept), -1)
+    scores = found.sample_scores[:ENVELOPE_SAMPLES]
+    shares = np.empty((len(thicker_than_m), flat.shape[1]))
+    for first in range(0, flat.shape[1], BLOCK):
+        block = slice(first, first + BLOCK)
+        sampled = Sections(found.scores, flat[:, block])(scores)
+        for row, thickness in enumerate(thicker_than_m):
+            shares[row, block] = np.mean(sampled > thickness, axis=0)
+    return [share.reshape(thick.shape[1:]) for share in shares]
+
+
+def _wall_share(found: Distribution, kept: Sequence[KeptMaps]) -> dict[str, float]:
+    """Share of the samples that reach each wall that any run reached."""
+    names = sorted({name for one in kept for name in one.walls})
+    if not names:
+        return {}
+    reached = np.array([[float(name in one.walls) for name in names] for one in kept])
+    sampled = Sections(found.scores, reached)(found.sample_scores[:ENVELOPE_SAMPLES])
+    return dict(zip(names, map(float, np.mean(sampled > 0.5, axis=0)), strict=True))
+
+
+def _kind(reading: str) -> str:
+    """Type of a reading; runouts have exceedance curves in the report."""
+    return "toe_runout" if reading.startswith(("toe_runout", "runout_")) else "reading"
