@@ -425,7 +425,8 @@ def posterior(
         case: with a section, measurements and a question (`inversion.yaml`).
         out: see above; `posterior.json`, the draws `posterior.nc` (ArviZ) and `report.html` are
             written there.
-        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
+        engine: what predicts, a name of `inversion.engine_registry`, without a trained model;
+            "mpm3d": over the width of the case's `scene3d.yaml`.
         spacing_m: see above.
         measurement_set: name of a set; None: the default one.
         use_constructed: let constructed data enter the fit.
@@ -462,10 +463,12 @@ def posterior(
             spacing_m=spacing_m,
             use_constructed=use_constructed,
         )
-        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        section = section_of(asked)
+        chosen = untrained(engine)
+        plain = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        store = chosen.store_of(asked.folder, asked.setup, plain)
+        section = section_of(asked, store.refused)
         inference = Inference(
-            SectionModel(section, store, untrained(engine)),
+            SectionModel(section, store, chosen),
             asked.setup.targets,
             asked.config.posterior,
             watch,
@@ -543,8 +546,9 @@ def predict(
         read = _strengths(strengths, posterior, zones, distribution)
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
         known = placed(read, list(zones) or section.default_zones, section.scene)
-        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        forward = untrained(engine).forward(store)
+        chosen = untrained(engine)
+        plain = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        forward = chosen.forward(chosen.store_of(section.folder, section.setup(known), plain))
         watch.plan({"simulating": (1 + seeds) * 7})
         with watch.stage("simulating"):
             found = prediction.predict(
@@ -701,7 +705,7 @@ def predict_from_blow_counts(
         Cancelled: the caller asked for it.
     """
     from inversion.catalogue.correlations import RELATIONS
-    from inversion.engine_registry import untrained
+    from inversion.engine_registry import of_section
     from inversion.engines.run_store import RunStore
     from inversion.prediction import from_blow_counts
     from inversion.prediction.prediction_case import prediction_case
@@ -715,7 +719,7 @@ def predict_from_blow_counts(
         watch.plan({"simulating": len(RELATIONS) * len(from_blow_counts.SCORES)})
         with watch.stage("simulating"):
             document = from_blow_counts.predict_from_blow_counts(
-                section, store, zones=zones, engine=untrained(engine)
+                section, store, zones=zones, engine=of_section(engine)
             )
         write_json(folder / BLOW_COUNT_PREDICTION, document)
         write_page(document, folder)
@@ -928,7 +932,7 @@ def _session(
 ) -> Iterator[Session]:
     """A session of a diagnosis within a stage of this name."""
     from diagnosis.session import open_session
-    from inversion.engine_registry import untrained
+    from inversion.engine_registry import of_section
 
     with _folder(out) as folder:
         case = load_case(case, settings=settings)
@@ -938,7 +942,7 @@ def _session(
             out=folder,
             hypothesis=hypothesis,
             spacing_m=spacing_m,
-            engine=untrained(engine),
+            engine=of_section(engine),
             threads=threads,
             say=watch.say,
             on_run=watch.run_done,

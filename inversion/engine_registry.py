@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from inversion.back_analysis.back_analysis import BackAnalysis
     from inversion.back_analysis.case import InversionCase
     from inversion.engines.run_store import RunStore
+    from inversion.engines.setup import Setup
     from inversion.problem.forward import Forward
     from pipeline.progress import Watch
 
@@ -37,6 +38,8 @@ class Engine:
         short: in a chart.
         folder: of its results, below results/<case>/.
         forward: makes it; runs are kept in the store. None: it is made by `analysis` alone.
+        store: the store that its runs need, from the folder of a case, a setup and a plain store,
+            or an `InputError`; None: the plain one.
         trained: it needs a trained model, whose folder `analysis` is given.
         effects: it simulates the physical effects of a scene.
         analysis: the back-analysis by it, from a case, a store of runs, a watch, the model's folder
@@ -49,11 +52,20 @@ class Engine:
     short: str
     folder: str
     forward: Callable[[RunStore], Forward] | None = None
+    store: Callable[[Path, Setup, RunStore], RunStore] | None = None
     trained: bool = False
     effects: bool = True
     analysis: Callable[[InversionCase, RunStore, Watch, Path | None, Path], BackAnalysis] | None = (
         None
     )
+
+    def store_of(self, folder: Path, setup: Setup, plain: RunStore) -> RunStore:
+        """The store of its runs for a case.
+
+        Raises:
+            InputError: the case lacks what its runs need; one line.
+        """
+        return plain if self.store is None else self.store(folder, setup, plain)
 
     @property
     def label(self) -> str:
@@ -108,6 +120,12 @@ def _with_learned_simulator(
     )
 
 
+def _over_width(folder: Path, setup: Setup, store: RunStore) -> RunStore:
+    from inversion.engines.run_store_3d import store_over_width
+
+    return store_over_width(folder, setup, store)
+
+
 def _in_three_dimensions(
     case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
 ) -> BackAnalysis:
@@ -146,15 +164,27 @@ def untrained(name: str) -> Engine:
     """The engine of a name, which answers more than a back-analysis.
 
     Raises:
-        InputError: there is none, or it needs a trained model, or answers back-analyses alone.
+        InputError: there is none, or it needs a trained model.
     """
     chosen = engine_named(name)
     if chosen.trained:
         raise InputError(
             f"engine: {chosen.label} needs a trained model: back-analysis alone has it"
         )
-    if chosen.analysis is not None:
-        raise InputError(f"engine: {chosen.label} answers back-analyses alone")
+    return chosen
+
+
+def of_section(name: str) -> Engine:
+    """The engine of a name, which answers questions about a plane section.
+
+    Raises:
+        InputError: there is none, it needs a trained model, or simulates more than the section.
+    """
+    chosen = untrained(name)
+    if chosen.store is not None:
+        raise InputError(
+            f"engine: {chosen.label} answers back-analyses, posteriors and predictions"
+        )
     return chosen
 
 
@@ -188,6 +218,7 @@ register_engine(
         short="MPM in 3-D",
         folder="inversion_3d",
         forward=_mpm,
+        store=_over_width,
         effects=False,
         analysis=_in_three_dimensions,
     )

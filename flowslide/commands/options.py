@@ -44,6 +44,18 @@ def add_threads(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
 
 
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Add `--engine`: one without a trained model."""
+    from inversion.engine_registry import MPM, engines
+
+    parser.add_argument(
+        "--engine",
+        choices=[name for name, engine in engines().items() if not engine.trained],
+        default=MPM.name,
+        help="mpm3d: over the width of CASE/scene3d.yaml; default: mpm",
+    )
+
+
 def add_device(parser: argparse.ArgumentParser) -> None:
     """Add `--device` and `--threads`."""
     parser.add_argument("--device", choices=DEVICES, default="cpu", help="default: cpu")

@@ -17,7 +17,8 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     options.add_case(parser)
-    options.add_out(parser, "default: results/<case>/posterior")
+    options.add_out(parser, "default: results/<case>/posterior, with mpm3d posterior_3d")
+    options.add_engine(parser)
     options.add_set_of_measurements(parser)
     options.add_spacing(parser)
     parser.add_argument(
@@ -35,11 +36,13 @@ def run(arguments: argparse.Namespace) -> None:
 
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
-    folder = Path(arguments.out or Path(settings.results_folder) / case.name / "posterior")
+    own = "posterior_3d" if arguments.engine == "mpm3d" else "posterior"
+    folder = Path(arguments.out or Path(settings.results_folder) / case.name / own)
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         document = api.posterior(
             case,
             out=folder,
+            engine=arguments.engine,
             spacing_m=arguments.spacing,
             measurement_set=arguments.set_of_measurements,
             use_constructed=arguments.use_constructed,

@@ -59,8 +59,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--thicker-than", type=options.numbers, default=[], metavar="M,...",
         help="in 3-D: thicknesses [m] whose probability is mapped; default: that of a deposit",
     )  # fmt: skip
+    options.add_engine(parser)
     options.add_spacing(parser)
-    options.add_out(parser, "default: results/<case>/prediction, in 3-D prediction_3d")
+    options.add_out(
+        parser,
+        "default: results/<case>/prediction, of a scene3d.yaml prediction_3d, with mpm3d "
+        "prediction_over_width",
+    )
     options.add_simulating(parser)
 
 
@@ -89,11 +94,13 @@ def run(arguments: argparse.Namespace) -> None:
     zones = [zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()]
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
-    folder = Path(arguments.out or Path(settings.results_folder) / case.name / "prediction")
+    own = "prediction_over_width" if arguments.engine == "mpm3d" else "prediction"
+    folder = Path(arguments.out or Path(settings.results_folder) / case.name / own)
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         shared = {
             "out": folder, "zones": zones, "spacing_m": arguments.spacing,
             "device": arguments.device, "threads": arguments.threads, "progress": bar.report,
+            "engine": arguments.engine,
         }  # fmt: skip
         if arguments.from_blow_counts:
             from report.from_blow_counts import summary
@@ -103,8 +110,9 @@ def run(arguments: argparse.Namespace) -> None:
             from report.prediction import summary
 
             document = api.predict(
-                case, arguments.strengths or (), posterior=arguments.posterior, **chosen, **shared
-            )
+                case, arguments.strengths or (), posterior=arguments.posterior,
+                **chosen, **shared,
+            )  # fmt: skip
         bar.say(f"wrote {folder}")
     print(summary(document))
 
@@ -118,6 +126,7 @@ def _run_3d(arguments: argparse.Namespace) -> None:
     refused = {
         FROM_COUNTS: arguments.from_blow_counts,
         "--seeds": arguments.seeds is not None,
+        f"--engine {arguments.engine}": arguments.engine not in ("mpm", "mpm3d"),
         "--distribution with --posterior": arguments.posterior and arguments.distribution,
     }
     options.refuse_in_3d(arguments, refused)

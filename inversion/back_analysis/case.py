@@ -6,7 +6,7 @@ In: a `geometry.case.Case`. Out: an `InversionCase`. Whatever is wrong with the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -93,6 +93,24 @@ class InversionCase(Case):
                 reason = str(error).removeprefix(f"{self.source}: sensitivities: ")
                 left_out.append(f"left out at {self.scene.spacing:g} m spacing: {reason}")
         return found, left_out
+
+    def sensitivities_of(
+        self, refused: Callable[[Setup], str]
+    ) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
+        """The sensitivities without those that are refused, and lines about what is left out.
+
+        Args:
+            refused: why a setup cannot be simulated; empty: it can.
+        """
+        entries, left_out = self.sensitivities
+        kept, reasons = [], list(left_out)
+        for entry, changed in entries:
+            reason = next(filter(None, (refused(side.setup) for side in changed)), "")
+            if reason:
+                reasons.append(f"{entry.name}: left out: {reason}")
+            else:
+                kept.append((entry, changed))
+        return kept, reasons
 
     @cached_property
     def coarse_spacing_m(self) -> float | None:

@@ -26,6 +26,7 @@ from pipeline.files import atomic_path
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
+    from inversion.engines.setup import Setup
     from mpm_taichi.trajectory import Run
     from pipeline.config import SimulationSettings
 
@@ -157,6 +158,10 @@ class RunStore:
         if missing:
             self._compute(missing, to_read)
         return [self._kept[key] for key in keys]
+
+    def refused(self, setup: Setup) -> str:
+        """Why it does not simulate a setup; empty: it does."""
+        return ""
 
     def key(self, scene: Scene, settings: SimulationSettings) -> str:
         """Hash of everything the numbers of a run depend on."""

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometry.scenes.scene import Scene, scene_from_mapping
-from geometry.scenes3d.scene3d import Flanks, Section
+from geometry.scenes3d.scene3d import FILE_NAME, Flanks, Section, read_document
 from inversion.engines.run_store import HistoryReader, OnRun, RunStore, kept_run
 from mpm_taichi.batch import run_key
 from pipeline.cli import InputError
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:
+    from inversion.engines.setup import Setup
     from mpm_taichi.middle_section import MiddleSection
     from pipeline.config import SimulationSettings
 
@@ -55,6 +56,18 @@ class RunStore3d(RunStore):
             raise InputError(f"device {device}: three dimensions run on the CPU alone")
         super().__init__(folder, device=device, threads=threads, on_run=on_run)
         self.section, self.flanks = section, flanks
+
+    def refused(self, setup: Setup) -> str:
+        """Why the solver does not simulate a setup; empty: it does."""
+        from mpm_taichi.simulate3d import refuse_problem
+        from mpm_taichi.solver3d.problem import extruded
+
+        try:
+            narrow = 3.0 * setup.scene.spacing
+            refuse_problem(extruded(self.walled(setup.scene), narrow), setup.settings)
+        except InputError as error:
+            return str(error)
+        return ""
 
     def key(self, scene: Scene, settings: SimulationSettings) -> str:
         """Hash of everything the numbers of a run depend on."""
@@ -107,3 +120,30 @@ class RunStore3d(RunStore):
                 self._keep(key, kept_run(self.simulate(scene, settings), readers[key]))
                 if self.on_run is not None:
                     self.on_run(done, len(missing))
+
+
+def store_over_width(folder: Path, setup: Setup, store: RunStore) -> RunStore3d:
+    """The store of a case's runs over the width that the `scene3d.yaml` of its folder says.
+
+    Args:
+        folder: of the case.
+        setup: what will be simulated, at least.
+        store: whose folder, threads and reports it takes over.
+
+    Raises:
+        InputError: no such file, one without a section, or a setup that the solver refuses.
+    """
+    document = read_document(folder / FILE_NAME)
+    if document.section is None:
+        raise InputError(f"{folder / FILE_NAME}: the engine mpm3d needs a section")
+    solid = RunStore3d(
+        document.section,
+        document.flanks,
+        store.folder,
+        device=store.device,
+        threads=store.threads,
+        on_run=store.on_run,
+    )
+    if reason := solid.refused(setup):
+        raise InputError(f"{folder / FILE_NAME}: {reason}")
+    return solid

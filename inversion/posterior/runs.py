@@ -118,7 +118,7 @@ class SectionModel:
     @property
     def other_ways(self) -> list[tuple[str, Setup]]:
         """Other ways to simulate among the sensitivities: name and setup."""
-        available, _ = self.section.case.sensitivities
+        available, _ = self.section.case.sensitivities_of(self.store.refused)
         return [
             (sensitivity.name, side.setup)
             for sensitivity, sides in available

@@ -9,6 +9,7 @@ distribution; they enter as errors (`inversion.posterior.runs.SectionModel.other
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -161,11 +162,16 @@ class Section:
         return deviating(self.case.setup, self.nuisances, scores, self.case.source)
 
 
-def section_of(case: InversionCase) -> Section:
-    """What is unknown of a case; sensitivities that its section does not allow are left out."""
+def section_of(case: InversionCase, refused: Callable[[Setup], str] = lambda setup: "") -> Section:
+    """What is unknown of a case; sensitivities that its section does not allow are left out.
+
+    Args:
+        case: with its question.
+        refused: why a setup cannot be simulated; empty: it can.
+    """
     kept: list[Uncertain] = []
     unknowns = [unknown_parameter(spec) for spec in case.parameters.specs]
-    available, remarks = case.sensitivities
+    available, remarks = case.sensitivities_of(refused)
     for sensitivity, _ in available:
         if not isinstance(sensitivity, Uncertain):
             continue

@@ -14,14 +14,17 @@ from geometry.survey.toe_runout import toe_runout
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.in_three_dimensions import in_three_dimensions
 from inversion.back_analysis.result import load_result
-from inversion.engine_registry import untrained
+from inversion.engine_registry import of_section, untrained
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
 from inversion.engines.run_store_3d import RunStore3d
+from inversion.posterior.document import load_posterior
+from inversion.posterior.runs import SectionModel
+from inversion.posterior.unknown import section_of
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, load_config
-from pipeline.files import write_text, yaml_text
+from pipeline.files import read_json, write_text, yaml_text
 from pipeline.progress import Watch
 
 FEW = ["simulation.duration_s=4", "inversion.step_seeds=1"]
@@ -110,8 +113,9 @@ def test_what_it_cannot_do_is_refused_in_one_line(tmp_path):
     case = inversion_case(load_case(question(tmp_path / "bank")))
     with pytest.raises(InputError, match="device cuda: three dimensions run on the CPU"):
         in_three_dimensions(case, RunStore(None, device="cuda"), Watch())
-    with pytest.raises(InputError, match="answers back-analyses alone"):
-        untrained("mpm3d")
+    assert untrained("mpm3d").store is not None
+    with pytest.raises(InputError, match="answers back-analyses, posteriors and predictions"):
+        of_section("mpm3d")
     narrow = RunStore3d(section(2.0), "smooth", None, threads=1)
     with pytest.raises(InputError, match="holds 2 rows of points; 3 are needed"):
         narrow.simulate(case.scene, SimulationSettings(duration_s=0.1))
@@ -136,6 +140,11 @@ def test_variants_and_sensitivities_that_the_solver_lacks_are_left_out(tmp_path)
     sensitivities, left_out = analysis.known_sensitivities()
     assert [entry.name for entry, _ in sensitivities] == ["time step"]
     assert len(left_out) == 1 and "only affine_flip" in left_out[0]
+    # A posterior takes what is left as its other ways to simulate.
+    unknown = section_of(analysis.case, analysis.store.refused)
+    assert unknown.remarks == tuple(left_out)
+    others = SectionModel(unknown, analysis.store).other_ways
+    assert {name for name, _ in others} == {"time step"}
 
 
 @pytest.mark.slow
@@ -157,3 +166,31 @@ def test_the_strength_is_found_from_a_runout_between_flanks(tmp_path):
     run = read_run(tmp_path / "mpm3d/run.h5", 0)
     assert run.positions.shape[2] == 2 and run.frames > 10
     assert "three dimensions" in (tmp_path / "mpm3d/report.html").read_text()
+
+
+@pytest.mark.slow
+def test_posterior_and_prediction_are_those_of_the_width(tmp_path):
+    folder = question(tmp_path / "bank", width=6.0)
+    case = inversion_case(load_case(folder, load_config(None, FEW)), spacing_m=2.0)
+    store = RunStore3d(section(6.0), "rough", None, threads=1)
+    (seen,) = MPMEngine(store).predict([case.setup.at(np.array([TRUTH]))])
+    question(folder, runout=float(seen.values[0]), width=6.0)
+    quick = ["--threads", "1", "--quiet", "--spacing", "2", "--engine", "mpm3d"]
+    few = ["simulation.duration_s=4", "posterior.coarse_runs=32", "posterior.refined_runs=0",
+           "posterior.fine_runs=4", "posterior.live_points=50", "posterior.draws=200"]  # fmt: skip
+    settings = [word for text in few for word in ("--set", text)]
+    drawn = tmp_path / "posterior"
+    main(["posterior", str(folder), "--out", str(drawn), *quick, *settings])
+    (strength,) = load_posterior(drawn).parameters
+    low, high = strength.after.interval_95
+    assert low < TRUTH < high < 1.3 * low
+    main(["predict", str(folder), "--posterior", str(drawn), "--out", str(tmp_path / "predicted"),
+          "--seeds", "0", *quick, *settings[:2]])  # fmt: skip
+    document = read_json(tmp_path / "predicted/prediction.json")
+    (toe,) = [one for one in document["quantities"] if one["name"] == "toe"]
+    assert toe["quantiles"]["5"] < seen.values[0] < toe["quantiles"]["95"]
+    # The same strengths run farther where no flanks hold them back.
+    main(["predict", str(folder), "--posterior", str(drawn), "--out", str(tmp_path / "plane"),
+          "--seeds", "0", *quick[:-2], *settings[:2]])  # fmt: skip
+    plane = read_json(tmp_path / "plane/prediction.json")
+    assert plane["quantities"][0]["mean"] > 1.2 * toe["mean"]
