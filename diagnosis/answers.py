@@ -106,6 +106,8 @@ def explained(session: Session) -> ExplainDocument:
 def diagnosed(session: Session) -> Verdict:
     """Run the loop on a session's model, and write what was found."""
     found = diagnose(session.model, session.options, session.say)
+    if session.model.wide_runs:
+        session.say(f"{session.model.wide_runs} simulations in three dimensions")
     verdict = verdict_document(
         found,
         case=session.case.name,

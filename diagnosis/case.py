@@ -79,6 +79,7 @@ class DiagnosisCase(Case):
             numbers=self.question.parameters,
             priors=self.priors,
             numerics=Numerics(settings.noise_jitter, settings.second_transfer, settings.finer),
+            finite_width=settings.finite_width,
         )
         known = [*(c.name for c in model.candidates), *model.left_out]
         for key, names in self.question.named_effects.items():

@@ -307,6 +307,11 @@ class DiagnosisSettings(Settings):
     starts: int = Field(3, ge=1, le=5, description="first guesses of the base model's calibration")
     rounds: int = Field(3, ge=1, le=5, description="effects that may be added one after another")
     refitted: int = Field(4, ge=1, description="candidates that are refitted in a round")
+    finite_width: bool = Field(
+        False,
+        description="put on trial that the slide is three-dimensional; each of its runs costs tens "
+        "of plane ones",
+    )
 
 
 class HiddenEffectsSettings(Settings):

@@ -23,6 +23,7 @@ from diagnosis.hypotheses.registry import assumptions_of
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import scene_from_mapping
 from inversion.engine_registry import MPM, Engine
+from inversion.engines.finite_width import FiniteWidth
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
@@ -69,6 +70,7 @@ class EngineModel:
         numbers: effect -> further numbers of it, as in a scene.
         priors: candidate -> (mean, std) of its amplitude, in place of its own.
         numerics: how the model's own error is measured.
+        finite_width: the width of the slide is on trial, by runs in three dimensions.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class EngineModel:
         numbers: Mapping[str, Mapping[str, float]] | None = None,
         priors: Mapping[str, tuple[float, float]] | None = None,
         numerics: Numerics | None = None,
+        finite_width: bool = False,
     ) -> None:
         self.setup = setup
         self.store = store
@@ -89,7 +92,7 @@ class EngineModel:
         self.numbers = {name: dict(given) for name, given in (numbers or {}).items()}
         self.failures: dict[State, str] = {}
         self._errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
-        doubted, certain = assumptions_of(setup, sensitivities, self.engine)
+        doubted, certain = assumptions_of(setup, sensitivities, self.engine, dear=finite_width)
         self._assumptions = {one.candidate.name: one for one in doubted}
         physics, idle = acting_candidates(
             setup.scene, self.numbers, duration=setup.settings.duration_s
@@ -116,7 +119,7 @@ class EngineModel:
         self._asked: set[State] = set()
         self._proposed: dict[State, np.ndarray] = {}
         self._computed_before = store.computed
-        self._forward = engine.forward(store)
+        self._forward = FiniteWidth(engine.forward(store), store)
 
     # --- what the statistics see ---
 
@@ -134,6 +137,11 @@ class EngineModel:
     def runs(self) -> int:
         """Distinct forward runs asked for, kept ones too."""
         return len(self._asked)
+
+    @property
+    def wide_runs(self) -> int:
+        """Simulations in three dimensions so far, in addition."""
+        return self._forward.wide_runs
 
     @property
     def computed(self) -> int:
@@ -180,7 +188,7 @@ class EngineModel:
     @property
     def keeps_runs(self) -> bool:
         """The engine has whole runs, for pictures and for the stress before failure."""
-        return hasattr(self._forward, "kept_run")
+        return hasattr(self._forward.engine, "kept_run")
 
     @property
     def _first(self) -> State:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import ModuleType
 
-from diagnosis.hypotheses import ground, section, soil, start, strength, water
+from diagnosis.hypotheses import ground, section, soil, start, strength, water, width
 from diagnosis.hypotheses.assumption import Found, Sensitivities
 from diagnosis.hypotheses.survey import survey_errors
 from inversion.engine_registry import Engine
@@ -26,10 +26,12 @@ class FamilyModule:
     Attributes:
         module: that has them.
         solver: only an engine that simulates water, soil and effects can say what they do.
+        dear: its runs cost so much that it is on trial only where that is asked for.
     """
 
     module: ModuleType
     solver: bool = True
+    dear: bool = False
 
 
 FAMILIES = (
@@ -39,13 +41,18 @@ FAMILIES = (
     FamilyModule(soil),
     FamilyModule(strength),
     FamilyModule(start),
+    FamilyModule(width, dear=True),
 )
 
 
-def assumptions_of(setup: Setup, sensitivities: Sensitivities, engine: Engine) -> Found:
-    """All assumptions that can be otherwise, and why others cannot."""
+def assumptions_of(
+    setup: Setup, sensitivities: Sensitivities, engine: Engine, *, dear: bool = False
+) -> Found:
+    """All assumptions that can be otherwise, and why others cannot; `dear` ones if asked for."""
     found, left_out = [], {}
     for family in FAMILIES:
+        if family.dear and not dear:
+            continue
         own, idle = family.module.assumptions(setup, sensitivities)
         if family.solver and not engine.effects:
             idle = {one.candidate.name: f"{engine.description} knows no other" for one in own}

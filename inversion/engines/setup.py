@@ -35,6 +35,7 @@ class Setup:
         targets: what is predicted.
         foot: where the section ended before the slide, x [m] by side.
         also_read: further measurements that are read as a run ends, which keeps no history.
+        height_over_width: H/B of a slide between flanks, for `finite_width`; 0: plane strain.
     """
 
     scene: Scene
@@ -43,6 +44,7 @@ class Setup:
     targets: Targets
     foot: Mapping[str, float]
     also_read: tuple[Measured, ...] = ()
+    height_over_width: float = 0.0
 
     def at(self, values: np.ndarray) -> Request:
         """One run of this reading, with values (p,) of its parameters."""
