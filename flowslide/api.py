@@ -240,6 +240,7 @@ def simulate_3d(
     scene: str | os.PathLike[str],
     *,
     out: str | os.PathLike[str] | None = None,
+    film: Literal["mp4", "gif", "none"] = "none",
     strengths_kpa: Mapping[str, float] | None = None,
     water: bool = True,
     spacing_m: float | None = None,
@@ -254,6 +255,7 @@ def simulate_3d(
         scene: `scene3d.yaml` or its folder.
         out: folder of the run, maps, readings, rasters and page, and of the checkpoint from which a
             stopped call goes on; None: nothing is written.
+        film: what kind of film is written to `out`, from above and in perspective.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
         water: False takes pool and groundwater away.
         spacing_m: see above.
@@ -273,6 +275,8 @@ def simulate_3d(
     from mpm_taichi.solver3d.problem import problem_of
     from mpm_taichi.trajectory3d import write_run_3d
     from pipeline.files import ready_folder
+    from report.pictures.ground_film import chosen_frames, save_ground_film
+    from report.pictures.video import check_video
     from report.simulation3d import FILES, RASTERS, write_simulation_3d
 
     watch = Watch(progress, cancel)
@@ -282,7 +286,11 @@ def simulate_3d(
     simulation = (settings or load_settings(None)).simulation
     if described.document.duration_s is not None:
         simulation = simulation.model_copy(update={"duration_s": described.document.duration_s})
-    folder = None if out is None else ready_folder(out, ("run.h5", *FILES, *RASTERS))
+    moving = None if out is None or film == "none" else Path(out) / f"slide.{film}"
+    if moving is not None:
+        check_video(moving)
+    films = [] if moving is None else [moving.name]
+    folder = None if out is None else ready_folder(out, ("run.h5", *FILES, *RASTERS, *films))
     seconds = max(round(simulation.duration_s), 1)
     words = (
         f"simulating {problem.name}, {len(problem.position)} points (up to {seconds} s of motion)"
@@ -303,7 +311,12 @@ def simulate_3d(
     readings = readings_3d(described, problem, run, maps)
     done = Simulation3d(described, run, maps, readings, walls_reached(described, maps))
     if folder is not None:
-        write_simulation_3d(described, maps, readings, done.walls, folder)
+        if moving is not None:
+            chosen = chosen_frames(len(run.time))
+            frames = [maps_of(described, problem, run, frame=frame) for frame in chosen]
+            title, side = described.name, described.document.side
+            save_ground_film(moving, title, run.time[chosen], frames, side=side)
+        write_simulation_3d(described, maps, readings, done.walls, folder, moving)
     return done
 
 

@@ -45,15 +45,17 @@ class Maps:
         return Raster(base.origin, base.spacing, base.values + self.deposit.values, base.crs)
 
 
-def maps_of(scene: Scene3d, problem: Problem3d, run: Run3d | None = None) -> Maps:
-    """The maps of a problem, and of its run."""
+def maps_of(
+    scene: Scene3d, problem: Problem3d, run: Run3d | None = None, *, frame: int = -1
+) -> Maps:
+    """The maps of a problem, and of a frame of its run: the last unless another is named."""
     crs = scene.ground.surface.crs if scene.ground else ""
     plan = Plan.over(problem.domain[:4], problem.cells_per_spacing * problem.spacing, crs)
     before = plan.thickness(problem.position, problem.volume)
     x, y = np.meshgrid(*before.axes, indexing="ij")
     after = speed = None
     if run is not None:
-        end = run.positions[-1].astype(float)
+        end = run.positions[frame].astype(float)
         after, speed = plan.thickness(end, run.volume), plan.largest(end, run.top_speed)
     least = threshold(problem.spacing)
     return Maps(plan.raster(problem.base.at(x, y)), before, after, speed, least)

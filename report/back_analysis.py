@@ -12,8 +12,8 @@ from pathlib import Path
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
 from inversion.engine_registry import engine_named
 from report.data.back_analysis import BackAnalysisData
-from report.page import Paragraph, Picture, Section, folded, said, shown, tabulated, write_page
-from report.pictures.answer_film import LARGEST_BYTES, known_film, save_film
+from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
+from report.pictures.answer_film import known_film, save_film
 from report.sentences import back_analysis as words
 from report.table import plain
 from report.tables import back_analysis as tables
@@ -311,17 +311,8 @@ def _checklist(data: BackAnalysisData) -> Section:
 
 
 def _film(film: Path | None) -> Section:
-    title = "The slide as a film"
-    if film is None:
-        return Section(title)
-    if film.stat().st_size > LARGEST_BYTES:
-        size = film.stat().st_size / 1e6
-        return Section(
-            title, said([f"The film ({size:.1f} MB) is next to this page: {film.name}."])
-        )
     description = "Film of the simulated slide, and the measured surface."
-    moving = Picture(film, description, least_width_px=WIDE_PX)
-    return Section(title, [moving, *said([f"Also next to this page: {film.name}."])])
+    return Section("The slide as a film", filmed(film, description, least_width_px=WIDE_PX))
 
 
 def _made(data: BackAnalysisData) -> Section:

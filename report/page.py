@@ -18,6 +18,9 @@ from pipeline.cli import InputError
 from pipeline.files import write_text
 from report.table import Table, text
 
+LARGEST_FILM_BYTES = 3_000_000
+"""A film up to this size is put into the page; a larger one lies next to it."""
+
 MEDIA_TYPES = {
     ".png": "image/png",
     ".jpg": "image/jpeg",
@@ -116,6 +119,16 @@ def said(sentences: Iterable[str]) -> list[Part]:
 def shown(path: Path | None, description: str, *sentences: str, **more: Any) -> list[Part]:
     """A picture under the sentences that explain it; nothing where there is no picture."""
     return [] if path is None else [*said(sentences), Picture(path, description, **more)]
+
+
+def filmed(film: Path | None, description: str, **more: Any) -> list[Part]:
+    """A film in the page, or where it is too large its name; nothing where there is none."""
+    if film is None:
+        return []
+    size = film.stat().st_size
+    if size > LARGEST_FILM_BYTES:
+        return said([f"The film ({size / 1e6:.1f} MB) is next to this page: {film.name}."])
+    return [Picture(film, description, **more), *said([f"Also next to this page: {film.name}."])]
 
 
 def tabulated(*tables: Table | None) -> list[Part]:

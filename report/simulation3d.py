@@ -29,7 +29,12 @@ RASTERS = ("thickness_before.tif", "thickness_after.tif", "surface_after.tif", "
 
 
 def write_simulation_3d(
-    scene: Scene3d, maps: Maps, readings: Mapping[str, float], walls: Sequence[str], out: Path
+    scene: Scene3d,
+    maps: Maps,
+    readings: Mapping[str, float],
+    walls: Sequence[str],
+    out: Path,
+    film: Path | None = None,
 ) -> None:
     """Write `FILES` and, where the extra `terrain` is installed, `RASTERS` as GeoTIFF.
 
@@ -39,6 +44,7 @@ def write_simulation_3d(
         readings: name with unit -> number.
         walls: that soil has reached.
         out: folder.
+        film: of the slide, which the page shows; None: none.
     """
     assert maps.after is not None and maps.speed is not None
     rows = [(name, f"{value:.6g}") for name, value in readings.items()]
@@ -53,7 +59,7 @@ def write_simulation_3d(
             write_raster(raster, out / name, origin=scene.origin)
     draw_scene_3d(scene, maps, out / "map.png")
     save_view(out / "view.png", scene.name, maps, side=scene.document.side)
-    _write_page(scene, readings, walls, out)
+    _write_page(scene, readings, walls, out, film)
 
 
 def draw_scene_3d(scene: Scene3d, maps: Maps, path: str | Path) -> Path:
@@ -79,7 +85,11 @@ def warning(walls: Sequence[str]) -> str:
 
 
 def _write_page(
-    scene: Scene3d, readings: Mapping[str, float], walls: Sequence[str], out: Path
+    scene: Scene3d,
+    readings: Mapping[str, float],
+    walls: Sequence[str],
+    out: Path,
+    film: Path | None,
 ) -> None:
     values = [
         (*named(name), "none" if math.isnan(v) else f"{v:.4g}") for name, v in readings.items()
@@ -98,6 +108,10 @@ def _write_page(
         page.Section(
             "In perspective",
             page.shown(out / "view.png", "The surface after the slide in true proportions"),
+        ),
+        page.Section(
+            "The slide as a film",
+            page.filmed(film, "Film of the slide from above and in perspective"),
         ),
         page.Section(
             "Readings",

@@ -15,7 +15,7 @@ FILMS = ("mp4", "gif", "none")
 DESCRIPTION = (
     "Simulate the section of a case history, write runout.png, a film and observables.csv, and "
     "print what was measured next to what was simulated. A scene3d.yaml is "
-    "simulated in three dimensions: report.html, map.png, readings.csv, GeoTIFFs, run.h5."
+    "simulated in three dimensions: report.html, map.png, film, readings.csv, GeoTIFFs, run.h5."
 )
 
 
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cohesion of a material, which is S_r where it liquefied; may be repeated",
     )
     options.add_set_of_measurements(parser)
-    parser.add_argument("--film", choices=FILMS, help=f"default: {FILMS[0]}; none in 3-D")
+    parser.add_argument("--film", choices=FILMS, help=f"default: {FILMS[0]}")
     options.add_simulating(parser)
 
 
@@ -86,7 +86,6 @@ def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
 
     refused = {
         "--set-of-measurements": arguments.set_of_measurements,
-        "--film": arguments.film not in (None, "none"),
     }
     options.refuse_in_3d(arguments, refused)
     name = options.name_3d(arguments.case)
@@ -95,6 +94,7 @@ def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
         done = api.simulate_3d(
             arguments.case,
             out=out,
+            film=arguments.film or FILMS[0],
             strengths_kpa=dict(arguments.strength),
             water=not arguments.no_water,
             spacing_m=arguments.spacing,

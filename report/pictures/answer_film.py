@@ -11,8 +11,6 @@ from pipeline.cli import InputError
 from report.data.back_analysis import BackAnalysisData
 
 NAME = "runout"
-LARGEST_BYTES = 3_000_000
-"""A film up to this size is put into the page; a larger one lies next to it."""
 
 
 def save_film(data: BackAnalysisData) -> Path | None:

@@ -7,6 +7,7 @@ import runpy
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import flowslide
 from benchmarks.verification.three_dimensions import slab_scene
@@ -18,6 +19,7 @@ from mpm_taichi.solver3d.problem import problem_of
 from mpm_taichi.trajectory3d import read_run_3d
 from pipeline.cli import InputError
 from pipeline.files import write_text, yaml_text
+from report.pictures.ground_film import chosen_frames
 
 SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
 
@@ -69,7 +71,7 @@ def test_a_valley_with_sloping_sides_holds_the_section_within_them(slab):
 
 def test_simulate_leaves_a_run_readings_rasters_and_a_page(slab, tmp_path, capsys):
     out = tmp_path / "out"
-    main(["simulate", str(slab), "--out", str(out), *SHORT])
+    main(["simulate", str(slab), "--out", str(out), "--film", "gif", *SHORT])
     said = capsys.readouterr().out
     assert "toe runout" in said and "report.html" in said
     with (out / "readings.csv").open() as file:
@@ -92,13 +94,20 @@ def test_simulate_leaves_a_run_readings_rasters_and_a_page(slab, tmp_path, capsy
     assert not (out / "checkpoint.npz").exists()
     page = (out / "report.html").read_text()
     assert page.count("data:image/png") == 2 and "inundated area" in page
+    assert page.count("data:image/gif") == 1
+    with Image.open(out / "slide.gif") as film:
+        assert film.n_frames == len(chosen_frames(len(run.time)))
+        shown = [np.asarray(film.convert("RGB"))]
+        film.seek(film.n_frames - 1)
+        shown.append(np.asarray(film.convert("RGB")))
+    assert np.abs(shown[0].astype(int) - shown[1]).max() > 50  # it moves
     rasterio = pytest.importorskip("rasterio", reason="needs the extra `terrain`")
     with rasterio.open(out / "thickness_after.tif") as file:
         assert file.read(1).sum() * file.res[0] ** 2 == pytest.approx(run.volume.sum(), rel=0.01)
 
 
 def test_what_three_dimensions_lack_is_refused_before_any_work(slab, tmp_path):
-    for option in (["--film", "gif"], ["--device", "cuda"], ["--set-of-measurements", "a"]):
+    for option in (["--device", "cuda"], ["--set-of-measurements", "a"]):
         with pytest.raises(InputError, match=f"{option[0]}.*not in three dimensions"):
             main(["simulate", str(slab), "--out", str(tmp_path / "out"), *option])
     with pytest.raises(InputError, match="has no material 'sand'"):
