@@ -10,6 +10,7 @@ import pytest
 from scipy.special import ndtr
 
 import flowslide
+from benchmarks.verification.three_dimensions import slab_scene
 from flowslide.command_line import main
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.terrain.raster import Raster, read_raster, write_raster
@@ -94,6 +95,22 @@ def test_a_prediction_leaves_maps_curves_and_a_document(gully, tmp_path, capsys)
     main([*asked[:5], "3", *asked[6:]])
     assert [path.stat().st_mtime_ns for path in sorted((out / "runs").glob("*.npz"))] == stamps
     assert len(kept) == 15
+
+
+def test_a_section_over_its_width_takes_strengths_by_zone_as_well(tmp_path):
+    write_text(tmp_path / "scene.yaml", yaml_text(slab_scene(spacing=2.0)))
+    section = {"file": "scene.yaml", "width_m": 12.0}
+    write_text(tmp_path / "scene3d.yaml", yaml_text({"name": "slab", "section": section}))
+    scene = load_scene_3d(tmp_path)
+    setup = GroundSetup(scene, SimulationSettings(duration_s=3.0), (("bank",),))
+    engine = GroundEngine(tmp_path / "runs", threads=1)
+    weak, strong = engine.predict([setup.at(np.array([kpa])) for kpa in (5.0, 60.0)])
+    toe = setup.targets.names.index("toe_runout_m")
+    assert weak.values[toe] > strong.values[toe] + 2.0
+    thickness = engine.kept_maps(setup.at(np.array([5.0]))).thickness
+    assert engine.computed == 2  # the third was kept
+    plane = setup.before.before
+    assert thickness.sum() == pytest.approx(plane.values.sum(), rel=0.01)
 
 
 def test_a_run_that_fails_is_reported_with_its_reason(gully, tmp_path):
