@@ -2,7 +2,7 @@
 
     python docs/examples/tailings_valley.py tailings      # writes the folder `tailings`
     flowslide simulate tailings
-    flowslide predict tailings --residual-strength 3+-1 --thicker-than 2,4 --spacing 4
+    flowslide predict tailings --residual-strength 3+-1 --thicker-than 1,3
 
 The valley falls 1 in 25 along x and its sides rise 1 in 2.5. A dam 16 m high, of rolled fill, holds
 tailings up to 1 m below its crest; liquefied slimes lie under drained sand. All of it is invented.
