@@ -5,6 +5,7 @@
 #   snakemake geometry_large         the scenes alone, with a gallery
 #   snakemake pack_coarse            its runs as a learned simulator reads them
 #   snakemake train_coarse           a simulator that has learned from them, and what it is worth: hours
+#   snakemake train_direct           learned models without steps: runs of their own, training, cards: an hour or two
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
 #   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
 #   snakemake posterior_lsfd         everything unknown of it, before and after the measurements; any such folder
@@ -32,6 +33,7 @@ include: "rules/common.smk"
 include: "rules/geometry.smk"
 include: "rules/simulation.smk"
 include: "rules/gns.smk"
+include: "rules/direct.smk"
 include: "rules/cases.smk"
 include: "rules/inversion.smk"
 include: "rules/diagnosis.smk"

@@ -88,6 +88,8 @@ GNS = Group(
         "baselines": Command(
             "gns.baselines", "how well runouts of held-out runs are guessed without simulating"
         ),
+        "direct-runs": Command("gns.direct_runs", "simulate what the direct models learn from"),
+        "direct-train": Command("gns.direct_train", "learn the deposit in one pass, without steps"),
     },
 )
 SCENES = Group(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -134,6 +135,20 @@ def _in_three_dimensions(
     return in_three_dimensions(case, store, watch)
 
 
+def _shipped(name: str, store: RunStore) -> Forward:
+    from inversion.engines.direct_engine import shipped
+
+    return shipped(name, store)
+
+
+def _with_direct_model(
+    name: str, case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
+) -> BackAnalysis:
+    from inversion.back_analysis.with_direct_model import DirectAnalysis
+
+    return DirectAnalysis(case, store, watch.say, watch, engine_name=name)
+
+
 _engines: dict[str, Engine] = {}
 
 
@@ -221,5 +236,29 @@ register_engine(
         store=_over_width,
         effects=False,
         analysis=_in_three_dimensions,
+    )
+)
+register_engine(
+    Engine(
+        name="direct",
+        title="direct model",
+        description="a learned model that predicts the deposit in one pass",
+        short="direct",
+        folder="inversion_direct",
+        forward=partial(_shipped, "direct"),
+        effects=False,
+        analysis=partial(_with_direct_model, "direct"),
+    )
+)
+register_engine(
+    Engine(
+        name="corrected",
+        title="solver at twice the spacing, corrected",
+        description="the material point method at twice the spacing with a learned correction",
+        short="corrected",
+        folder="inversion_corrected",
+        forward=partial(_shipped, "corrected"),
+        effects=False,
+        analysis=partial(_with_direct_model, "corrected"),
     )
 )

@@ -195,10 +195,17 @@ class InversionSettings(Settings):
     engine: str = Field(
         "mpm",
         description="what simulates: mpm, the material point method, gns, a learned simulator "
-        "that is differentiated (Diff-GNS), or mpm3d, the material point method over a width",
+        "that is differentiated (Diff-GNS), mpm3d, the material point method over a width, direct, "
+        "a learned model without steps, or corrected, runs at twice the spacing with a learned "
+        "correction",
     )
     model: str = Field(
         "", description="of the engine gns: a folder with model.pt, or a name in models/"
+    )
+    outside_training: bool = Field(
+        False,
+        description="of the engines direct and corrected: answer also for a section far outside "
+        "what the model has learned from",
     )
     surrogate_pairs: int = Field(
         5,

@@ -25,7 +25,7 @@ ALLOWED = {"pipeline": set()} | {
 ROOMS = {
     "geometry": ["terrain", "scenes", "scenes3d", "survey3d", "random_scenes", "survey"],
     "mpm_taichi": ["materials", "effects", "solver", "solver3d"],
-    "gns": ["data", "network", "rollout", "evaluation", "training"],
+    "gns": ["data", "network", "rollout", "evaluation", "training", "direct"],
     "inversion": [
         "catalogue", "problem", "estimation", "engines", "classical", "back_analysis",
         "posterior", "prediction", "new_case",

@@ -28,9 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--engine",
         choices=tuple(engines()),
-        help="material point method, a learned simulator that is differentiated, or the material "
-        "point method over the width of CASE/scene3d.yaml; default: the "
-        "question's, else inversion.engine",
+        help="material point method, a learned simulator that is differentiated, the material "
+        "point method over the width of CASE/scene3d.yaml, a learned model in one pass, or coarse "
+        "runs with a learned correction; default: the question's, else inversion.engine",
     )
     parser.add_argument(
         "--model", metavar="DIR", help="of the engine gns: a folder, or a name in models/"

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 import gns
-from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.engine_choice import own_answer
 from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
-from inversion.back_analysis.variants import Changed
+from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engine_registry import engine_named
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
@@ -32,17 +31,13 @@ from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import posterior
 from inversion.estimation.search import SearchResult
 from inversion.problem.forward import Forward, Prediction
-from inversion.problem.question import Sensitivity, Variant
-from pipeline.cli import InputError
 
 #: Source of the surrogate's error among the sources of uncertainty.
 SOURCE = "error of the learned simulator"
-#: Kinds of sensitivities of which a learned simulator knows nothing.
-UNKNOWN_TO_IT = {"time_step": "no time step", "simulation": "no settings of the solver"}
 
 
 @dataclass(kw_only=True)
-class SurrogateAnalysis(BackAnalysis):
+class SurrogateAnalysis(LearnedAnalysis):
     """A case under back-analysis by a learned simulator.
 
     Attributes:
@@ -94,23 +89,6 @@ class SurrogateAnalysis(BackAnalysis):
             ("paired runs", self.compare),
             ("answer", self.search),
         ]
-
-    def known_variants(self) -> tuple[list[Variant], list[str]]:
-        """Without those that change settings, of which a learned simulator has none."""
-        variants = self.case.question.variants
-        reasons = [
-            _left_out(variant.name, "simulation") for variant in variants if variant.simulation
-        ]
-        return [variant for variant in variants if not variant.simulation], reasons
-
-    def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
-        """Without those that change nothing for a learned simulator."""
-        entries, left_out = self.case.sensitivities
-        kept = [pair for pair in entries if pair[0].kind not in UNKNOWN_TO_IT]
-        reasons = [
-            _left_out(entry.name, entry.kind) for entry, _ in entries if entry.kind in UNKNOWN_TO_IT
-        ]
-        return kept, [*left_out, *reasons]
 
     # --- stages ---
 
@@ -270,20 +248,7 @@ class SurrogateAnalysis(BackAnalysis):
             if np.isfinite(stress)
         }
 
-    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> SearchResult | None:
-        """Another search; None, and a line, also where the simulator does not know the reading."""
-        try:
-            return super()._calibrated(name, setup, start)
-        except InputError as error:
-            self.remark(f"{name}: no answer: {error}")
-            return None
-
     def _manifest(self) -> dict[str, Any]:
         made = super()._manifest()
         versions = {**made["physics_versions"], "gns": gns.PHYSICS_VERSION}
         return {**made, "physics_versions": versions, "model_sha256": self.model.sha256}
-
-
-def _left_out(name: str, kind: str) -> str:
-    """Why a variant or a sensitivity is not solved."""
-    return f"{name}: left out: a learned simulator has {UNKNOWN_TO_IT[kind]}; ask the engine mpm"

@@ -1,0 +1,57 @@
+"""`flowslide gns direct-train`: paired runs -> a direct model, calibrated and judged."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from flowslide.commands import options
+from pipeline.cli import add_common
+
+STEPS = 4000
+
+DESCRIPTION = (
+    "Learn the deposit of a section in one pass, without stepping; calibrate the intervals, judge "
+    "the model on scenes it has not seen and write card.yaml next to it. Started again after a "
+    "kill, it goes on where it stopped."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    parser.add_argument("--data", metavar="DIR", help="default: RESULTS/direct/runs")
+    options.add_out(parser, "default: RESULTS/direct/direct, or corrected")
+    parser.add_argument(
+        "--corrected",
+        action="store_true",
+        help="start from the run at twice the spacing and learn the difference to it",
+    )
+    parser.add_argument("--steps", type=int, default=STEPS, help=f"default: {STEPS}")
+    options.add_threads(parser)
+    add_common(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Train, calibrate, judge, write."""
+    from gns.direct.judge import calibrated, card, table_text, write_card
+    from gns.direct.network import DirectConfig
+    from gns.direct.predictor import MODEL_FILE
+    from gns.direct.train import TrainingPlan, read_samples, train
+    from gns.training.processes import use_threads
+    from pipeline.cli import at_least_one
+    from pipeline.config import load_config
+    from pipeline.progress import Progress
+
+    config = load_config(arguments.config, arguments.overrides)
+    base = Path(config.results_folder) / "direct"
+    folder = Path(arguments.out or base / ("corrected" if arguments.corrected else "direct"))
+    plan = TrainingPlan(steps=at_least_one("--steps", arguments.steps))
+    use_threads(arguments.threads)
+    with Progress(0, "direct model", quiet=arguments.quiet) as bar:
+        samples = read_samples(Path(arguments.data or base / "runs"))
+        model = train(samples, folder, DirectConfig(arguments.corrected), plan, bar.say)
+        predictor = calibrated(model, samples)
+    predictor.save(folder / MODEL_FILE)
+    facts = card(predictor, samples, {"steps": plan.steps, "seed": plan.seed})
+    write_card(folder, MODEL_FILE, facts)
+    print(table_text(facts))

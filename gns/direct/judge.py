@@ -1,0 +1,221 @@
+"""What a direct model is worth: its intervals calibrated, its errors on scenes it has not seen.
+
+The runout of a scene is that of the side that ran farther. Next to the model stands the solver at
+twice the spacing alone: what a learned model must beat. Errors are in spacings d of the fine run,
+and for runouts beyond FAR in per cent of them.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gns.direct.network import Answer, DirectModel
+from gns.direct.predictor import COVERED, Predictor, described, neighbourly
+from gns.direct.train import SPLITS, Sample, answers
+from pipeline.files import file_hash, write_text, yaml_text
+
+#: Runouts beyond this [d] are far.
+FAR = 10.0
+#: Least scale of an error, so that a side that stands still has an interval as well [d].
+LEAST_SCALE = 0.05
+CARD_FILE = "card.yaml"
+#: Column of the share of runouts within their interval.
+COVERAGE = "covered, %"
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Errors of one scene each, (n,).
+
+    Attributes:
+        template: a to d, or dam.
+        travel: of the side that ran farther [d].
+        runout: error of its toe [d]; profile: of the deposit [share of the section's area].
+        covered: its interval held it.
+    """
+
+    template: np.ndarray
+    travel: np.ndarray
+    runout: np.ndarray
+    profile: np.ndarray
+    covered: np.ndarray
+
+    def only(self, kept: np.ndarray) -> Scores:
+        """The scores of some scenes."""
+        return Scores(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
+
+    def row(self) -> dict[str, float]:
+        """Numbers of a table."""
+        far = self.travel > FAR
+        per_cent = 100.0 * self.runout[far] / self.travel[far]
+        row = {
+            "runs": len(self.runout),
+            "far": int(far.sum()),
+            "travel, d": _median(self.travel),
+            "runout, d": _median(self.runout),
+            "90 %, d": float(np.quantile(self.runout, 0.9)) if len(self.runout) else np.nan,
+            "runout of far ones, d": _median(self.runout[far]),
+            "runout of far ones, %": _median(per_cent),
+            "profile, % of area": 100.0 * _median(self.profile),
+            COVERAGE: 100.0 * float(np.mean(self.covered)) if len(self.covered) else np.nan,
+        }
+        return {name: float(f"{value:.4g}") for name, value in row.items()}
+
+    def table(self) -> dict[str, dict[str, float]]:
+        """Rows of all scenes and of each template."""
+        names = sorted(set(self.template.tolist()))
+        return {"all": self.row()} | {
+            name: self.only(self.template == name).row() for name in names
+        }
+
+
+def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
+    """The model with intervals that hold COVERED of the runs of the split `calibration`."""
+    held = [one for one in samples if one.split == "calibration"]
+    answer = answers(model, held)
+    side, toes = _side(held), _toes(held)
+    rows = np.arange(len(held))
+    error = np.abs(answer.toes.numpy() - toes)[rows, side]
+    ratio = error / answer.toe_scale.numpy()[rows, side]
+    deposit = np.stack([one.fine.thickness for one in held])
+    off = np.abs(answer.thickness.numpy() - deposit) / answer.thickness_scale.numpy()
+    moved = deposit > 0.0
+    known = np.stack([described(one.section) for one in samples if one.split == "train"])
+    return Predictor(
+        model,
+        _conformal(ratio),
+        _conformal(off[moved]),
+        known,
+        neighbourly(known),
+    )
+
+
+def judged(predictor: Predictor, samples: list[Sample]) -> Scores:
+    """Scores of a model on samples."""
+    answer = answers(predictor.model, samples)
+    return _scores(samples, answer, predictor.toe_factor)
+
+
+def coarse_alone(samples: list[Sample]) -> Scores:
+    """Scores of the solver at twice the spacing."""
+    toes = np.stack([one.coarse.toes for one in samples])
+    deposit = np.stack([one.coarse.thickness for one in samples])
+    return _errors(samples, toes, deposit, np.zeros(toes.shape))
+
+
+def seconds_a_case(predictor: Predictor, samples: list[Sample], count: int = 50) -> float:
+    """Time of one forecast from features up, mean of `count`, one after the other [s]."""
+    chosen = [samples[i % len(samples)] for i in range(count)]
+    began = time.perf_counter()
+    for one in chosen:
+        coarse = one.coarse if predictor.corrected else None
+        predictor.predict(one.section, one.fine.toes_before, coarse)
+    return (time.perf_counter() - began) / count
+
+
+def write_card(folder: Path, model_file: str, facts: dict) -> None:
+    """Write the card next to the model, with the hash of its weights."""
+    facts = {**facts, "weights_sha256": file_hash(folder / model_file)}
+    write_text(folder / CARD_FILE, yaml_text(facts))
+
+
+def card(predictor: Predictor, samples: list[Sample], training: dict) -> dict:
+    """What is stated with a model."""
+    test = [one for one in samples if one.split == "test"]
+    seconds = np.array([one.seconds for one in samples])
+    return {
+        "kind": "corrected" if predictor.corrected else "direct",
+        "parameters": sum(one.numel() for one in predictor.model.parameters()),
+        "runs": {name: sum(one.split == name for one in samples) for name in SPLITS},
+        "covers": COVERED,
+        "training": training,
+        "accuracy": judged(predictor, test).table(),
+        "solver_at_twice_the_spacing": _without_intervals(coarse_alone(test).table()),
+        "seconds_a_case": float(f"{seconds_a_case(predictor, test):.3g}"),
+        "solver_seconds_a_case": {
+            "at the spacing": float(f"{np.mean(seconds[:, 0]):.3g}"),
+            "at twice the spacing": float(f"{np.mean(seconds[:, 1]):.3g}"),
+        },
+    }
+
+
+def _without_intervals(table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    """A solver states none."""
+    return {
+        name: {key: value for key, value in row.items() if key != COVERAGE}
+        for name, row in table.items()
+    }
+
+
+def _scores(samples: list[Sample], answer: Answer, factor: float) -> Scores:
+    return _errors(
+        samples,
+        answer.toes.numpy(),
+        answer.thickness.numpy(),
+        factor * answer.toe_scale.numpy(),
+    )
+
+
+def _errors(
+    samples: list[Sample], toes: np.ndarray, deposit: np.ndarray, interval: np.ndarray
+) -> Scores:
+    side, rows = _side(samples), np.arange(len(samples))
+    spacing = np.array([one.section.spacing for one in samples])
+    before = np.stack([one.fine.toes_before for one in samples])
+    error = np.abs(toes - _toes(samples))[rows, side]
+    true = np.stack([one.fine.thickness for one in samples])
+    return Scores(
+        np.array([one.template for one in samples]),
+        np.abs(_toes(samples) - before)[rows, side] / spacing,
+        error / spacing,
+        np.abs(deposit - true).sum(axis=1) / true.sum(axis=1),
+        error <= interval[rows, side] + LEAST_SCALE * spacing,
+    )
+
+
+def _toes(samples: list[Sample]) -> np.ndarray:
+    return np.stack([one.fine.toes for one in samples])
+
+
+def _side(samples: list[Sample]) -> np.ndarray:
+    """The side that ran farther, 0 or 1, (n,)."""
+    before = np.stack([one.fine.toes_before for one in samples])
+    return np.argmax(np.abs(_toes(samples) - before), axis=1)
+
+
+def _conformal(ratio: np.ndarray) -> float:
+    """The factor that holds COVERED of the ratios, with the correction for their finite number."""
+    level = min(COVERED * (1.0 + 1.0 / len(ratio)), 1.0)
+    return float(np.quantile(ratio, level))
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else float("nan")
+
+
+def table_text(facts: dict) -> str:
+    """The accuracy of a card for a terminal, next to the solver at twice the spacing."""
+    lines = []
+    for title, key in (
+        (f"{facts['kind']} model", "accuracy"),
+        ("solver at twice the spacing alone", "solver_at_twice_the_spacing"),
+    ):
+        rows = facts[key]
+        columns = list(rows["all"])
+        lines += [title, "".join(["template".ljust(10), *(f"{name:>24}" for name in columns)])]
+        lines += [
+            "".join([name.ljust(10), *(f"{row.get(column, np.nan):>24.4g}" for column in columns)])
+            for name, row in rows.items()
+        ]
+    lines.append(
+        f"{1000 * facts['seconds_a_case']:.1f} ms a case in the network; runs take "
+        + ", ".join(
+            f"{1000 * value:.0f} ms {name}"
+            for name, value in facts["solver_seconds_a_case"].items()
+        )
+    )
+    return "\n".join(lines)

@@ -1,0 +1,237 @@
+"""The direct model: one pass of a network along the columns of a section.
+
+In: a `Section` as tensors, and the values of its zones, with respect to which everything has a
+derivative. Out: both toes with the scale of their error, and the thickness of the deposit with its
+own. Two kinds share the network: one sees the section alone; the other (`corrected`) sees what a
+run at twice the spacing left as well, and predicts the difference to it.
+
+The network halves and doubles the number of columns as a U-Net does (Ronneberger et al. 2015, here
+in one dimension). A toe is an expectation over the columns, of their place plus an offset that the
+column itself gives, so that it is not bound to a grid; errors are Laplace distributed, so that the
+median is learned. The deposit keeps the volume of the section.
+
+Shapes: B sections, C columns, K layers, Z zones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from gns.direct.sections import COLUMN, DEEPEST, LAYERS, Outcome, Section, places
+
+#: Strengths are taken as at least this [rho g height], for their logarithm.
+LEAST_STRENGTH = 3e-3
+#: Features of a layer, and of a column.
+PER_LAYER, PER_COLUMN, OF_COARSE = 4, 11, 4
+#: Neighbouring columns that the network takes as one.
+TOGETHER = 2
+#: Outputs of a column: for each toe a weight, an offset and a log scale; a change and a log scale.
+OUTPUTS = 8
+#: Share of the inner values of a block that a training step leaves out: a thousand runs are few.
+DROPPED = 0.15
+#: Log scales of errors lie within these [heights].
+LOG_SCALES = (-7.0, 1.5)
+
+
+@dataclass(frozen=True)
+class DirectConfig:
+    """Size of a model.
+
+    Attributes:
+        corrected: it starts from a run at twice the spacing.
+        widths: channels of each level, from the finest.
+    """
+
+    corrected: bool = False
+    widths: tuple[int, ...] = (48, 64, 96, 128)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a model predicts; all in heights.
+
+    Attributes:
+        toes: left and right of the middle, (B, 2).
+        toe_scale: of their Laplace distribution, (B, 2).
+        thickness: (B, C); thickness_scale: (B, C).
+    """
+
+    toes: Tensor
+    toe_scale: Tensor
+    thickness: Tensor
+    thickness_scale: Tensor
+
+
+def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Tensor:
+    """What the network sees, (B, channels, C).
+
+    Args:
+        sections: B of them, with equally many zones.
+        before: toes before the slide, (B, 2) [heights].
+        values: of the zones, (B, Z, 3), `gns.direct.sections.PROPERTIES`.
+    """
+
+    def stacked(name: str) -> Tensor:
+        return torch.as_tensor(np.stack([getattr(one, name) for one in sections])).to(values)
+
+    thickness, water, share = stacked("thickness"), stacked("water"), stacked("zone_share")
+    sat = stacked("saturated")
+    mean_density = torch.as_tensor([one.density for one in sections]).to(values)[:, None, None]
+    held = torch.einsum("bckz,bzp->bpck", share, values)
+    cohesion, friction, density = held[:, 0], held[:, 1], held[:, 2]
+    swell = torch.einsum("bckz,bz->bck", share, sat)
+    middle = (torch.arange(LAYERS).to(values) + 0.5) / LAYERS
+    step = thickness[..., None] / LAYERS
+    depth = (water[..., None] - thickness[..., None] * middle) / step.clamp(min=1e-6)
+    soaked = (depth + 0.5).clamp(0.0, 1.0)
+    weight = (density * (1.0 + soaked * (swell - 1.0)) - soaked / mean_density) * step
+    above = weight.flip(-1).cumsum(-1).flip(-1) - 0.5 * weight
+    strength = cohesion + friction * above
+    inside = (thickness > 0.0).to(values)
+    logs = [
+        (one.clamp(min=0.0) + LEAST_STRENGTH).log() + 3.0 for one in (cohesion, strength)
+    ]  # fmt: skip
+    layers = torch.stack([*logs, friction, soaked], dim=1) * inside[:, None, :, None]
+    layers = layers.permute(0, 1, 3, 2).flatten(1, 2)
+    x = torch.as_tensor(places()).to(values).expand(len(sections), -1)
+    toes = torch.as_tensor(before).to(values)
+    fineness = torch.as_tensor([-np.log(one.spacing) - 3.0 for one in sections]).to(values)
+    ones = torch.ones_like(x)
+    columns = torch.stack(
+        [
+            thickness,
+            stacked("ground"),
+            torch.gradient(stacked("ground"), spacing=COLUMN, dim=1)[0] * 10.0,
+            water,
+            (water - thickness).clamp(-DEEPEST, DEEPEST),
+            stacked("wall"),
+            inside,
+            (x - toes[:, :1]) / 4.0,
+            (x - toes[:, 1:]) / 4.0,
+            ones * fineness[:, None],
+            ones * (mean_density[:, :, 0] - 1.9) * 4.0,
+        ],
+        dim=1,
+    )
+    return torch.cat([columns, layers], dim=1)
+
+
+def with_coarse(seen: Tensor, coarse: list[Outcome]) -> Tensor:
+    """`features` and what the run at twice the spacing left, (B, channels, C)."""
+    thickness = torch.as_tensor(np.stack([one.thickness for one in coarse])).to(seen)
+    toes = torch.as_tensor(np.stack([one.toes for one in coarse])).to(seen)
+    x = torch.as_tensor(places()).to(seen)
+    return torch.cat(
+        [
+            seen,
+            thickness[:, None],
+            thickness[:, None] - seen[:, :1],
+            (x - toes[:, :, None]) / 4.0,
+        ],
+        dim=1,
+    )
+
+
+class Block(nn.Module):
+    """Two convolutions along the columns, added to their input."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.norm = nn.GroupNorm(1, width)
+        self.first = nn.Conv1d(width, width, 3, padding=1)
+        self.second = nn.Conv1d(width, width, 3, padding=1)
+        self.drop = nn.Dropout(DROPPED)
+        nn.init.zeros_(self.second.weight)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, width, columns) to the same."""
+        inner = functional.silu(self.first(functional.silu(self.norm(x))))
+        return x + self.second(self.drop(inner))
+
+
+class DirectModel(nn.Module):
+    """A network of a configuration; see the module."""
+
+    def __init__(self, config: DirectConfig) -> None:
+        super().__init__()
+        self.config = config
+        widths = config.widths
+        channels = PER_COLUMN + LAYERS * PER_LAYER + (OF_COARSE if config.corrected else 0)
+        self.stem = nn.Conv1d(TOGETHER * channels, widths[0], 3, padding=1)
+        self.down = nn.ModuleList(
+            nn.Conv1d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:], strict=False)
+        )
+        self.up = nn.ModuleList(
+            nn.Conv1d(b, a, 1) for a, b in zip(widths, widths[1:], strict=False)
+        )
+        self.inward = nn.ModuleList(Block(width) for width in widths)
+        self.outward = nn.ModuleList(Block(width) for width in widths[:-1])
+        self.bottom = nn.Sequential(
+            nn.Linear(widths[-1], widths[-1]), nn.SiLU(), nn.Linear(widths[-1], widths[-1])
+        )
+        self.head = nn.Conv1d(widths[0], TOGETHER * OUTPUTS, 1)
+        with torch.no_grad():
+            self.head.weight.mul_(0.1)
+
+    def forward(self, seen: Tensor, start: Tensor) -> Answer:
+        """Answers for features (B, channels, C).
+
+        Args:
+            seen: of `features`, or `with_coarse`.
+            start: toes that the weights of the columns begin from, (B, 2): before the slide, or
+                those of the run at twice the spacing.
+        """
+        x = self.stem(_together(seen))
+        kept = []
+        for block, down in zip(self.inward[:-1], self.down, strict=True):
+            x = block(x)
+            kept.append(x)
+            x = down(x)
+        x = self.inward[-1](x)
+        x = x + self.bottom(x.mean(dim=2))[..., None]
+        for block, up, side in zip(
+            reversed(self.outward), reversed(self.up), reversed(kept), strict=True
+        ):
+            x = block(side + up(x.repeat_interleave(2, dim=2)))
+        out = _apart(self.head(x), OUTPUTS)
+        weight = (4.0 * out[:, 0:2]).softmax(dim=2)
+        place = torch.as_tensor(places()).to(out)
+        if self.config.corrected:
+            toes = start + (weight * out[:, 2:4]).sum(dim=2)
+        else:
+            toes = (weight * (place + out[:, 2:4])).sum(dim=2)
+        low, high = LOG_SCALES
+        scale = (weight * (out[:, 4:6] - 2.0)).sum(dim=2).clamp(low, high).exp()
+        first = seen[:, -OF_COARSE] if self.config.corrected else seen[:, 0]
+        thickness = functional.relu(first + out[:, 6])
+        volume = seen[:, 0].sum(dim=1, keepdim=True)
+        thickness = thickness * volume / thickness.sum(dim=1, keepdim=True).clamp(min=1e-3)
+        return Answer(toes, scale, thickness, (out[:, 7] - 3.0).clamp(low, high).exp())
+
+
+def mirrored(seen: Tensor, toes: Tensor, *, corrected: bool) -> tuple[Tensor, Tensor]:
+    """Features (B, channels, C) and toes (B, 2) of the mirror images."""
+    turned = seen.flip(2).clone()
+    swapped = [[7, 8]] + ([[turned.shape[1] - 2, turned.shape[1] - 1]] if corrected else [])
+    for left, right in swapped:
+        turned[:, [left, right]] = -turned[:, [right, left]]
+    turned[:, 2] = -turned[:, 2]
+    return turned, -toes.flip(1)
+
+
+def _together(seen: Tensor) -> Tensor:
+    """Neighbouring columns become channels of one."""
+    batch, channels, columns = seen.shape
+    paired = seen.reshape(batch, channels, columns // TOGETHER, TOGETHER)
+    return paired.permute(0, 1, 3, 2).flatten(1, 2)
+
+
+def _apart(out: Tensor, channels: int) -> Tensor:
+    """The reverse of `_together`."""
+    batch, _, columns = out.shape
+    return out.reshape(batch, channels, TOGETHER, columns).permute(0, 1, 3, 2).flatten(2)

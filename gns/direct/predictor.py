@@ -1,0 +1,228 @@
+"""A trained direct model that answers: plain arrays in and out.
+
+In: a `Section`, its toes before the slide and, for a model that corrects, what a run at twice the
+spacing left. Out: a `Forecast` with intervals that cover nine of ten runs it was calibrated on, its
+derivative with respect to the strengths of the zones, and how far the section lies from those that
+the model has learned from. A model is one file of plain numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from pickle import UnpicklingError
+
+import numpy as np
+import torch
+
+from gns.direct.network import DirectConfig, DirectModel, features, with_coarse
+from gns.direct.sections import COLUMN, Outcome, Section, places
+from pipeline.cli import InputError
+from pipeline.files import atomic_path
+
+MODEL_FILE = "direct.pt"
+#: What torch raises on a file that is cut short, damaged or of another form.
+DAMAGE = (KeyError, TypeError, ValueError, RuntimeError, EOFError, OSError)
+#: Share of the runs that an interval covers.
+COVERED = 0.9
+#: The unit of `Predictor.distance`: this share of the training sections have a nearer neighbour.
+INSIDE = 0.99
+#: An answer farther out than this is refused unless asked for.
+FARTHEST = 2.0
+DESCRIPTORS = (
+    "area", "width", "left face", "right face", "strength", "strength of the base",
+    "weakest tenth", "friction", "density", "water", "fall of the water", "slope of the ground",
+    "room",
+)  # fmt: skip
+"""What two sections are compared by; see `described`."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a model predicts of one section.
+
+    Attributes:
+        toes: left and right, x (2,) [m].
+        toe_interval: half-width of an interval that covers COVERED of the runs, (2,) [m].
+        thickness: of the deposit in each column, (C,) [m].
+        thickness_interval: half-width of its interval, (C,) [m].
+    """
+
+    toes: np.ndarray
+    toe_interval: np.ndarray
+    thickness: np.ndarray
+    thickness_interval: np.ndarray
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """A model with its calibration.
+
+    Attributes:
+        model: the network; its weights stay as they are.
+        toe_factor: half-width of a toe's interval over its scale; thickness_factor: likewise.
+        known: descriptors of the sections learned from, (N, F).
+        unit: distance to the nearest neighbour that INSIDE of them have.
+    """
+
+    model: DirectModel
+    toe_factor: float
+    thickness_factor: float
+    known: np.ndarray
+    unit: float
+
+    @property
+    def corrected(self) -> bool:
+        """It needs a run at twice the spacing."""
+        return self.model.config.corrected
+
+    def predict(
+        self, section: Section, before: np.ndarray, coarse: Outcome | None = None
+    ) -> Forecast:
+        """The forecast of a section.
+
+        Args:
+            section: its columns.
+            before: toes before the slide, x (2,) [heights from its middle].
+            coarse: of the run at twice the spacing, for a model that corrects.
+        """
+        with torch.no_grad():
+            values = torch.as_tensor(section.values, dtype=torch.float32)
+            toes, scale, thickness, spread = self._answer(section, before, coarse, values)
+        height = section.height
+        return Forecast(
+            section.middle + height * toes.numpy().astype(float),
+            height * self.toe_factor * scale.numpy().astype(float),
+            height * thickness.numpy().astype(float),
+            height * self.thickness_factor * spread.numpy().astype(float),
+        )
+
+    def derivative(
+        self, section: Section, before: np.ndarray, tangents: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Exact derivative along changes of the zones' values, in double precision.
+
+        Args:
+            section: its columns.
+            before: toes before the slide [heights].
+            tangents: (p, Z, 3) in the units of `Section.values`.
+
+        Returns:
+            of the toes (p, 2) and of the thickness (p, C) [m].
+        """
+        model = DirectModel(self.model.config).double()
+        model.load_state_dict(self.model.state_dict())
+        values = torch.as_tensor(section.values, dtype=torch.float64)
+
+        def outcome(at: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+            toes, _, thickness, _ = self._answer(section, before, None, at, model=model)
+            return toes, thickness
+
+        found = [
+            torch.func.jvp(outcome, (values,), (torch.as_tensor(one, dtype=torch.float64),))[1]
+            for one in tangents
+        ]
+        return (
+            section.height * np.stack([toes.detach().numpy() for toes, _ in found]),
+            section.height * np.stack([deposit.detach().numpy() for _, deposit in found]),
+        )
+
+    def distance(self, section: Section) -> float:
+        """To the nearest section learned from; 1 where INSIDE of those have a nearer neighbour."""
+        away = np.sqrt(np.mean((self.known - described(section)) ** 2, axis=1))
+        return float(away.min() / self.unit)
+
+    def _answer(self, section, before, coarse, values, model=None):
+        model = self.model if model is None else model
+        if self.corrected and coarse is None:
+            raise ValueError("a model that corrects needs a run at twice the spacing")
+        seen = features([section], np.asarray(before)[None], values[None])
+        start = np.asarray(before)
+        if self.corrected:
+            seen, start = with_coarse(seen, [coarse]), coarse.toes
+        answer = model(seen, torch.as_tensor(start).to(seen)[None])
+        return answer.toes[0], answer.toe_scale[0], answer.thickness[0], answer.thickness_scale[0]
+
+    def save(self, path: Path) -> None:
+        """Write the model; see `load`."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(path) as temporary:
+            torch.save(
+                {
+                    "config": asdict(self.model.config),
+                    "weights": self.model.state_dict(),
+                    "factors": [self.toe_factor, self.thickness_factor, self.unit],
+                    "known": torch.as_tensor(self.known, dtype=torch.float32),
+                },
+                temporary,
+            )
+
+    @classmethod
+    def load(cls, path: Path) -> Predictor:
+        """Read a model as plain numbers: nothing in the file is executed.
+
+        Raises:
+            InputError: no such file, or not one of this form.
+        """
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; flowslide gns direct-train leaves one")
+        try:
+            kept = torch.load(path, map_location="cpu", weights_only=True)
+            config = {**kept["config"], "widths": tuple(kept["config"]["widths"])}
+            model = DirectModel(DirectConfig(**config))
+            model.load_state_dict(kept["weights"])
+            toe, thickness, unit = kept["factors"]
+            known = kept["known"].numpy().astype(float)
+        except (*DAMAGE, UnpicklingError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError(f"{path}: is not a direct model: {reason}") from None
+        return cls(model.eval().requires_grad_(False), toe, thickness, known, unit)
+
+
+def described(section: Section) -> np.ndarray:
+    """A section in a few numbers of about unit spread over the training, (F,).
+
+    Left and right take part alike: the mirror image of a section is described by the same numbers,
+    but for the faces.
+    """
+    soil = section.thickness > 0.0
+    depth = section.thickness[soil]
+    held = np.einsum("ckz,zp->ckp", section.zone_share[soil], section.values)
+    cover = depth[:, None] * (1.0 - (np.arange(held.shape[1]) + 0.5) / held.shape[1])
+    weight = depth[:, None] * np.ones(held.shape[1])
+    strength = np.maximum(held[..., 0] + 0.7 * held[..., 1] * cover, 2e-3)
+    weakest = np.quantile(strength, 0.1)
+    x = places()
+    peak = x[soil][depth > 0.95 * depth.max()]
+    left, right = section.feet
+    water = section.water[soil]
+    wet = np.clip(water / np.maximum(depth, 0.05), -0.5, 1.5)
+    slope = np.ptp(section.ground[soil]) / max(np.ptp(x[soil]), COLUMN)
+    open_room = np.sum(section.wall == 0.0) * COLUMN
+    return np.array(
+        [
+            depth.sum() * COLUMN,
+            0.5 * (right - left),
+            peak.min() - left,
+            right - peak.max(),
+            np.log(np.average(strength, weights=weight)) * 1.5,
+            np.log(strength[:, 0].mean()) * 1.2,
+            np.log(weakest),
+            np.average(held[..., 1], weights=weight) * 4.0,
+            (section.density - 1.9) * 4.0,
+            wet.mean() * 1.5,
+            (water[0] - water[-1]) * 1.5,
+            slope * 20.0,
+            (open_room - 20.0) / 8.0,
+        ]
+    )
+
+
+def neighbourly(known: np.ndarray) -> float:
+    """Distance to the nearest other that INSIDE of the sections (N, F) have."""
+    nearest = np.empty(len(known))
+    for number, one in enumerate(known):
+        away = np.mean((known - one) ** 2, axis=1)
+        away[number] = np.inf
+        nearest[number] = np.sqrt(away.min())
+    return float(np.quantile(nearest, INSIDE))

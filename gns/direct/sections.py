@@ -1,0 +1,233 @@
+"""A section as columns: what the direct model sees, and what it predicts.
+
+The section is cut into `COLUMNS` columns of `COLUMN` heights, from `HALF_WIDTH` heights left of its
+middle to as far right. Lengths are in heights of the section, strengths in rho g height, so that
+one model serves all sizes. The soil of a column is cut into `LAYERS` layers of equal thickness; the
+share of each zone in each of them is known (`zone_share`), so that what a layer holds is linear in
+the values of the zones and has a derivative with respect to them (`gns.direct.network`).
+
+Shapes: C columns, K layers, Z zones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from geometry.scenes.scene import MOHR_COULOMB, Scene
+from geometry.survey.columns import column_height, kernel_length
+from geometry.survey.toe import toe
+from mpm_taichi.effects import effects_on
+from mpm_taichi.solver.water import WATER_DENSITY
+from pipeline.cli import InputError
+
+COLUMNS, LAYERS = 192, 8
+#: Width of a column, and half that of all columns [heights].
+COLUMN = 0.125
+HALF_WIDTH = 0.5 * COLUMNS * COLUMN
+#: Places along x and y at which the zones of a layer of a column are looked up.
+SAMPLES = 3
+#: Kernel that smooths the deposit into column thicknesses [columns].
+SMOOTHING = 0.7
+#: Properties of a zone that the model sees.
+PROPERTIES = ("cohesion", "tan_friction", "density")
+#: Levels of water are cut at this many heights above and below the surface.
+DEEPEST = 2.0
+
+
+@dataclass(frozen=True)
+class Section:
+    """A scene as the model sees it.
+
+    Attributes:
+        height: of the section above its ground, the unit of length [m].
+        middle: x of the middle of the columns [m]; base: elevation of the ground there [m].
+        unit_kpa: the unit of strength, rho g height of the mean density [kPa].
+        feet: where the section ends, (left, right) [heights from the middle].
+        thickness: of the soil, (C,) [heights]; ground: its elevation over `base`, likewise.
+        water: level of the water over the ground, (C,) [heights]; -DEEPEST where there is none.
+        wall: 1 beyond a wall, (C,).
+        zone_share: (C, K, Z), of each layer from the lowest; sums to 1 where there is soil.
+        values: of the zones (Z, 3), see PROPERTIES: [rho g height], -, [mean density].
+        saturated: density under water over that above it, (Z,).
+        density: mean over that of water.
+        spacing: between the material points of the runs learned from, or of a question [heights].
+    """
+
+    height: float
+    middle: float
+    base: float
+    unit_kpa: float
+    feet: tuple[float, float]
+    thickness: np.ndarray
+    ground: np.ndarray
+    water: np.ndarray
+    wall: np.ndarray
+    zone_share: np.ndarray
+    values: np.ndarray
+    saturated: np.ndarray
+    density: float
+    spacing: float
+
+    @property
+    def x(self) -> np.ndarray:
+        """Middle of each column (C,) [m]."""
+        return self.middle + self.height * places()
+
+
+def places() -> np.ndarray:
+    """Middle of each column (C,) [heights from the middle of the section]."""
+    return (np.arange(COLUMNS) + 0.5) * COLUMN - HALF_WIDTH
+
+
+def check_known(scene: Scene) -> None:
+    """Refuse what the model has never seen.
+
+    Raises:
+        InputError: effects, another law, soil that moves at t = 0, a ground of its own friction.
+    """
+    if on := effects_on(scene):
+        raise InputError(
+            f"{scene.name}: effects: {on[0].effect.name} is on; the direct model knows the base "
+            "physics alone"
+        )
+    if scene.law != MOHR_COULOMB:
+        raise InputError(
+            f"{scene.name}: law: {scene.law}; the direct model knows {MOHR_COULOMB} alone"
+        )
+    if any(any(zone.initial_velocity) for zone in scene.zones):
+        raise InputError(
+            f"{scene.name}: initial_velocity: the direct model knows soil at rest alone"
+        )
+    if scene.ground.contact != "rough":
+        raise InputError(
+            f"{scene.name}: ground.contact: {scene.ground.contact}; the direct model knows rough "
+            "ground alone"
+        )
+
+
+def section_of(scene: Scene, gravity: float = 9.81) -> Section:
+    """The columns of a scene.
+
+    Raises:
+        InputError: see `check_known`.
+    """
+    check_known(scene)
+    polygons = [shapely.Polygon(zone.polygon) for zone in scene.zones]
+    whole = shapely.union_all([one.buffer(1e-6 * scene.spacing) for one in polygons])
+    left, _, right, top = whole.bounds
+    middle = 0.5 * (left + right)
+    fine = np.linspace(left, right, 201)
+    height = float(np.max(_surface(whole, fine, scene.ground.height(fine), top)
+                          - scene.ground.height(fine)))  # fmt: skip
+    x = middle + height * places()
+    ground = scene.ground.height(x)
+    inside = (x > left) & (x < right)
+    thickness = np.zeros(COLUMNS)
+    offsets = ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5) * COLUMN * height
+    share = np.zeros((COLUMNS, LAYERS, len(polygons)))
+    rows = (np.arange(LAYERS * SAMPLES) + 0.5) / (LAYERS * SAMPLES)
+    for shift in offsets:
+        at = x + shift
+        base = scene.ground.height(at)
+        depth = _surface(whole, at, base, top) - base
+        thickness += depth / SAMPLES
+        columns = np.flatnonzero(depth > 0.0)
+        grid_x = np.repeat(at[columns], len(rows))
+        grid_y = (base[columns, None] + depth[columns, None] * rows).ravel()
+        for number, polygon in enumerate(polygons):
+            held = shapely.contains_xy(polygon, grid_x, grid_y)
+            layers = held.reshape(len(columns), LAYERS, SAMPLES).sum(axis=2)
+            share[columns, :, number] += layers
+    total = share.sum(axis=2, keepdims=True)
+    share = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
+    inside &= thickness > 0.0
+    level = scene.phreatic_level(x)
+    water = np.clip((level - ground) / height, -DEEPEST, DEEPEST)
+    materials = [scene.materials[zone.material] for zone in scene.zones]
+    areas = np.array([polygon.area for polygon in polygons])
+    density = float(np.average([one.density for one in materials], weights=areas))
+    unit = density * gravity * height / 1000.0
+    closed = scene.domain.walls == "closed"
+    wall = (x < scene.domain.x_min) | (x > scene.domain.x_max) if closed else np.zeros(COLUMNS)
+    base = float(scene.ground.height(middle))
+    return Section(
+        height=height,
+        middle=middle,
+        base=base,
+        unit_kpa=unit,
+        feet=((left - middle) / height, (right - middle) / height),
+        thickness=thickness / height,
+        ground=(ground - base) / height,
+        water=water,
+        wall=wall.astype(float),
+        zone_share=share,
+        values=np.array(
+            [
+                (one.cohesion_pa / 1000.0 / unit, np.tan(one.friction_rad), one.density / density)
+                for one in materials
+            ]
+        ),
+        saturated=np.array([(one.saturated_density or one.density) / one.density
+                            for one in materials]),
+        density=density / WATER_DENSITY,
+        spacing=scene.spacing / height,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the model predicts, of a run.
+
+    Attributes:
+        thickness: of the deposit, (C,) [heights].
+        toes: left and right, (2,) [heights from the middle].
+        toes_before: the same reading before the slide.
+    """
+
+    thickness: np.ndarray
+    toes: np.ndarray
+    toes_before: np.ndarray
+
+
+def outcome_of(
+    section: Section, initial: np.ndarray, final: np.ndarray, spacing: float
+) -> Outcome | None:
+    """What a run left, read as a survey reads it; None: it went beyond the columns.
+
+    Args:
+        section: of its scene.
+        initial: positions before the slide (N, 2) [m].
+        final: after it.
+        spacing: between its material points [m].
+    """
+    volume = spacing**2
+    length = max(SMOOTHING * COLUMN * section.height, 0.5 * kernel_length(spacing))
+    thickness = column_height(final.astype(float), volume, section.x, length=length)
+    try:
+        toes = [
+            [
+                (toe(points.astype(float), volume, spacing=spacing, side=side) - section.middle)
+                / section.height
+                for side in ("left", "right")
+            ]
+            for points in (final, initial)
+        ]
+    except ValueError:  # nothing is left that is thick enough to be a dam
+        return None
+    if max(map(abs, toes[0])) > HALF_WIDTH - COLUMN:
+        return None
+    return Outcome(thickness / section.height, np.array(toes[0]), np.array(toes[1]))
+
+
+def _surface(whole, x: np.ndarray, ground: np.ndarray, top: float) -> np.ndarray:
+    """Highest elevation of the soil at `x` [m]; that of the ground where there is none."""
+    found = np.array(ground, dtype=float)
+    ends = [np.stack([x, level], axis=1) for level in (ground - 1.0, np.full_like(x, top + 1.0))]
+    lines = shapely.linestrings(np.stack(ends, axis=1))
+    cut = shapely.intersection(lines, whole)
+    hit = ~shapely.is_empty(cut)
+    found[hit] = np.maximum(shapely.bounds(cut[hit])[:, 3], ground[hit])
+    return found

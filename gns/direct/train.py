@@ -1,0 +1,221 @@
+"""Training of a direct model: paired runs -> weights.
+
+In: the folder of `gns.direct.runs`. Out: a network and, while it trains, `state.pt`, from which a
+job that was killed goes on. Sections are encoded once. Every tenth block of ten scenes judges the
+model (`test`), the one before it calibrates its intervals (`calibration`); the others train it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from gns.direct.network import (
+    Answer,
+    DirectConfig,
+    DirectModel,
+    features,
+    mirrored,
+    with_coarse,
+)
+from gns.direct.runs import COARSER, PairedRun, read_runs
+from gns.direct.sections import Outcome, Section, outcome_of, section_of
+from pipeline.files import atomic_path, content_hash
+
+STATE_FILE = "state.pt"
+SPLITS = ("train", "calibration", "test")
+#: Weight of the thickness next to the toes.
+PROFILE = 1.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One run as the model sees it.
+
+    Attributes:
+        run: number of its scene; name: of the scene.
+        section, fine, coarse: see `gns.direct.sections`.
+        split: which of SPLITS.
+        spacing: of the fine run [heights].
+        seconds: of the fine and of the coarse run [s].
+        before: toes before the slide, as the features take them, (2,).
+    """
+
+    run: int
+    name: str
+    section: Section
+    fine: Outcome
+    coarse: Outcome
+    split: str
+    seconds: tuple[float, float]
+
+    @property
+    def template(self) -> str:
+        """One of a to d, or dam."""
+        return self.name.split("_")[0]
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """How long and how fast."""
+
+    steps: int = 4000
+    batch: int = 32
+    rate: float = 2e-3
+    warmup: int = 200
+    save_every: int = 500
+    decay: float = 0.05
+    seed: int = 0
+
+
+def split_of(run: int) -> str:
+    """The split of a run: by tens, so that every split has dams and templates alike."""
+    place = (run // 10) % 10
+    return "test" if place == 9 else "calibration" if place == 8 else "train"
+
+
+def sample_of(run: PairedRun) -> Sample | None:
+    """A run encoded; None where it left the columns."""
+    section = section_of(run.scene)
+    own = run.scene.spacing
+    fine = outcome_of(section, run.fine.initial, run.fine.final, own)
+    coarse = outcome_of(section, run.coarse.initial, run.coarse.final, COARSER * own)
+    if fine is None or coarse is None:
+        return None
+    origin = run.scene.origin
+    return Sample(
+        run.number,
+        run.scene.name if origin is None else f"{origin.template}_{run.number}",
+        section,
+        fine,
+        coarse,
+        split_of(run.number),
+        (run.fine.seconds, run.coarse.seconds),
+    )
+
+
+def read_samples(folder: Path) -> list[Sample]:
+    """All runs of a folder, encoded."""
+    found = (sample_of(run) for run in read_runs(folder))
+    return [one for one in found if one is not None]
+
+
+def inputs(samples: list[Sample], *, corrected: bool) -> tuple[Tensor, Tensor]:
+    """Features (N, channels, C) and the toes they begin from (N, 2), float32."""
+    seen = []
+    for one in samples:
+        values = torch.as_tensor(one.section.values, dtype=torch.float32)[None]
+        own = features([one.section], one.fine.toes_before[None], values)
+        seen.append(with_coarse(own, [one.coarse]) if corrected else own)
+    start = [one.coarse.toes if corrected else one.fine.toes_before for one in samples]
+    return torch.cat(seen), torch.as_tensor(np.stack(start), dtype=torch.float32)
+
+
+def train(
+    samples: list[Sample],
+    folder: Path,
+    config: DirectConfig,
+    plan: TrainingPlan,
+    tell: Callable[[str], None] = print,
+) -> DirectModel:
+    """Train, or go on where a training of the same runs, size and plan stopped.
+
+    Args:
+        samples: of all splits; only those of `train` are learned from.
+        folder: of the model.
+        config: size of the network.
+        plan: how long.
+        tell: called with a line at each save.
+    """
+    torch.manual_seed(plan.seed)
+    model = DirectModel(config)
+    ours = [one for one in samples if one.split == "train"]
+    seen, start = inputs(ours, corrected=config.corrected)
+    toes = torch.as_tensor(np.stack([one.fine.toes for one in ours]), dtype=torch.float32)
+    thickness = torch.as_tensor(np.stack([one.fine.thickness for one in ours]), dtype=torch.float32)
+    optimiser = torch.optim.AdamW(model.parameters(), lr=plan.rate, weight_decay=plan.decay)
+    average = {name: value.clone() for name, value in model.state_dict().items()}
+    first, state = 0, folder / STATE_FILE
+    folder.mkdir(parents=True, exist_ok=True)
+    key = content_hash(
+        {"runs": [one.run for one in ours], "config": asdict(config), "plan": asdict(plan)}
+    )
+    kept = torch.load(state, weights_only=True) if state.is_file() else {"key": ""}
+    if kept["key"] == key:
+        first, average = kept["step"], kept["average"]
+        model.load_state_dict(kept["weights"])
+        optimiser.load_state_dict(kept["optimiser"])
+    began, running = time.perf_counter(), 0.0
+    model.train()
+    for step in range(first, plan.steps):
+        numbers = torch.Generator().manual_seed(plan.seed * 1_000_003 + step)
+        drawn = torch.randint(len(ours), (plan.batch,), generator=numbers)
+        x, begin, want, deposit = seen[drawn], start[drawn], toes[drawn], thickness[drawn]
+        if step % 2:
+            x, want = mirrored(x, want, corrected=config.corrected)
+            begin, deposit = -begin.flip(1), deposit.flip(1)
+        for group in optimiser.param_groups:
+            group["lr"] = plan.rate * _schedule(step, plan)
+        loss = loss_of(model(x, begin), want, deposit)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimiser.step()
+        running += float(loss.detach())
+        keep = min(0.998, (step + 1) / (step + 10))
+        for name, value in model.state_dict().items():
+            average[name].lerp_(value, 1.0 - keep)
+        if (step + 1) % plan.save_every == 0 or step + 1 == plan.steps:
+            with atomic_path(state) as temporary:
+                torch.save(
+                    {
+                        "key": key,
+                        "step": step + 1,
+                        "average": average,
+                        "weights": model.state_dict(),
+                        "optimiser": optimiser.state_dict(),
+                    },
+                    temporary,
+                )
+            pace = (time.perf_counter() - began) / (step + 1 - first)
+            tell(f"step {step + 1}: loss {running / plan.save_every:.3f}, {1000 * pace:.0f} ms")
+            running = 0.0
+    model.load_state_dict(average)
+    return model.eval()
+
+
+def loss_of(answer: Answer, toes: Tensor, thickness: Tensor) -> Tensor:
+    """Mean negative log likelihood of Laplace errors."""
+    toe = (answer.toes - toes).abs() / answer.toe_scale + answer.toe_scale.log()
+    profile = (answer.thickness - thickness).abs()
+    deposit = profile / answer.thickness_scale + answer.thickness_scale.log()
+    moved = ((thickness > 0.0) | (answer.thickness > 0.0)).float()
+    return toe.mean() + PROFILE * (deposit * moved).sum() / moved.sum() + 2.0 * profile.mean()
+
+
+def answers(model: DirectModel, samples: list[Sample], batch: int = 64) -> Answer:
+    """What a model predicts for samples."""
+    parts = []
+    with torch.no_grad():
+        for place in range(0, len(samples), batch):
+            parts.append(
+                model(*inputs(samples[place : place + batch], corrected=model.config.corrected))
+            )
+    return Answer(
+        *(torch.cat([getattr(one, name) for one in parts]) for name in Answer.__dataclass_fields__)
+    )
+
+
+def _schedule(step: int, plan: TrainingPlan) -> float:
+    """Share of the learning rate: a rise, then a cosine."""
+    if step < plan.warmup:
+        return (step + 1) / plan.warmup
+    way = (step - plan.warmup) / max(plan.steps - plan.warmup, 1)
+    return 0.5 * (1.0 + math.cos(math.pi * way))

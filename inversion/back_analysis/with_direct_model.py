@@ -1,0 +1,75 @@
+"""A back-analysis by a direct model: an answer in seconds, with the model's error in it.
+
+The stages of `inversion.back_analysis.back_analysis`. The answer is found twice: the second time
+with the model's own error, as it is at the first answer, in the covariance of the measurements. How
+far the section lies from the training is among the remarks, and an answer far outside is refused
+(`inversion.engines.direct_engine`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from inversion.back_analysis.without_settings import LearnedAnalysis
+from inversion.engines.direct_engine import DirectEngine, shipped
+from inversion.engines.setup import Setup
+from inversion.estimation.misfit import Objective
+from inversion.estimation.posterior import posterior
+from inversion.problem.forward import Forward
+
+#: Source of the model's error among the sources of uncertainty.
+SOURCE = "error of the direct model"
+
+
+@dataclass(kw_only=True)
+class DirectAnalysis(LearnedAnalysis):
+    """A case under back-analysis by a direct model.
+
+    Attributes:
+        error_std: of the model's error of each number, by its name [m]; empty: not known yet.
+    """
+
+    error_std: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def coarse_spacing_m(self) -> float | None:
+        """None: a forecast costs the same at every spacing."""
+        return None
+
+    def engine_of(self) -> Forward:
+        """The model that ships under the engine's name."""
+        engine: DirectEngine = shipped(self.engine_name, self.store)
+        engine.anywhere = self.case.config.inversion.outside_training
+        return engine
+
+    def objective_of(self, setup: Setup) -> Objective:
+        """With the model's error in the covariance as soon as it is known."""
+        if self.error_std:
+            variance = [self.error_std.get(name, 0.0) ** 2 for name in setup.targets.names]
+            covariance = setup.targets.covariance + np.diag(variance)
+            setup = replace(setup, targets=replace(setup.targets, covariance=covariance))
+        return self.case.objective(setup)
+
+    def search(self) -> None:
+        """The answer; again with the model's error at it."""
+        start = self.case.setup.at(self.case.parameters.start)
+        self.remark(
+            f"the section lies at {self.engine.distance(start):.2f} from the training of the "
+            "direct model (1: as far as its outermost sections lie from each other)"
+        )
+        super().search()
+        std = self.engine.error_std(self.case.setup.at(self.found.values))
+        names = self.case.setup.targets.names
+        self.error_std = dict(zip(names, map(float, std), strict=True))
+        self.objective = self.objective_of(self.case.setup)
+        super().search()
+        derivative, values = self.found.best.derivative, self.found.values
+        whole = posterior(self.objective, derivative, values)
+        survey = self.case.objective().covariance
+        self.spread = posterior(self.objective, derivative, values, errors=survey)
+        more = np.sqrt(np.maximum(whole.std**2 - self.spread.std**2, 0.0))
+        self.more_sources[SOURCE] = dict(
+            zip(self.case.parameters.names, map(float, more), strict=True)
+        )

@@ -1,0 +1,305 @@
+"""A direct model as a forward engine: the deposit in one pass, without stepping.
+
+In: requests as for every engine, and the model that ships under the engine's name (`models/`). Out:
+predictions of what is read on the deposit at the end: toes, surface, settlement of the crest,
+freeboard. What needs single points or the way between has no answer. The toe is the model's own;
+the others are read, by the definitions of the survey, on a deposit filled from its thickness.
+
+A model that corrects starts from a run of the solver at twice the spacing, which the store keeps.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from geometry.scenes.fill import fill
+from geometry.scenes.scene import Scene
+from geometry.survey.measured import Measured, Reading
+from geometry.survey.toe import outward_of, toe
+from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
+from gns.direct.sections import Outcome, Section, outcome_of, section_of
+from inversion.engines.run_store import KeptRun, RunStore
+from inversion.engines.setup import Setup, prediction_of
+from inversion.problem.forward import Forward, Prediction, Request
+from inversion.problem.question import material_key
+from pipeline.cli import InputError
+from pipeline.places import MODELS, resolve
+
+#: Spacing of the run that a correction starts from, over that of the question.
+COARSER = 2.0
+#: Types of measurement that are read on the deposit at the end.
+READ = ("toe_runout", "no_flow", "surface_profile", "crest_settlement", "freeboard")
+#: Columns thinner than this share of a spacing hold no soil.
+THINNEST = 0.25
+#: Change of the thickness by which a reading is differentiated, as a share of the derivative's own.
+STEP = 1e-4
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request as the model sees it.
+
+    Attributes:
+        setup: of the request; scene: with its values put in.
+        section: its columns; before: toes before the slide, (2,) [heights].
+        initial: points before the slide (N, 2) [m]; zone: of each, (N,).
+        coarse: of the run at twice the spacing; None: the model needs none.
+    """
+
+    setup: Setup
+    scene: Scene
+    section: Section
+    before: np.ndarray
+    initial: np.ndarray
+    zone: np.ndarray
+    coarse: Outcome | None
+
+
+class DirectEngine(Forward):
+    """`inversion.problem.forward.Forward` by a direct model.
+
+    Args:
+        store: keeps the runs that a correction starts from.
+        predictor: the model.
+        anywhere: answer also far outside what the model has learned from.
+    """
+
+    def __init__(self, store: RunStore, predictor: Predictor, *, anywhere: bool = False) -> None:
+        super().__init__()
+        self.store = store
+        self.predictor = predictor
+        self.anywhere = anywhere
+
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """Predictions of all requests.
+
+        Raises:
+            InputError: a section that the model does not know, or far outside its training; a
+                fitted measurement that it cannot read.
+        """
+        self.runs += len(requests)
+        return [self._predicted(asked, *self.forecast(asked)) for asked in self._asked(requests)]
+
+    def derivative(
+        self, request: Request, steps: np.ndarray
+    ) -> tuple[Prediction, np.ndarray, np.ndarray]:
+        """Prediction and derivative: exact in strengths, for a model that sees the section alone.
+
+        See `inversion.problem.forward.Forward`; columns of other parameters, and all of a model
+        that corrects, are finite differences.
+        """
+        tangents = None if self.predictor.corrected else _tangents(request)
+        if tangents is None:
+            return super().derivative(request, steps)
+        self.runs += 1
+        (asked,) = self._asked([request])
+        forecast, seconds = self.forecast(asked)
+        prediction = self._predicted(asked, forecast, seconds)
+        unit = np.array([asked.section.unit_kpa, 1.0, 1.0])
+        toes, deposits = self.predictor.derivative(asked.section, asked.before, tangents / unit)
+        columns = []
+        for toe_slope, deposit_slope in zip(toes, deposits, strict=True):
+            ends = [
+                self._predicted(asked, _moved(forecast, sign * STEP, toe_slope, deposit_slope))
+                for sign in (1.0, -1.0)
+            ]
+            columns.append((ends[0].values - ends[1].values) / (2.0 * STEP))
+        return prediction, np.stack(columns, axis=1), np.zeros(len(steps))
+
+    def distance(self, request: Request) -> float:
+        """Of a request's section to the training; see `Predictor.distance`."""
+        return self.predictor.distance(section_of(request.scene))
+
+    def error_std(self, request: Request) -> np.ndarray:
+        """Standard deviation of the model's error of each number, (m,) [m]; 0: not known.
+
+        Of toes from their own interval, of elevations from the interval of the columns there; as of
+        a normal distribution with the same 90 % interval.
+        """
+        (asked,) = self._asked([request])
+        forecast, _ = self.forecast(asked)
+        return np.concatenate(
+            [_std(entry, forecast, asked.section.x) for entry in request.setup.targets.entries]
+        )
+
+    def forecast(self, asked: Asked) -> tuple[Forecast, float]:
+        """What the model predicts, and the time that took [s]."""
+        began = time.perf_counter()
+        forecast = self.predictor.predict(asked.section, asked.before, asked.coarse)
+        return forecast, time.perf_counter() - began
+
+    def _asked(self, requests: Sequence[Request]) -> list[Asked]:
+        coarse: list[KeptRun | None] = [None] * len(requests)
+        if self.predictor.corrected:
+            wanted = [(_coarser(one.scene), one.setup.settings) for one in requests]
+            coarse = list(self.store.fetch(wanted))
+        return [self._one(*pair) for pair in zip(requests, coarse, strict=True)]
+
+    def _one(self, request: Request, coarse: KeptRun | None) -> Asked:
+        setup, scene = request.setup, request.scene
+        _check_readable(setup)
+        section = section_of(scene, setup.settings.gravity_m_per_s2)
+        away = self.predictor.distance(section)
+        if away > FARTHEST and not self.anywhere:
+            raise InputError(
+                f"{scene.name}: lies at {away:.1f} from the training of the direct model (1: as "
+                f"far as its outermost sections from each other); beyond {FARTHEST:g} it answers "
+                "a back-analysis with inversion.outside_training: true alone; ask the engine mpm"
+            )
+        points = fill(scene)
+        initial = points.position.astype(float)
+        before = np.array(
+            [
+                (toe(initial, scene.spacing**2, spacing=scene.spacing, side=side) - section.middle)
+                / section.height
+                for side in ("left", "right")
+            ]
+        )
+        start = None
+        if coarse is not None:
+            if coarse.status == "failed":
+                raise InputError(
+                    f"{scene.name}: the run at twice the spacing failed: {coarse.reason}"
+                )
+            start = outcome_of(
+                section, coarse.initial, coarse.final, COARSER * scene.spacing
+            )  # fmt: skip
+            if start is None:
+                raise InputError(f"{scene.name}: the slide runs farther than the model sees")
+        return Asked(setup, scene, section, before, initial, points.zone, start)
+
+    def _predicted(self, asked: Asked, forecast: Forecast, seconds: float = 0.0) -> Prediction:
+        """Read the measurements on a forecast."""
+        setup, spacing = asked.setup, asked.scene.spacing
+        final, volume = _filled(asked, forecast.thickness)
+        run = KeptRun(
+            initial=asked.initial,
+            final=final,
+            zone=asked.zone,
+            vertical_stress=np.full(len(asked.initial), np.nan, np.float32),
+            status="finished",
+            reason="",
+            end_s=0.0,
+            at_rest=True,
+            wall_time_s=seconds,
+            readings=_unread(setup),
+            volume=volume,
+        )
+        prediction = prediction_of(setup, run)
+        values, place = prediction.values.copy(), 0
+        before = asked.section.middle + asked.section.height * asked.before
+        for entry in setup.targets.entries:
+            if entry.type in ("toe_runout", "no_flow"):
+                number = 0 if entry.side == "left" else 1
+                travel = outward_of(entry.side) * (forecast.toes[number] - before[number])
+                values[place] = prediction.at_start[place] + travel
+            elif not _readable(entry):
+                values[place : place + len(entry.values)] = np.nan
+            place += len(entry.values)
+        return replace(prediction, values=values, spacing_m=spacing)
+
+
+def shipped(name: str, store: RunStore) -> DirectEngine:
+    """The engine of a model that ships under a name."""
+    return DirectEngine(store, _loaded(resolve(name, MODELS) / MODEL_FILE))
+
+
+@cache
+def _loaded(path: Path) -> Predictor:
+    return Predictor.load(path)
+
+
+def _readable(entry: Measured) -> bool:
+    """Whether a measurement is read on the deposit at the end."""
+    return entry.type in READ and getattr(entry, "at", "") != "crest_points"
+
+
+def _check_readable(setup: Setup) -> None:
+    place = 0
+    for entry in setup.targets.entries:
+        count = len(entry.values)
+        if setup.targets.fitted[place : place + count].any() and not _readable(entry):
+            raise InputError(
+                f"{entry.name}: {entry.type}: the direct model knows the surface at the end alone; "
+                f"it can fit {', '.join(READ)}"
+            )
+        place += count
+
+
+def _unread(setup: Setup) -> dict[str, Reading]:
+    """Readings of what needs a history: none."""
+    return {
+        entry.reading_key(setup.foot): Reading(np.full(len(entry.values), np.nan))
+        for entry in [*setup.targets.entries, *setup.also_read]
+        if entry.needs_history
+    }
+
+
+def _coarser(scene: Scene) -> Scene:
+    try:
+        return scene.changed(spacing=COARSER * scene.spacing)
+    except ValidationError as error:
+        reason = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+        raise InputError(f"{scene.name}: has no run at twice its spacing: {reason}") from None
+
+
+def _tangents(request: Request) -> np.ndarray | None:
+    """Change of the zones' values with each parameter (p, Z, 3); None: one is no strength."""
+    scene = request.scene
+    found = []
+    for spec, value in zip(request.setup.parameters.specs, request.values, strict=True):
+        key = material_key(spec.property)
+        if key not in ("cohesion_kpa", "friction_deg"):
+            return None
+        column = 0 if key == "cohesion_kpa" else 1
+        slope = 1.0 if column == 0 else np.radians(1.0) / np.cos(np.radians(value)) ** 2
+        change = np.zeros((len(scene.zones), 3))
+        for place, zone in enumerate(scene.zones):
+            if zone.name in spec.zones:
+                change[place, column] = slope
+        found.append(change)
+    return np.array(found)
+
+
+def _filled(asked: Asked, thickness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a deposit, a spacing apart, and the volume of each."""
+    spacing, x = asked.scene.spacing, asked.section.x
+    places = np.arange(x[0], x[-1], spacing)
+    depth = np.interp(places, x, thickness)
+    kept = depth > THINNEST * spacing
+    places, depth = places[kept], depth[kept]
+    count = np.ceil(depth / spacing).astype(int)
+    column = np.repeat(np.arange(len(places)), count)
+    number = np.arange(len(column)) - np.repeat(np.cumsum(count) - count, count)
+    share = (number + 0.5) / count[column]
+    y = asked.scene.ground.height(places)[column] + share * depth[column]
+    volume = (spacing * depth / count)[column]
+    return np.column_stack([places[column], y]), volume
+
+
+def _moved(forecast: Forecast, step: float, toes: np.ndarray, deposit: np.ndarray) -> Forecast:
+    return replace(
+        forecast,
+        toes=forecast.toes + step * toes,
+        thickness=forecast.thickness + step * deposit,
+    )
+
+
+def _std(entry: Measured, forecast: Forecast, x: np.ndarray) -> np.ndarray:
+    """Of the numbers of one measurement, see `DirectEngine.error_std`."""
+    count, normal = len(entry.values), 1.645
+    if entry.type in ("toe_runout", "no_flow"):
+        return np.array([forecast.toe_interval[0 if entry.side == "left" else 1] / normal])
+    along = entry.along
+    if entry.type == "surface_profile" and along is not None:
+        return np.interp(along.place, x, forecast.thickness_interval) / normal
+    if getattr(entry, "x_m", None) is not None:
+        return np.full(count, np.interp(entry.x_m, x, forecast.thickness_interval) / normal)
+    return np.full(count, np.median(forecast.thickness_interval[forecast.thickness > 0]) / normal)

@@ -1,0 +1,74 @@
+# Learned models without steps: paired runs of random sections -> trained models with their cards.
+
+DIRECT_PARTS = 60
+DIRECT_KINDS = ("direct", "corrected")
+
+
+wildcard_constraints:
+    part=r"\d\d\d\d",
+    kind="|".join(DIRECT_KINDS),
+
+
+def direct_runs(wildcards):
+    return [f"{RESULTS}/direct/runs/runs_{part:04d}.npz" for part in range(DIRECT_PARTS)]
+
+
+# A part is written when whole: a job that is killed costs at most its own fifty runs.
+rule simulate_direct:
+    output:
+        f"{RESULTS}/direct/runs/runs_{{part}}.npz",
+    log:
+        f"{RESULTS}/logs/simulate_direct_{{part}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/simulate_direct_{{part}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=lambda wildcards, attempt: 30 * attempt,
+    params:
+        config=CONFIG_FILE,
+        number=lambda wildcards: int(wildcards.part),
+        folder=f"{RESULTS}/direct/runs",
+        physics=content_hash(
+            {"physics": PHYSICS, "simulation": SETTINGS.simulation, "seed": SETTINGS.geometry.seed}
+        ),
+    message:
+        "Simulating part {wildcards.part} of the runs for the direct models"
+    shell:
+        "python -m gns direct-runs --parts {params.number}-{params.number} --out {params.folder}"
+        " --config {params.config} --threads {threads} > {log} 2>&1"
+
+
+# A job that is killed leaves the state of the training next to the model, so that the next try goes on.
+rule train_direct_model:
+    input:
+        direct_runs,
+    output:
+        card=f"{RESULTS}/direct/{{kind}}/card.yaml",
+        table=f"{RESULTS}/direct/{{kind}}/training.txt",
+    log:
+        f"{RESULTS}/logs/train_direct_{{kind}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/train_direct_{{kind}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=lambda wildcards, attempt: 120 * attempt,
+    params:
+        config=CONFIG_FILE,
+        data=f"{RESULTS}/direct/runs",
+        folder=lambda wildcards, output: os.path.dirname(output.card),
+        corrected=lambda wildcards: "--corrected" if wildcards.kind == "corrected" else "",
+        physics=content_hash(GNS_PHYSICS),
+    message:
+        "Learning the {wildcards.kind} model without steps"
+    shell:
+        "python -m gns direct-train {params.corrected} --data {params.data} --out {params.folder}"
+        " --config {params.config} --threads {threads} > {output.table} 2> {log}"
+
+
+rule train_direct:
+    input:
+        expand(f"{RESULTS}/direct/{{kind}}/card.yaml", kind=DIRECT_KINDS),
+    message:
+        "The models without steps are trained and judged: {input}"

@@ -1,0 +1,234 @@
+"""The direct models: sections as columns, network, training, calibration, those that ship."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from geometry.random_scenes.embankment_dam import draw_dam
+from gns.direct import runs as runs_module
+from gns.direct.judge import calibrated, card, coarse_alone, judged
+from gns.direct.network import DirectConfig, DirectModel, features, mirrored
+from gns.direct.predictor import MODEL_FILE, Predictor, described, neighbourly
+from gns.direct.runs import Ended, PairedRun, read_runs, simulate_parts
+from gns.direct.sections import COLUMN, COLUMNS, outcome_of, places, section_of
+from gns.direct.train import SPLITS, TrainingPlan, sample_of, split_of, train
+from pipeline.cli import InputError
+from pipeline.config import load_config
+from pipeline.files import file_hash, read_yaml
+from tests.conftest import ROOT
+
+SMALL = DirectConfig(widths=(8, 8, 8, 8))
+SHIPPED = sorted(path.parent for path in (ROOT / "models").glob(f"*/{MODEL_FILE}"))
+
+
+def slid(number: int) -> PairedRun:
+    """A random dam whose points have moved by a formula: outward with their height."""
+    scene = draw_dam(0, number, 2.0)
+    ended = []
+    for spacing in (2.0, 4.0):
+        from geometry.scenes.fill import fill
+
+        initial = fill(scene.changed(spacing=spacing)).position.astype(np.float32)
+        final = initial.copy()
+        weak = np.log10(scene.materials["first_lower"].cohesion_kpa + 1.0)
+        final[:, 0] += (initial[:, 0] - initial[:, 0].mean()) * 0.3 * (2.5 - weak)
+        ended.append(Ended(initial, final, 0.1, True))
+    return PairedRun(number, scene, *ended)
+
+
+@pytest.fixture(scope="module")
+def samples():
+    found = [sample_of(slid(number)) for number in (*range(0, 20), *range(80, 100))]
+    return [one for one in found if one is not None]
+
+
+@pytest.fixture(scope="module")
+def section():
+    return section_of(draw_dam(0, 3, 2.0))
+
+
+def test_columns_hold_the_section():
+    scene = draw_dam(0, 3, 2.0)
+    section = section_of(scene)
+    from shapely import Polygon
+
+    area = sum(Polygon(zone.polygon).area for zone in scene.zones)
+    assert section.thickness.sum() * COLUMN * section.height**2 == pytest.approx(area, rel=0.01)
+    assert section.thickness.max() == pytest.approx(1.0, abs=0.15)
+    soil = section.zone_share.sum(axis=(1, 2)) > 0
+    assert np.allclose(section.zone_share[soil].sum(axis=2), 1.0)
+
+
+def test_a_section_of_another_size_is_the_same():
+    small, large = (section_of(draw_dam(0, 5, spacing)) for spacing in (1.0, 3.0))
+    assert np.allclose(small.thickness, large.thickness, atol=1e-3)
+    assert np.allclose(small.values, large.values, atol=2e-3)
+    assert np.allclose(described(small), described(large), atol=0.02)
+
+
+def test_the_mirror_image_has_mirrored_features():
+    scene = draw_dam(0, 4, 2.0)
+
+    def turned(points):
+        return [(600.0 - x, y) for x, y in reversed(points)]
+
+    image = scene.changed(
+        ground={"points": turned(scene.ground.points)},
+        zones=[z.model_dump() | {"polygon": turned(z.polygon)} for z in scene.zones],
+        phreatic_line=None if scene.phreatic_line is None else turned(scene.phreatic_line),
+        domain=scene.domain.model_dump()
+        | {"x_min": 600.0 - scene.domain.x_max, "x_max": 600.0 - scene.domain.x_min},
+    )
+    before = np.array([[-2.0, 2.5]])
+    seen = []
+    for one, toes in ((scene, before), (image, -before[:, ::-1])):
+        own = section_of(one)
+        seen.append(features([own], toes, torch.as_tensor(own.values)[None]))
+    flipped, toes = mirrored(seen[0], torch.as_tensor(before), corrected=False)
+    # The ground's height counts from that at the middle, and slopes are one-sided at the ends.
+    assert torch.allclose(flipped, seen[1], atol=0.05)
+    assert torch.allclose(toes, torch.tensor([[-2.5, 2.0]], dtype=toes.dtype))
+
+
+@pytest.mark.parametrize("change", ["velocity", "law", "ground"])
+def test_what_it_has_never_seen_is_refused(change):
+    scene = draw_dam(0, 3, 2.0)
+    if change == "velocity":
+        zone = scene.zones[0].model_copy(update={"initial_velocity": (1.0, 0.0)})
+        scene = scene.model_copy(update={"zones": [zone, *scene.zones[1:]]})
+    elif change == "law":
+        scene = scene.model_copy(update={"law": "other"})
+    else:
+        ground = scene.ground.model_copy(update={"contact": "no_slip"})
+        scene = scene.model_copy(update={"ground": ground})
+    with pytest.raises(InputError, match=r"the direct model knows .* alone"):
+        section_of(scene)
+
+
+def test_the_deposit_keeps_the_volume_and_the_answer_has_its_derivative(section):
+    torch.manual_seed(0)
+    model = DirectModel(SMALL)
+    for parameter in model.parameters():  # some weights begin at zero
+        torch.nn.init.normal_(parameter, std=0.1)
+    predictor = Predictor(model.eval(), 1.0, 1.0, described(section)[None], 1.0)
+    before = np.array([section.feet])[0]
+    forecast = predictor.predict(section, before)
+    volume = section.thickness.sum() * section.height
+    assert forecast.thickness.sum() == pytest.approx(volume, rel=1e-5)
+    tangent = np.zeros((2, *section.values.shape))
+    tangent[0, 0, 0] = tangent[1, 1, 1] = 1.0
+    toes, deposit = predictor.derivative(section, before, tangent)
+    double = Predictor(DirectModel(SMALL).double(), 1.0, 1.0, predictor.known, 1.0)
+    double.model.load_state_dict(model.state_dict())
+    for place in (0, 1):
+        ends = []
+        for sign in (1.0, -1.0):
+            values = torch.as_tensor(section.values + sign * 1e-5 * tangent[place])
+            toe, _, thickness, _ = double._answer(section, before, None, values, double.model)
+            ends.append((toe.detach().numpy(), thickness.detach().numpy()))
+        for exact, which in ((toes[place], 0), (deposit[place], 1)):
+            finite = section.height * (ends[0][which] - ends[1][which]) / 2e-5
+            assert np.abs(exact).max() > 0
+            assert exact == pytest.approx(finite, rel=1e-4, abs=1e-6)
+
+
+def test_a_killed_training_goes_on_where_it_stopped(samples, tmp_path):
+    plan = TrainingPlan(steps=6, batch=4, save_every=2)
+    whole = train(samples, tmp_path / "whole", SMALL, plan, lambda line: None)
+
+    class KilledError(Exception):
+        pass
+
+    def kill(line):
+        if line.startswith("step 4"):
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        train(samples, tmp_path / "parts", SMALL, plan, kill)
+    lines = []
+    again = train(samples, tmp_path / "parts", SMALL, plan, lines.append)
+    assert [line.split(":")[0] for line in lines] == ["step 6"]
+    for one, other in zip(whole.parameters(), again.parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+def test_training_calibration_and_card(samples, tmp_path, corrected):
+    torch.set_num_threads(1)
+    config = DirectConfig(corrected, SMALL.widths)
+    model = train(samples, tmp_path, config, TrainingPlan(40, 8, warmup=5), lambda line: None)
+    predictor = calibrated(model, samples)
+    facts = card(predictor, samples, {"steps": 40})
+    assert facts["runs"] == {n: sum(one.split == n for one in samples) for n in SPLITS}
+    held = [one for one in samples if one.split == "calibration"]
+    assert np.mean(judged(predictor, held).covered) >= 0.9  # that is what calibration is
+    fine = [one for one in samples if one.split == "test"]
+    alone = coarse_alone(fine)
+    assert np.all(np.isfinite(alone.runout)) and alone.row()["runs"] == len(fine)
+    predictor.save(tmp_path / MODEL_FILE)
+    kept = Predictor.load(tmp_path / MODEL_FILE)
+    one = fine[0]
+    coarse = one.coarse if corrected else None
+    before = one.fine.toes_before
+    ours, theirs = (p.predict(one.section, before, coarse) for p in (predictor, kept))
+    assert np.array_equal(ours.toes, theirs.toes)
+    assert np.all(ours.toe_interval > 0)
+
+
+def test_a_damaged_model_is_refused(tmp_path):
+    (tmp_path / MODEL_FILE).write_bytes(b"no model")
+    with pytest.raises(InputError, match="is not a direct model"):
+        Predictor.load(tmp_path / MODEL_FILE)
+    with pytest.raises(InputError, match="direct-train leaves one"):
+        Predictor.load(tmp_path / "none.pt")
+
+
+def test_far_is_what_hardly_any_training_section_is():
+    random = np.random.default_rng(0)
+    known = random.standard_normal((200, 3))
+    unit = neighbourly(known)
+    away = [np.sort(np.sqrt(np.mean((known - one) ** 2, axis=1)))[1] for one in known]
+    assert np.mean(np.array(away) <= unit) == pytest.approx(0.99, abs=0.01)
+
+
+def test_a_run_that_leaves_the_columns_is_left_out(section):
+    points = np.column_stack([np.arange(0.0, 2000.0, 2.0), np.ones(1000)])
+    stack = np.concatenate([points + [0.0, 2.0 * row] for row in range(4)])
+    assert outcome_of(section, stack, stack, 2.0) is None
+    assert len(places()) == COLUMNS
+
+
+def test_splits_hold_dams_and_templates_alike():
+    found = {name: [n for n in range(1000) if split_of(n) == name] for name in SPLITS}
+    assert [len(found[name]) for name in SPLITS] == [800, 100, 100]
+    for numbers in found.values():
+        assert np.mean([n % 10 < 7 for n in numbers]) == pytest.approx(0.7)
+
+
+@pytest.mark.slow
+def test_runs_are_made_in_parts_and_a_part_is_made_once(tmp_path, monkeypatch):
+    config = load_config(None, ["simulation.duration_s=1.0"])
+    monkeypatch.setattr(runs_module, "SPACING", 4.0)
+    lines: list[str] = []
+    simulate_parts(config, tmp_path, [0], threads=1, tell=lines.append, size=2)
+    made = file_hash(tmp_path / "runs_0000.npz")
+    simulate_parts(config, tmp_path, [0, 1], threads=1, tell=lines.append, size=2)
+    assert len(lines) == 2 and file_hash(tmp_path / "runs_0000.npz") == made
+    found = list(read_runs(tmp_path))
+    assert [run.number for run in found] == [0, 1, 2, 3]
+    assert found[0].scene == draw_dam(config.geometry.seed, 0, 4.0)
+    assert len(found[0].fine.final) > 2 * len(found[0].coarse.final)
+
+
+@pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
+def test_a_shipped_model_belongs_to_its_card(folder):
+    facts, predictor = read_yaml(folder / "card.yaml"), Predictor.load(folder / MODEL_FILE)
+    assert facts["weights_sha256"] == file_hash(folder / MODEL_FILE)
+    assert facts["kind"] == folder.name == ("corrected" if predictor.corrected else "direct")
+    assert facts["parameters"] == sum(p.numel() for p in predictor.model.parameters())
+    row = facts["accuracy"]["all"]
+    assert row["runs"] >= 100 and row["far"] >= 0.4 * row["runs"]
+    assert 85.0 <= row["covered, %"] <= 97.0
+    assert row["runout, d"] < facts["solver_at_twice_the_spacing"]["all"]["runout, d"]

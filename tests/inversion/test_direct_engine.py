@@ -1,0 +1,131 @@
+"""The direct models as engines: protocol, derivative, what is refused, a back-analysis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from geometry.case import load_case
+from gns.direct.network import DirectConfig, DirectModel
+from gns.direct.predictor import Predictor, described
+from gns.direct.sections import section_of
+from inversion.back_analysis import with_direct_model
+from inversion.back_analysis.case import inversion_case
+from inversion.engine_registry import engine_named, untrained
+from inversion.engines.direct_engine import DirectEngine
+from inversion.engines.run_store import RunStore
+from inversion.problem.forward import Forward
+from pipeline.cli import InputError
+from pipeline.config import load_config
+from pipeline.progress import Watch
+
+QUICK = [
+    "inversion.starts=1", "inversion.noise_seeds=0", "inversion.step_seeds=0",
+    "inversion.variants=false", "inversion.sensitivities=false", "inversion.waterfall=false",
+]  # fmt: skip
+
+
+def predictor_near(section, *, corrected: bool = False) -> Predictor:
+    """An untrained model that has seen this section, and does not ignore what it is given."""
+    torch.manual_seed(1)
+    model = DirectModel(DirectConfig(corrected, (8, 8, 8, 8)))
+    for parameter in model.parameters():
+        torch.nn.init.normal_(parameter, std=0.15)
+    return Predictor(model.eval().requires_grad_(False), 1.5, 1.5, described(section)[None], 1.0)
+
+
+@pytest.fixture
+def setup(lsfd):
+    return inversion_case(load_case(lsfd, load_config(None, QUICK))).setup
+
+
+def engine_of(setup, **more) -> DirectEngine:
+    near = predictor_near(section_of(setup.scene), corrected=more.pop("corrected", False))
+    return DirectEngine(RunStore(None, threads=1), near, **more)
+
+
+def test_it_is_an_engine_whose_numbers_are_those_of_the_survey(setup):
+    engine = engine_of(setup)
+    assert isinstance(engine, Forward)
+    first, second = (setup.at(np.array([s, 30.0])) for s in (10.0, 40.0))
+    one, other = engine.predict([first, second])
+    assert engine.runs == 2 and engine.store.computed == 0
+    assert one.values.shape == (len(setup.targets.names),)
+    fitted = setup.targets.fitted
+    assert np.all(np.isfinite(one.values[fitted])) and not np.array_equal(one.values, other.values)
+    (again,) = engine.predict([second])
+    assert np.array_equal(other.values, again.values, equal_nan=True)
+    assert one.sigma_v0_kpa[0] > 50.0 and one.spacing_m == setup.scene.spacing
+    std = engine.error_std(first)
+    assert std.shape == one.values.shape and np.all(std[fitted] > 0)
+
+
+def test_the_derivative_is_that_of_finite_differences(setup):
+    engine, values = engine_of(setup), np.array([25.0, 32.0])
+    prediction, derivative, steps = engine.derivative(setup.at(values), np.array([1.0, 1.0]))
+    assert not np.any(steps)
+    toes = [name for name in setup.targets.names if "toe" in name]
+    rows = [setup.targets.names.index(name) for name in toes]
+    finite = []
+    for place, step in enumerate((0.5, 0.25)):
+        ends = [
+            engine.predict([setup.at(values + sign * step * np.eye(2)[place])])[0].values
+            for sign in (1.0, -1.0)
+        ]
+        finite.append((ends[0] - ends[1]) / (2.0 * step))
+    assert rows and np.abs(derivative[rows]).max() > 1e-3
+    assert derivative[rows] == pytest.approx(np.array(finite).T[rows], rel=0.02, abs=2e-4)
+
+
+def test_far_from_the_training_it_answers_only_if_asked(setup):
+    engine = engine_of(setup)
+    far = setup.with_scene(
+        setup.scene.changed(
+            materials={
+                name: one.model_dump() | {"density": 6.0 * one.density}
+                for name, one in setup.scene.materials.items()
+            }
+        )
+    )
+    request = far.at(np.array([25.0, 32.0]))
+    assert engine.distance(request) > 2.0
+    with pytest.raises(InputError, match=r"lies at .* from the training of the direct model"):
+        engine.predict([request])
+    bold = DirectEngine(engine.store, engine.predictor, anywhere=True)
+    assert np.isfinite(bold.predict([request])[0].values[setup.targets.fitted]).all()
+
+
+def test_a_fit_to_what_it_cannot_read_is_refused(setup):
+    names, roles = setup.targets.names, list(setup.targets.roles)
+    duration = next(i for i, name in enumerate(names) if "duration" in name)
+    roles[duration] = "fitted"
+    asked = replace(setup, targets=replace(setup.targets, roles=roles))
+    with pytest.raises(InputError, match="knows the surface at the end alone"):
+        engine_of(setup).predict([asked.at(np.array([25.0, 32.0]))])
+
+
+def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkeypatch):
+    case = inversion_case(load_case(lsfd, load_config(None, QUICK)))
+    near = predictor_near(section_of(case.scene))
+    monkeypatch.setattr(with_direct_model, "shipped", lambda name, store: DirectEngine(store, near))
+    result = engine_named("direct").back_analysis(case, RunStore(None), Watch()).run()
+    assert result.engine == "direct"
+    assert any("from the training of the direct model" in line for line in result.remarks)
+    assert untrained("direct").name == "direct"
+
+
+@pytest.mark.slow
+def test_a_correction_starts_from_a_run_at_twice_the_spacing(setup):
+    request = setup.at(np.array([25.0, 32.0]))
+    with pytest.raises(InputError, match="has no run at twice its spacing: zones: zone '6'"):
+        engine_of(setup, corrected=True).predict([request])
+    setup = setup.with_scene(setup.scene.changed(spacing=2.0))
+    short = replace(setup, settings=setup.settings.model_copy(update={"duration_s": 2.0}))
+    engine = engine_of(short, corrected=True)
+    (one,) = engine.predict([short.at(np.array([25.0, 32.0]))])
+    assert engine.store.computed == 1 and np.isfinite(one.values[short.targets.fitted]).all()
+    _, derivative, steps = engine.derivative(short.at(np.array([25.0, 32.0])), np.array([2.0, 1.0]))
+    assert np.all(steps == [2.0, 1.0]) and engine.store.computed == 3
