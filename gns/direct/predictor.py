@@ -110,7 +110,7 @@ class Predictor:
         Returns:
             of the toes (p, 2) and of the thickness (p, C) [m].
         """
-        model = DirectModel(self.model.config).double()
+        model = DirectModel(self.model.config).double().eval()
         model.load_state_dict(self.model.state_dict())
         values = torch.as_tensor(section.values, dtype=torch.float64)
 

@@ -157,6 +157,7 @@ def train(
     for step in range(first, plan.steps):
         numbers = torch.Generator().manual_seed(plan.seed * 1_000_003 + step)
         drawn = torch.randint(len(ours), (plan.batch,), generator=numbers)
+        torch.manual_seed(plan.seed * 1_000_003 + step)  # of what is dropped, also after a kill
         x, begin, want, deposit = seen[drawn], start[drawn], toes[drawn], thickness[drawn]
         if step % 2:
             x, want = mirrored(x, want, corrected=config.corrected)

@@ -120,7 +120,7 @@ def test_the_deposit_keeps_the_volume_and_the_answer_has_its_derivative(section)
     tangent = np.zeros((2, *section.values.shape))
     tangent[0, 0, 0] = tangent[1, 1, 1] = 1.0
     toes, deposit = predictor.derivative(section, before, tangent)
-    double = Predictor(DirectModel(SMALL).double(), 1.0, 1.0, predictor.known, 1.0)
+    double = Predictor(DirectModel(SMALL).double().eval(), 1.0, 1.0, predictor.known, 1.0)
     double.model.load_state_dict(model.state_dict())
     for place in (0, 1):
         ends = []
