@@ -103,6 +103,7 @@ class DiagnosisCase(Case):
             synthetic=question.synthetic,
             source=question.source_errors,
             source_strength=question.source_strength,
+            source_effects=question.source_effects,
             hold_out=question.held_out,
             forbidden=tuple(name for name in question.forbid if name in acting),
             effects=wanted,
@@ -110,11 +111,9 @@ class DiagnosisCase(Case):
             allowance=settings.max_runs - FOR_PICTURES,
             replicates=question.replicates or settings.replicates,
             second_scheme=question.second_scheme,
-            resolution_factor=(
-                settings.resolution_factor
-                if question.resolution_factor is None
-                else question.resolution_factor
-            ),
+            finer_share=_either(question.finer_share, settings.finer_share),
+            finer_share_std=_either(question.finer_share_std, settings.finer_share_std),
+            finer_runs=settings.finer_runs,
             draws=settings.draws,
             starts=settings.starts,
             rounds=settings.rounds,
@@ -196,6 +195,10 @@ def diagnosis_case(
     )
     _check_numbers(asked)
     return asked
+
+
+def _either(asked: float | None, configured: float) -> float:
+    return configured if asked is None else asked
 
 
 def _validation_case(question: DiagnosisQuestion, case: Case) -> DiagnosisCase | None:

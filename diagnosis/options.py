@@ -22,6 +22,8 @@ class Options:
         synthetic: the data were simulated, so they hold numerical noise of their own.
         source: type of measurement -> error of the code that made the measured slide.
         source_strength: its error as a share of the strength that would imitate it.
+        source_effects: how far what an effect does there may differ from what it does here, as a
+            share of it.
         hold_out: None: by the file, or automatically where it holds out nothing.
         forbidden: effects that the engineer rules out.
         effects: the only candidates to test; None: all of the model.
@@ -29,8 +31,9 @@ class Options:
         allowance: forward runs that may be asked for.
         replicates: runs with other jitters of the points, at the fit.
         second_scheme: a paired run with the second transfer scheme enters the covariance.
-        resolution_factor: share of the difference to the finer run that counts as bias; 0: the
-            finer run is not asked for.
+        finer_share: multiple of the difference to finer cells that is added to every prediction.
+        finer_share_std: its standard deviation; with both 0 no finer run is asked for.
+        finer_runs: runs with finer cells, of other jitters, behind the correction.
         numerical_covariance: False leaves the model's own error out. Ablation.
         projection: False scores signatures as if no parameter could imitate them. Ablation.
         finite_amplitudes: False takes signatures at the smallest amplitude alone. Ablation.
@@ -64,6 +67,7 @@ class Options:
     synthetic: bool = False
     source: Mapping[str, SourceError] = field(default_factory=dict)
     source_strength: float = 0.0
+    source_effects: float = 0.0
     hold_out: HoldOut | None = None
     forbidden: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
@@ -71,7 +75,9 @@ class Options:
     allowance: int = 600
     replicates: int = 8
     second_scheme: bool = True
-    resolution_factor: float = 2.5
+    finer_share: float = 1.0
+    finer_share_std: float = 0.5
+    finer_runs: int = 3
     numerical_covariance: bool = True
     projection: bool = True
     finite_amplitudes: bool = True

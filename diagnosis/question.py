@@ -91,10 +91,16 @@ class DiagnosisQuestion(Document):
         None, ge=2, description="jitters that measure the model's noise; null: as configured"
     )
     second_scheme: bool = Field(True, description="a run by the second transfer scheme enters C")
-    resolution_factor: float | None = Field(
+    finer_share: float | None = Field(
         None,
         ge=0,
-        description="share of the difference to finer cells that counts as bias; 0: none; null: as "
+        description="multiple of the difference to finer cells that is added to every prediction; "
+        "null: as configured",
+    )
+    finer_share_std: float | None = Field(
+        None,
+        ge=0,
+        description="its standard deviation; with both 0 no run has finer cells; null: as "
         "configured",
     )
     synthetic: bool = Field(
@@ -110,6 +116,13 @@ class DiagnosisQuestion(Document):
         lt=1.0,
         description="how far the strengths differ by which codes imitate one and the same slide, "
         "as a share",
+    )
+    source_effects: float = Field(
+        0.0,
+        ge=0.0,
+        lt=1.0,
+        description="how far codes, or a law and the soil, differ in what an effect does, as a "
+        "share of it",
     )
     validation_case: str | None = Field(
         None, description="case folder of a second section or event that judges the answer"

@@ -305,10 +305,18 @@ class DiagnosisSettings(Settings):
         "flip", description="transfer scheme of the paired run that enters the model's error"
     )
     finer: float = Field(
-        1.5, gt=1, le=3, description="the paired run of finer cells has the spacing / this"
+        2.0, gt=1, le=3, description="the runs with finer cells have the spacing / this"
     )
-    resolution_factor: float = Field(
-        2.5, ge=0, description="share of the difference to finer cells that counts as bias; 0: none"
+    finer_share: float = Field(
+        1.0,
+        ge=0,
+        description="multiple of the difference to finer cells that is added to every prediction",
+    )
+    finer_share_std: float = Field(
+        0.5, ge=0, description="its standard deviation; with both 0 no run has finer cells"
+    )
+    finer_runs: int = Field(
+        3, ge=1, le=9, description="runs with finer cells behind the correction"
     )
     draws: int = Field(4000, ge=200, description="simulated noises behind every p value")
     starts: int = Field(3, ge=1, le=5, description="first guesses of the base model's calibration")

@@ -2,8 +2,8 @@
 
 A scan over the strengths finds where the slide moves at all; searches from the best of it, and from
 others, find the least misfit. There the replicates, the second transfer scheme and the finer cells
-are run once, C is put together and frozen (misfits must be comparable), and the fit is settled on
-the mean of the replicates.
+are run. What finer cells change is added to every prediction from there on; C is put together and
+frozen (misfits must be comparable), and the fit is settled on the mean of the replicates.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from inversion.estimation.covariance import (
     Covariance,
     covariance,
     jitter_covariance,
+    known,
     source_covariance,
 )
 from inversion.estimation.data import Data, Targets
@@ -37,6 +38,10 @@ LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
 STALE = 0.35
 #: Times that the derivative is taken at most before C is known.
 TIMES_ANEW = 3
+#: The correction for the cells is found so often at most: again where the fit with it has moved
+#: farther than this.
+TIMES_CORRECTED = 2
+FAR = 0.1
 #: Variance of a run's noise as a share of the survey's, until it is measured.
 ASSUMED_NOISE = 0.2
 
@@ -49,6 +54,7 @@ class Base:
         runs: the model with its memory.
         split: fitted and held-out measurements.
         covariance: C by its parts.
+        missing: what the cells take from a prediction; it has been added to all of them, (m,).
         jitter: covariance of one run's numerical noise, (m, m).
         data: measurements with C.
         surface: response surface around the anchor; its prediction is the mean of the replicates.
@@ -59,6 +65,7 @@ class Base:
     runs: Runs
     split: Split
     covariance: Covariance
+    missing: np.ndarray
     jitter: np.ndarray
     data: Data
     surface: Surface
@@ -85,23 +92,38 @@ def calibrate(model: Model, options: Options) -> Base:
     parts = split(targets, options.hold_out, scanned)
     first = targets.data(split=parts)
     fit = _first_fit(runs, first, space, options)
-    base = fit.x
+    for _ in range(TIMES_CORRECTED):
+        base = _with_errors(runs, targets, parts, space, fit, options)
+        moved = np.max(np.abs(base.fit.x - base.surface.x))
+        fit = base.fit
+        if not options.finer_share or moved <= FAR:
+            break
+    return base
+
+
+def _with_errors(
+    runs: Runs, targets: Targets, parts: Split, space: Unknowns, first: Fit, options: Options
+) -> Base:
+    """Find C and the correction for the cells at a fit, and settle it with them.
+
+    From here on every prediction of `runs` is corrected.
+    """
+    base = first.x
+    runs.corrected = lambda row: row
     replicates = _replicates(runs, space, base, options)
-    cov = _covariance(runs, targets, space.state(base), replicates, options)
+    cov, missing = _errors(runs, targets, space, base, replicates, options)
+    runs.corrected = lambda row: targets.counted(row + missing)
+    replicates = _replicates(runs, space, base, options)
     data = targets.data(cov.total, parts)
+    data = replace(data, strength_error=options.source_strength)
     jitter = jitter_covariance(replicates)
-    steps = steps_above_noise(space, data, fit.derivative, jitter)
+    steps = steps_above_noise(space, data, first.derivative, jitter)
     slope = central_differences(runs, space, base, replicates[0], steps, "derivative at the fit")
-    slope = fit.derivative if slope is None else slope
-    if options.source_strength:
-        strengths = space.parameters.logarithmic & ~space.parameters.has_prior
-        moved = options.source_strength * slope[:, strengths]
-        cov = replace(cov, source=cov.source + moved @ moved.T)
-        data = targets.data(cov.total, parts)
+    slope = first.derivative if slope is None else slope
     surface = Surface(space, base, _mean(replicates), slope)
     seeds = len(replicates)
-    known = spreads(data, surface, space, jitter, anchored_by=seeds)
-    surrogate = Surrogate(surface, space, known)
+    noise = spreads(data, surface, space, jitter, anchored_by=seeds)
+    surrogate = Surrogate(surface, space, noise)
     surrogate.recall(runs)
     fit = settled(data, surrogate, [base])
     if np.max(np.abs(fit.x - base)) > SEEN:
@@ -109,7 +131,7 @@ def calibrate(model: Model, options: Options) -> Base:
             runs, data, surrogate, [base], first=[], turns=3, what="the fit with all errors"
         )
         fit = fit if found is None else found
-    return Base(runs, parts, cov, jitter, data, surface, seeds, fit)
+    return Base(runs, parts, cov, missing, jitter, data, surface, seeds, fit)
 
 
 def _mean(rows: np.ndarray) -> np.ndarray:
@@ -182,30 +204,44 @@ def paired(own: State, options: Options) -> dict[Numerics, State]:
     """The same run with other numerics, as many of them as are asked for."""
     wanted: dict[Numerics, bool] = {
         "transfer": options.second_scheme,
-        "fine": options.resolution_factor > 0.0,
+        "fine": options.finer_share > 0.0 or options.finer_share_std > 0.0,
     }
     return {kind: replace(own, numerics=kind) for kind, asked in wanted.items() if asked}
 
 
-def _covariance(
-    runs: Runs, targets: Targets, own: State, replicates: np.ndarray, options: Options
-) -> Covariance:
-    """C at the fit."""
+def _errors(
+    runs: Runs,
+    targets: Targets,
+    space: Unknowns,
+    x: np.ndarray,
+    replicates: np.ndarray,
+    options: Options,
+) -> tuple[Covariance, np.ndarray]:
+    """C at the fit, and what the cells take from every prediction there, (m,)."""
+    nothing = np.zeros(replicates.shape[1])
     source = source_covariance(targets.entries, options.source)
     survey = targets.covariance
     if not options.numerical_covariance:
-        return covariance(survey, source=source)
-    states = paired(own, options)
-    difference = {}
-    if runs.affords(list(states.values()), "transfer and resolution"):
-        rows = runs.predict([own, *states.values()])
-        difference = {name: row - rows[0] for name, row in zip(states, rows[1:], strict=True)}
-    return covariance(
+        return covariance(survey, source=source), nothing
+    own = space.state(x)
+    kinds = paired(own, options)
+    transfer = fine = None
+    finer_noise = 0.0
+    if "transfer" in kinds and runs.affords([kinds["transfer"]], "transfer"):
+        transfer = runs.predict([kinds["transfer"]])[0] - runs.predict([own])[0]
+    if "fine" in kinds:
+        states = [replace(kinds["fine"], seed=seed) for seed in range(options.finer_runs)]
+        if runs.affords(states, "finer cells"):
+            fine = _mean(runs.predict(states)) - _mean(replicates)
+            finer_noise = options.finer_share**2 / len(states)
+    found = covariance(
         survey,
         replicates=replicates,
         synthetic=options.synthetic,
-        transfer=difference.get("transfer"),
-        finer=difference.get("fine"),
-        factor=options.resolution_factor,
+        transfer=transfer,
+        finer=fine,
+        factor=options.finer_share_std,
+        finer_noise=finer_noise,
         source=source,
     )
+    return found, nothing if fine is None else options.finer_share * known(fine)

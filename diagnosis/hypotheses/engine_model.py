@@ -56,7 +56,7 @@ class Numerics:
 
     jitter: float = 0.5
     transfer: str = "flip"
-    finer: float = 1.5
+    finer: float = 2.0
 
 
 class EngineModel:

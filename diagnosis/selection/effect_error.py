@@ -5,7 +5,10 @@ error in proportion to its size: what it does depends on the cells and the trans
 the fit with the effect the paired runs of step 1 are made once more, and by what their differences
 have changed, b_t and b, the covariance grows:
 
-    C' = C + b_t b_t' + 0.7 b b' + 0.3 diag b^2
+    C' = C + b_t b_t' + (k_0^2 + s^2) (0.7 b b' + 0.3 diag b^2)
+
+k_0 and s are the share of b by which predictions are corrected and its standard deviation
+(`inversion.estimation.covariance`): the correction is that of the base model, so all of b is doubt.
 
 A further effect has to be worth having in C'. In C it would be asked for by what the cells make of
 the first, as softening was with a large pore pressure.
@@ -22,9 +25,6 @@ from diagnosis.options import Options
 from diagnosis.selection.refit import FittedModel, RefitContext, weighed
 from inversion.estimation.covariance import covariance
 from inversion.estimation.misfit import total_of
-
-#: Share of the change of the difference to finer cells that counts as bias.
-FACTOR = 1.0
 
 
 def doubting(
@@ -56,7 +56,7 @@ def doubting(
         context.data.covariance,
         transfer=change.get("transfer"),
         finer=change.get("fine"),
-        factor=FACTOR,
+        factor=float(np.hypot(options.finer_share, options.finer_share_std)),
     )
     return replace(context, data=replace(context.data, covariance=covered.total))
 

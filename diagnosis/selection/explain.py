@@ -109,8 +109,9 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     candidates, left_out = tested_candidates(model, options)
     amplitudes = {c.name: amplitude_of(c, options.priors.get(c.name)) for c in candidates}
     context = RefitContext(
-        base.runs, base.data, base.fit.space, amplitudes, base.jitter, max(len(candidates), 1)
-    )
+        base.runs, base.data, base.fit.space, amplitudes, base.jitter, max(len(candidates), 1),
+        share=options.source_effects, exact=frozenset(c.name for c in candidates if c.free),
+    )  # fmt: skip
     linear = comparison.judged.system
     taken = take_signatures(
         base.runs,

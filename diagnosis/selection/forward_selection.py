@@ -196,9 +196,10 @@ def _doubt(
         return False
     tried_models.context = context
     fit = tried_models.weighed(now.model).fit
-    found = judged(context.data, fit, draws=options.draws, seed=options.seed)
+    data = context.data_for(fit)
+    found = judged(data, fit, draws=options.draws, seed=options.seed)
     tried_models.doubted = assess(found, comparison.places).p_combined
-    tried_models.error = context.data.covariance - explanation.context.data.covariance
+    tried_models.error = data.covariance - explanation.context.data.covariance
     return True
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from diagnosis.adequacy.adequacy import HeldOutMisfit, held_out_misfit
 from diagnosis.selection.evidence import ln_evidence
 from inversion.estimation.budget import Runs
+from inversion.estimation.covariance import partly
 from inversion.estimation.data import Data
 from inversion.estimation.derivatives import central_differences, steps_above_noise
 from inversion.estimation.misfit import system
@@ -59,6 +60,8 @@ class RefitContext:
         amplitudes: candidate -> its amplitude as an unknown.
         jitter: covariance of one run's noise, (m, m).
         count: K, candidates that are tested, for the prior odds.
+        share: by which what effects do here may differ from what they do in the measured slide.
+        exact: effects of which that is known exactly: errors of the survey.
     """
 
     runs: Runs
@@ -67,10 +70,33 @@ class RefitContext:
     amplitudes: dict[str, Amplitude]
     jitter: np.ndarray
     count: int
+    share: float = 0.0
+    exact: frozenset[str] = frozenset()
 
     def space(self, names: Sequence[str]) -> Unknowns:
         """Unknowns of a model with these effects."""
         return self.base.with_effects([self.amplitudes[name] for name in sorted(names)])
+
+    def data_for(self, fit: Fit) -> Data:
+        """The measurements with what the law of the model's effects may be off by in C.
+
+        `share` of all that the effects change where the model fits. Of two models that explain a
+        slide equally well, the one whose effect undoes most of what its parameters do is then the
+        less likely one: it asks for more luck. Without the run that shows the change, C itself.
+        """
+        acting = set(fit.names) - self.exact
+        if not self.share or not acting:
+            return self.data
+        state = fit.space.state(fit.x)
+        known = tuple(pair for pair in state.effects if pair[0] in self.exact)
+        without = replace(state, effects=known)
+        if not self.runs.affords([without], f"what {' + '.join(sorted(acting))} changes"):
+            return self.data
+        change = self.share * (fit.prediction - self.runs.predict([without])[0])
+        if not np.all(np.isfinite(change)):
+            return self.data
+        error = partly(np.outer(change, change))
+        return replace(self.data, covariance=self.data.covariance + error)
 
 
 @dataclass(frozen=True)
@@ -260,9 +286,12 @@ def weighed(
     context: RefitContext, fit: Fit, surface: Surface, surrogate: Surrogate | None = None
 ) -> FittedModel:
     """A fit with its evidence and its misfit on held-out data."""
-    linear = system(context.data, fit.space, fit.derivative, fit.x)
+    data = context.data_for(fit)
+    linear = system(data, fit.space, fit.derivative, fit.x)
     held_out = held_out_misfit(fit, linear)
-    evidence = ln_evidence(context.data, fit, context.count) + held_out.ln_density
+    evidence = ln_evidence(data, fit, context.count) + held_out.ln_density
+    if data is not context.data:  # what all models share is left out, but this they do not
+        evidence += data.ln_density_at_best - context.data.ln_density_at_best
     return FittedModel(fit, evidence, held_out, surface, surrogate)
 
 

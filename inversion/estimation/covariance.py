@@ -3,9 +3,12 @@
 C = C_meas + C_num. C_meas is the survey's (`Measured.covariance`). C_num is the model's own error
 at its fit: where exactly the material points lie (replicates with other jitters, S), how velocities
 pass between points and grid (a paired run with another scheme that passes the verification, b_t),
-and the cell size (a paired run with spacing / 1.5, b):
+and the cell size. Runs with half the spacing differ from those with the spacing by b on average,
+and the slide without cells by some multiple of it, k b: k is 2 for an error of first order, 4/3 for
+one of second, 1 for a slide made by another code with cells of half the size. So k_0 b is added to
+every prediction, and what k may be off by, s, is left in C, with the noise of the n fine runs:
 
-    C_num = 0.7 S + 0.3 diag S + b_t b_t' + 0.7 b b' + 0.3 diag b^2,  b = c (f_fine - f)
+    C_num = 0.7 S + 0.3 diag S + b_t b_t' + s^2 (0.7 b b' + 0.3 diag b^2) + k_0^2 S / n
 
 Off-diagonals of S rest on few runs, so part of each is kept on the diagonal alone. Simulated data
 hold the noise of a run of their own; predictions are means over several runs.
@@ -70,7 +73,7 @@ class Covariance:
         survey: C_meas.
         jitter: of the replicates, more for simulated data.
         transfer: of the transfer scheme.
-        resolution: of the cell size.
+        resolution: of the cell size, where predictions are corrected for it of the correction.
         source: of the code that made the measured slide.
     """
 
@@ -93,7 +96,8 @@ def covariance(
     synthetic: bool = False,
     transfer: np.ndarray | None = None,
     finer: np.ndarray | None = None,
-    factor: float = 2.5,
+    factor: float = 1.0,
+    finer_noise: float = 0.0,
     source: np.ndarray | None = None,
 ) -> Covariance:
     """Put C together.
@@ -103,19 +107,23 @@ def covariance(
         replicates: predictions with other jitters at one state, (n, m); rows of NaN failed.
         synthetic: the data were simulated.
         transfer: prediction with the second transfer scheme minus that with the first, (m,).
-        finer: prediction at spacing / 1.5 minus that at the spacing, same jitter seed, (m,).
-        factor: c, share of `finer` that counts as bias; its size left from here to no cells at all
-            is 2 for an error of first order.
+        finer: b, prediction with finer cells minus that with the cells of the model, (m,).
+        factor: s, multiple of `finer` by which the model may be off.
+        finer_noise: k_0^2 / n, the noise that a correction by n finer runs has brought, as a share
+            of that of one run.
         source: C_source, (m, m); None: the slide was no simulation, or one of the same code.
     """
     m = len(survey)
     nothing = np.zeros((m, m))
     jitter = nothing if replicates is None else jitter_covariance(replicates)
+    resolution = finer_noise * jitter
+    if finer is not None:
+        resolution = resolution + partly(np.outer(*[factor * known(finer)] * 2))
     return Covariance(
         survey=survey,
         jitter=SYNTHETIC * jitter if synthetic else jitter,
         transfer=nothing if transfer is None else np.outer(known(transfer), known(transfer)),
-        resolution=nothing if finer is None else _partly(np.outer(*[factor * known(finer)] * 2)),
+        resolution=resolution,
         source=nothing if source is None else source,
     )
 
@@ -125,7 +133,7 @@ def jitter_covariance(replicates: np.ndarray) -> np.ndarray:
     kept = replicates[np.all(np.isfinite(replicates), axis=1)]
     if len(kept) < 2:
         return np.zeros((replicates.shape[1], replicates.shape[1]))
-    return _partly(np.cov(kept, rowvar=False).reshape(kept.shape[1], kept.shape[1]))
+    return partly(np.cov(kept, rowvar=False).reshape(kept.shape[1], kept.shape[1]))
 
 
 def known(difference: np.ndarray) -> np.ndarray:
@@ -133,5 +141,6 @@ def known(difference: np.ndarray) -> np.ndarray:
     return np.nan_to_num(difference, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _partly(matrix: np.ndarray) -> np.ndarray:
+def partly(matrix: np.ndarray) -> np.ndarray:
+    """A covariance (m, m) that few runs have shown: its off-diagonals shrunk to `KEPT`."""
     return KEPT * matrix + (1.0 - KEPT) * np.diag(np.diag(matrix))

@@ -151,6 +151,9 @@ class Data:
         fitted: places of the fitted numbers, (k,).
         held_out: places of the held-out numbers, (h,).
         censored: (m,) bool: an upper limit that was not exceeded; None: no number is.
+        strength_error: share by which the slide's own strengths may differ from those that the
+            model needs for it. It changes no prediction, as a strength without a prior does all
+            that it could; the strengths that are found are less certain by it.
     """
 
     measured: np.ndarray
@@ -158,6 +161,7 @@ class Data:
     fitted: np.ndarray
     held_out: np.ndarray
     censored: np.ndarray | None = None
+    strength_error: float = 0.0
 
     def silent(self, derivative: np.ndarray) -> np.ndarray:
         """(k,) bool: fitted limits that are kept; none of the unknowns then moves what counts.
@@ -178,6 +182,11 @@ class Data:
     def fitted_covariance(self) -> np.ndarray:
         """C of the fitted numbers, (k, k)."""
         return self.covariance[np.ix_(self.fitted, self.fitted)]
+
+    @property
+    def ln_density_at_best(self) -> float:
+        """Ln of the density of the fitted numbers where they are met, less its constant."""
+        return -0.5 * float(np.linalg.slogdet(self.fitted_covariance)[1])
 
     def residual(self, prediction: np.ndarray) -> np.ndarray:
         """W (y - f) of the fitted numbers, (k,); predictions are of all numbers, (m,)."""

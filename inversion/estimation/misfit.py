@@ -154,12 +154,14 @@ class System:
         derivative: of all predictions by x, (m, q).
         rows: P of the priors, (r, q).
         moving: (q,) bool: unknowns that the fit could still change; not those held at a bound.
+        beyond: variance of the unknowns in addition to what the fit leaves, (q,).
     """
 
     data: Data
     derivative: np.ndarray
     rows: np.ndarray
     moving: np.ndarray
+    beyond: np.ndarray
 
     @cached_property
     def matrix(self) -> np.ndarray:
@@ -220,17 +222,19 @@ class System:
         rows = np.zeros((r + more, q + more))
         rows[:r, :q], rows[r:, q:] = self.rows, np.eye(more)
         derivative = np.column_stack([self.derivative, *changes])
-        return System(self.data, derivative, rows, np.append(self.moving, np.ones(more, bool)))
+        moving = np.append(self.moving, np.ones(more, bool))
+        return System(self.data, derivative, rows, moving, np.append(self.beyond, np.zeros(more)))
 
     def spread_with(self, error: np.ndarray | None) -> np.ndarray:
         """Standard deviations of the unknowns (q,) where the data err more than they were weighed.
 
-        V + G E G', G the change of the fit by the data: the fit stays the one that C made.
+        V + G E G' and what is beyond the data (`Data.strength_error`), G the change of the fit by
+        the data: the fit stays the one that C made.
 
         Args:
             error: E, what C lacks, (m, m); None: nothing.
         """
-        variance = np.diag(self.posterior).copy()
+        variance = np.diag(self.posterior) + self.beyond
         if error is not None:
             size, along = np.linalg.eigh(error)
             for one, column in zip(size, along.T, strict=True):
@@ -264,7 +268,10 @@ def system(data: Data, space: Unknowns, derivative: np.ndarray, x: np.ndarray) -
     near = 1e-6 * (space.high - space.low)
     inside = (x > space.low + near) & (x < space.high - near)
     inside[space.p :] = True
-    return System(data, derivative, space.prior[0], inside & space.free)
+    strengths = space.parameters.logarithmic & ~space.parameters.has_prior
+    beyond = np.zeros(space.size)
+    beyond[: space.p][strengths] = data.strength_error**2
+    return System(data, derivative, space.prior[0], inside & space.free, beyond)
 
 
 def augmented_residual(

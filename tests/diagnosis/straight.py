@@ -83,6 +83,7 @@ class Straight:
         bent: effects that go with the square of their amplitude.
         broken: amplitudes from which runs with an effect fail.
         skewed: effect -> (another, share): with finer cells it does so much of the other, too.
+        cells: what finer cells change in every run [m], (SIZE,); None: nothing.
         ridge: what a unit of an effect does to the strength, in units of the fitted strength, and
             how much of `bend` their product does: parameters must give way as the effect grows.
     """
@@ -92,6 +93,7 @@ class Straight:
     bent: tuple[str, ...] = ()
     broken: Mapping[str, float] = field(default_factory=dict)
     skewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    cells: np.ndarray | None = None
     ridge: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     hold_out: HoldOut | None = None
     runs: int = 0
@@ -136,6 +138,8 @@ class Straight:
 
     def _run(self, state: State) -> np.ndarray:
         found = self.level + slopes() @ self.parameters.to_fitted(np.array(state.values))
+        if self.cells is not None and state.numerics == "fine":
+            found = found + self.cells
         for name, amplitude in state.effects:
             if abs(amplitude) >= self.broken.get(name, np.inf):
                 return np.full(SIZE, np.nan)

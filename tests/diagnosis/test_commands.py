@@ -35,7 +35,8 @@ QUICK = [
 ASKED = """
 synthetic: true
 spacing_m: 2.0
-resolution_factor: 0.2
+finer_share: 0.0
+finer_share_std: 0.2
 effects: [overburden_strength, weak_base]
 forbid: {strain_softening: a test says so}
 """

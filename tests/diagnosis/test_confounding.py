@@ -11,7 +11,9 @@ from diagnosis.selection.explain import explain
 from diagnosis.signatures.confounding import look_alike
 from tests.diagnosis.straight import signatures, straight
 
-OPTIONS = Options(draws=200, replicates=0, starts=1, second_scheme=False, resolution_factor=0.0)
+OPTIONS = Options(
+    draws=200, replicates=0, starts=1, second_scheme=False, finer_share=0.0, finer_share_std=0.0
+)
 
 
 @pytest.fixture(scope="module")

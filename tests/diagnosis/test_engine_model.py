@@ -43,7 +43,7 @@ def test_a_state_becomes_a_scene(case):
     jittered = model.setup_of(state((9.0, 33.0), seed=3)).scene
     assert (jittered.jitter, jittered.seed) == (0.5, 3) and plain.jitter == 0.0
     fine = State((9.0, 33.0), numerics="fine")
-    assert model.setup_of(fine).scene.spacing == pytest.approx(2.0 / 1.5)
+    assert model.setup_of(fine).scene.spacing == pytest.approx(1.0)
     other = State((9.0, 33.0), numerics="transfer")
     assert (
         model.setup_of(other).scene == plain and model.setup_of(other).settings.transfer == "flip"

@@ -162,7 +162,8 @@ def diagnosed(setup: Setup, store: RunStore, effects: tuple[tuple[str, float], .
     model = EngineModel(replace(setup, targets=replace(targets, measured=measured)), store)
     options = Options(
         seed=1, draws=1000, replicates=6, synthetic=True, effects=TRIED, second_scheme=False,
-        resolution_factor=0.0,
+        finer_share=0.0,
+        finer_share_std=0.0,
     )  # fmt: skip
     return diagnose(model, options)
 

@@ -78,12 +78,13 @@ def test_an_effect_adds_to_the_error_what_finer_cells_make_of_it():
     context = doubting(explanation.context, comparison.base, after, OPTIONS)
     grown = context.data.covariance - explanation.context.data.covariance
     bias = 0.5 * after.fit.space.amplitudes(after.fit.x)["late"] * signatures()["step"]
-    expected = 0.7 * np.outer(bias, bias) + 0.3 * np.diag(bias**2)
+    doubt = OPTIONS.finer_share**2 + OPTIONS.finer_share_std**2
+    expected = doubt * (0.7 * np.outer(bias, bias) + 0.3 * np.diag(bias**2))
     assert np.allclose(grown, expected, atol=1e-9)
     again = weighed_again(context, after)
     assert again.fit.total <= after.fit.total and np.array_equal(again.fit.x, after.fit.x)
     # Without the finer run, or without the runs to make it, nothing is doubted.
-    plain = replace(OPTIONS, resolution_factor=0.0)
+    plain = replace(OPTIONS, finer_share=0.0, finer_share_std=0.0)
     change = doubting(explanation.context, comparison.base, after, plain).data.covariance
     assert np.allclose(change, explanation.context.data.covariance)
     comparison.base.runs.allowance = comparison.base.runs.asked
@@ -121,3 +122,23 @@ def test_a_fit_whose_runs_cannot_be_read_explains_nothing():
     base = weighed(explanation.context, comparison.base.fit, comparison.base.surface)
     assert why_not(base, found, OPTIONS) == "none of its runs could be read"
     assert accepted(base, [found], OPTIONS) is None
+
+
+def test_an_explanation_that_changes_more_is_the_less_likely_one():
+    """`source_effects`: what an effect does in the slide may differ from what it does here."""
+    model = straight(1, {"step": 2.0})
+    comparison, explanation = looked_at(model)
+    after = refitted(comparison, explanation, "step")
+    context = replace(explanation.context, share=0.2)
+    doubted = weighed(context, after.fit, after.surface)
+    change = 0.2 * after.fit.space.amplitudes(after.fit.x)["step"] * signatures()["step"]
+    grown = context.data_for(after.fit).covariance - context.data.covariance
+    assert np.allclose(grown, 0.7 * np.outer(change, change) + 0.3 * np.diag(change**2))
+    more = replace(context, share=2.0)  # of a change three times as large, say
+    assert weighed(more, after.fit, after.surface).ln_evidence < doubted.ln_evidence - 1.0
+    assert weighed(context, comparison.base.fit, after.surface).ln_evidence == pytest.approx(
+        weighed(explanation.context, comparison.base.fit, after.surface).ln_evidence
+    )
+    # An error of the survey is known exactly.
+    exact = replace(context, exact=frozenset({"step"}))
+    assert exact.data_for(after.fit) is context.data

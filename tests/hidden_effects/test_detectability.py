@@ -30,7 +30,8 @@ def curve_of(function, survey=SURVEY, levels=60, error=None, ends=(-1.0, 3.0)):
     halves = np.array([[function(one) for one in u]] * 2)
     slopes = np.array([(function(one, 1.0) - function(one, -1.0)) / 2.0 for one in u])[..., None]
     none = np.zeros((levels, len(survey), len(survey)))
-    return Curve(u, halves, slopes, none if error is None else error, survey)
+    missing = np.zeros_like(halves[0])
+    return Curve(u, halves, slopes, none if error is None else error, survey, missing)
 
 
 def by_scipy(slide, survey, u, held):

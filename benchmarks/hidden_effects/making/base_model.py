@@ -19,14 +19,17 @@ from benchmarks.hidden_effects.making import surveys
 from benchmarks.hidden_effects.making.detectability import Curve
 from benchmarks.hidden_effects.making.laboratory import Laboratory, Request
 from benchmarks.hidden_effects.making.sections import Section
+from diagnosis.options import Options
 from geometry.survey.measured import Deposit
-from inversion.estimation.covariance import covariance
+from inversion.estimation.covariance import covariance, known
 from pipeline.cli import InputError
 
 #: Levels of the strength between its bounds, equally spaced in its logarithm.
 LEVELS = 20
 #: Replicates, their jitter, the second transfer scheme and the finer cells behind the covariance.
-REPLICATES, JITTER, TRANSFER, RESOLUTION = 8, 0.5, "flip", 1.5
+REPLICATES, JITTER, TRANSFER, FINER = 8, 0.5, "flip", 2.0
+#: Of the judge: how it corrects for the cells, and how well.
+JUDGE = Options()
 #: Steps to both sides of the prior mean for a derivative, fitted units; runs on each side.
 STEP, PAIRS = 1.5, 4
 #: A survey's places are those of the nearest toe on this lattice [m]: curves are read once.
@@ -74,7 +77,8 @@ class Level:
 
     Attributes:
         u: fitted strength.
-        own: without jitter; transfer: by the other scheme; finer: with finer cells.
+        own: without jitter; transfer: by the other scheme.
+        finer: with finer cells, of several jitters.
         replicates: with jitters.
         moved: for each other parameter, replicates with it lower and higher.
     """
@@ -82,7 +86,7 @@ class Level:
     u: float
     own: Read | None
     transfer: Read | None
-    finer: Read | None
+    finer: list[Read | None]
     replicates: list[Read | None]
     moved: list[tuple[list[Read | None], list[Read | None]]]
 
@@ -180,18 +184,23 @@ class BaseModel:
             if not (np.isfinite(halves).all() and np.isfinite(slopes).all()):
                 continue
             own = read(level.own)
+            finer = known(_mean([read(one) for one in level.finer]) - _mean(replicates))
             error = covariance(
                 np.zeros_like(own_error),
                 replicates=replicates,
                 synthetic=True,
                 transfer=read(level.transfer) - own,
-                finer=read(level.finer) - own,
+                finer=finer,
+                factor=JUDGE.finer_share_std,
+                finer_noise=JUDGE.finer_share**2 / JUDGE.finer_runs,
             ).total
-            rows.append((level.u, halves, slopes, error))
+            rows.append((level.u, halves, slopes, error, JUDGE.finer_share * finer))
         if len(rows) < 4:
             raise ValueError(f"{self.section.name}: {survey}: read at {len(rows)} strengths only")
-        u, halves, slopes, error = (np.array(column) for column in zip(*rows, strict=True))
-        return Curve(u, halves.transpose(1, 0, 2), _smoothed(slopes), error, own_error)
+        u, halves, slopes, error, missing = (np.array(column) for column in zip(*rows, strict=True))
+        return Curve(
+            u, halves.transpose(1, 0, 2), _smoothed(slopes), error, own_error, _smoothed(missing)
+        )
 
 
 def strength_of(section: Section) -> int:
@@ -219,10 +228,14 @@ def _level(laboratory: Laboratory, section: Section, x: np.ndarray, strength: in
         return [Request(values(change), jitter=JITTER, seed=k) for k in range(1, number + 1)]
 
     nothing = np.zeros(len(x))
+    finer = [
+        replace(request, spacing_factor=1.0 / FINER)
+        for request in jittered(nothing, JUDGE.finer_runs)
+    ]
     requests = [
         Request(values(nothing)),
         Request(values(nothing), transfer=TRANSFER),
-        Request(values(nothing), spacing_factor=1.0 / RESOLUTION),
+        *finer,
         *jittered(nothing, REPLICATES),
     ]
     others = [place for place in range(len(x)) if place != strength]
@@ -231,13 +244,14 @@ def _level(laboratory: Laboratory, section: Section, x: np.ndarray, strength: in
             requests += jittered(sign * STEP * np.eye(len(x))[place], PAIRS)
     found = [Read.of(section, one) for one in laboratory.deposits(section, requests)]
     laboratory.forget()
-    own, transfer, finer, *rest = found
+    own, transfer, *rest = found
+    fine, rest = rest[: len(finer)], rest[len(finer) :]
     replicates, rest = rest[:REPLICATES], rest[REPLICATES:]
     moved = []
     for _ in others:
         moved.append((rest[:PAIRS], rest[PAIRS : 2 * PAIRS]))
         rest = rest[2 * PAIRS :]
-    return Level(float(x[strength]), own, transfer, finer, replicates, moved)
+    return Level(float(x[strength]), own, transfer, fine, replicates, moved)
 
 
 def _mean(readings: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
@@ -247,7 +261,7 @@ def _mean(readings: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     return known.mean(axis=0) if len(known) else np.full(rows.shape[1], np.nan)
 
 
-def _smoothed(slopes: np.ndarray) -> np.ndarray:
-    """Slopes (n, m, q) with weights 1, 2, 1 over neighbouring levels: few runs have shown them."""
-    padded = np.concatenate([slopes[:1], slopes, slopes[-1:]])
+def _smoothed(rows: np.ndarray) -> np.ndarray:
+    """Rows (n, ...) with weights 1, 2, 1 over neighbouring levels: few runs have shown them."""
+    padded = np.concatenate([rows[:1], rows, rows[-1:]])
     return 0.25 * padded[:-2] + 0.5 * padded[1:-1] + 0.25 * padded[2:]

@@ -44,6 +44,13 @@ class SourcePlan(Document):
         description="how far the strength is off by which the judge's solver "
         "imitates it, as a share; `source_strength` of every diagnosis.yaml",
     )
+    effects: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="how far what an effect does differs from what it does by the judge's solver, "
+        "as a share; `source_effects` of every diagnosis.yaml",
+    )
     error: dict[str, CodeError] = Field(
         default_factory=dict,
         description="type of measurement -> how far it differs from that; `source` of every "
@@ -54,8 +61,12 @@ class SourcePlan(Document):
     def known_to_the_judge(self) -> dict[str, Any]:
         """As `diagnosis.yaml` has it."""
         errors = {name: one.model_dump(exclude_none=True) for name, one in self.error.items()}
-        return {key: value for key, value in
-                (("source_strength", self.strength), ("source", errors)) if value}  # fmt: skip
+        stated = {
+            "source_strength": self.strength,
+            "source_effects": self.effects,
+            "source": errors,
+        }
+        return {key: value for key, value in stated.items() if value}
 
 
 class BenchmarkPlan(Document):

@@ -45,8 +45,8 @@ from pipeline.random_numbers import Stream, number_of
 FINER = (0.55, 0.65)
 #: Frames per second of a slide; drawings of a case, and slides of it, at most.
 FRAMES_PER_S, DRAWS, SLIDES = 2.0, 5, 3
-#: Lambda from which a thing can be seen.
-VISIBLE = 10.0
+#: Lambda from which a thing can well be seen.
+VISIBLE = 25.0
 
 
 @dataclass(frozen=True)
@@ -260,7 +260,7 @@ def _left(
     entries = surveys.with_values(section, survey, where, None)
     try:
         read = surveys.reading(entries, deposit) + survey_error(hidden, entries)
-        curve = base.curve(survey, toe)
+        curve = base.curve(survey, toe).corrected
         curve = replace(curve, survey=curve.survey + source_covariance(entries, errors))
     except ValueError:
         return {"lambda": 0.0, "fails": []}

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -47,6 +47,7 @@ class Curve:
             units.
         model_error: covariance C_num of the model's own error, (n, m, m).
         survey: covariance of the survey, (m, m).
+        missing: what the judge adds to its readings for their cells, (n, m).
     """
 
     u: np.ndarray
@@ -54,6 +55,12 @@ class Curve:
     slopes: np.ndarray
     model_error: np.ndarray
     survey: np.ndarray
+    missing: np.ndarray
+
+    @property
+    def corrected(self) -> Curve:
+        """The curve of a judge of slides that have no cells of its own."""
+        return replace(self, halves=self.halves + self.missing)
 
     def covariance(self, u: float) -> np.ndarray:
         """C of a judge whose base model has the strength u, (m, m)."""
