@@ -32,10 +32,10 @@ def benchmark():
 
 def test_plan_has_what_is_asked_for(benchmark):
     row = plan_by_codes(benchmark)
-    assert Counter(one.kind for one in row) == {"null": 20, "single": 20, "outside": 8}
-    assert Counter(one.source for one in row) == {"newton": 12, "smoothed_particles": 36}
+    assert Counter(one.kind for one in row) == {"null": 10, "single": 10, "outside": 4}
+    assert Counter(one.source for one in row) == {"newton": 7, "smoothed_particles": 17}
     hidden = [THINGS[name] for one in row for name in one.effects if one.kind == "single"]
-    assert {family for thing in hidden for family in thing.families} == set(FAMILIES)
+    assert {family for thing in hidden for family in thing.families} >= set(FAMILIES)
     for one in row:
         for name in one.effects:
             assert name in source(one.source).hides
