@@ -52,6 +52,13 @@ rule all:
         "The coarse scale and the Lower San Fernando dam are ready under {RESULTS}"
 
 
+rule train_direct:
+    input:
+        expand(f"{RESULTS}/direct/{{kind}}/card.yaml", kind=DIRECT_KINDS),
+    message:
+        "The models without steps are trained and judged: {input}"
+
+
 rule everything:
     input:
         [gallery(scale) for scale in SETTINGS.scales],

@@ -65,10 +65,3 @@ rule train_direct_model:
     shell:
         "python -m gns direct-train {params.corrected} --data {params.data} --out {params.folder}"
         " --config {params.config} --threads {threads} > {output.table} 2> {log}"
-
-
-rule train_direct:
-    input:
-        expand(f"{RESULTS}/direct/{{kind}}/card.yaml", kind=DIRECT_KINDS),
-    message:
-        "The models without steps are trained and judged: {input}"
