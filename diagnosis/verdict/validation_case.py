@@ -7,21 +7,25 @@ others keep what the other case knows of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diagnosis.adequacy.calibration import paired
 from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.engine_model import EngineModel
+from diagnosis.options import Options
 from diagnosis.verdict.verdict import ValidationCase
-from inversion.estimation.covariance import SourceError, covariance, source_covariance
+from inversion.estimation.covariance import covariance, known, source_covariance
 from inversion.estimation.surface_search import Fit
 from inversion.problem.forward import State, state
 
 if TYPE_CHECKING:
     from diagnosis.session import Session
 
+#: Change of a strength for its derivative.
+STRONGER = 1.1
 #: Jitters whose mean is the prediction, and whose spread its noise.
 SEEDS = 4
 
@@ -32,30 +36,88 @@ def validated(session: Session, found: Diagnosis) -> ValidationCase | None:
     if other is None:
         return None
     model = other.model(session.store, session.engine)
+    options = other.options(model)
     base = found.comparison.base.fit
     final = found.decision.final.model.fit
     chi2 = []
     for fit in (base, final):
         rows = model.predict([_there(model, fit, seed) for seed in range(SEEDS)])
-        chi2.append(misfit(model, rows, other.question.source_errors))
+        fine = _finer(model, fit, options) - _mean(rows)
+        chi2.append(misfit(model, rows, options, fine=fine, slope=_slope(model, fit, options)))
     used = _used(model)
     return ValidationCase(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
 
 
 def misfit(
-    model: EngineModel, rows: np.ndarray, source: Mapping[str, SourceError] | None = None
+    model: EngineModel,
+    rows: np.ndarray,
+    options: Options | None = None,
+    *,
+    fine: np.ndarray | None = None,
+    slope: np.ndarray | None = None,
 ) -> float:
-    """chi2 of all measured numbers, predicted by the mean of replicates (n, m); nothing fitted."""
+    """chi2 of all measured numbers, predicted by the mean of replicates; nothing is fitted.
+
+    Args:
+        model: of the other case.
+        rows: replicates (n, m).
+        options: of the other case: errors of its source, and the share of `fine` that is added.
+        fine: what finer cells change, (m,); None: nothing is added.
+        slope: derivative by ln of the strengths that are found, (m, k): their source is not that of
+            the first case. None: it is.
+    """
+    options = Options() if options is None else options
     targets, used = model.targets, _used(model)
     found = covariance(
-        targets.covariance, replicates=rows, source=source_covariance(targets.entries, source or {})
-    )
-    total = found.total[np.ix_(used, used)]
-    good = rows[np.all(np.isfinite(rows[:, used]), axis=1)]
-    if not len(good):
+        targets.covariance,
+        replicates=rows,
+        finer=fine,
+        factor=options.finer_share_std,
+        finer_noise=0.0 if fine is None else options.finer_share**2 / options.finer_runs,
+        source=source_covariance(targets.entries, options.source),
+    ).total
+    if slope is not None:
+        found = found + options.source_strength**2 * slope @ slope.T
+    prediction = _mean(rows[:, used])
+    if not np.all(np.isfinite(prediction)):
         return float("inf")
-    off = (targets.measured - good.mean(axis=0))[used]
-    return float(off @ np.linalg.solve(total, off))
+    if fine is not None:
+        prediction = prediction + options.finer_share * known(fine)[used]
+    off = targets.measured[used] - prediction
+    return float(off @ np.linalg.solve(found[np.ix_(used, used)], off))
+
+
+def _mean(rows: np.ndarray) -> np.ndarray:
+    """Mean of the rows (n, m) that could be read; NaN of none."""
+    good = rows[np.all(np.isfinite(rows), axis=1)]
+    return good.mean(axis=0) if len(good) else np.full(rows.shape[1], np.nan)
+
+
+def _finer(model: EngineModel, fit: Fit, options: Options) -> np.ndarray:
+    """Mean prediction with finer cells (m,); NaN where none is asked for."""
+    states = [_there(model, fit, seed) for seed in range(options.finer_runs)]
+    asked = [paired(one, options).get("fine") for one in states]
+    if None in asked:
+        return np.full(len(model.targets.names), np.nan)
+    return _mean(model.predict(asked))
+
+
+def _slope(model: EngineModel, fit: Fit, options: Options) -> np.ndarray | None:
+    """Derivative by ln of each strength that is found, (m, k); None where none is asked for."""
+    if not options.source_strength:
+        return None
+    strengths = np.flatnonzero(model.parameters.logarithmic & ~model.parameters.has_prior)
+    here = _there(model, fit, 0)
+    columns = []
+    for place in strengths:
+        ends = []
+        for factor in (STRONGER, 1.0 / STRONGER):
+            values = list(here.values)
+            values[place] *= factor
+            ends.append(replace(here, values=tuple(values)))
+        high, low = model.predict(ends)
+        columns.append((high - low) / (2.0 * np.log(STRONGER)))
+    return np.nan_to_num(np.column_stack(columns)) if columns else None
 
 
 def _used(model: EngineModel) -> np.ndarray:
