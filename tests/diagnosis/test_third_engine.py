@@ -14,6 +14,7 @@ from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from diagnosis.verdict.verdict_builder import verdict_document
 from docs.examples.my_engine import FORMULA, FormulaEngine
+from flowslide.command_line import main
 from geometry.case import load_case
 from inversion import engine_registry as registry
 from inversion.back_analysis.case import inversion_case
@@ -26,6 +27,7 @@ from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from inversion.problem.forward import Forward
 from pipeline.cli import InputError
+from pipeline.files import read_json
 from pipeline.progress import Watch
 from report.back_analysis import summary
 from report.data.back_analysis import BackAnalysisData
@@ -125,3 +127,13 @@ def test_a_whole_back_analysis_is_written(embankment, formula, tmp_path):
     )
     assert result.engine == "formula"
     assert {path.name for path in tmp_path.iterdir()} >= {"result.json", "history.csv", "run.h5"}
+
+
+def test_the_command_line_asks_the_engine_that_is_named(embankment, formula, tmp_path, capsys):
+    out = tmp_path / "out"
+    asked = ["diagnose", "compare", str(embankment), "--out", str(out), "--page", "no", "--quiet"]
+    main([*asked, "--engine", "formula"])
+    found = flowslide.compare(embankment, out=tmp_path / "python", engine="formula")
+    assert read_json(out / "compare.json")["base"]["chi2"] == found.base.chi2
+    with pytest.raises(InputError, match="answers back-analyses, posteriors and predictions"):
+        main([*asked, "--engine", "mpm3d"])

@@ -19,6 +19,7 @@ def add_session_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that every question about a case has."""
     options.add_case(parser)
     options.add_out(parser, "folder of the results; default: results/<case>/diagnosis")
+    options.add_engine(parser)
     options.add_spacing(parser)
     parser.add_argument(
         "--hypothesis",
@@ -39,6 +40,7 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
     """The session that the options ask for, with a bar for the length of the `with` block."""
     from diagnosis.session import open_session
     from geometry.case import load_case
+    from inversion.engine_registry import of_section
     from pipeline.config import load_config
     from pipeline.progress import Progress, Watch
 
@@ -52,6 +54,7 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
             out=arguments.out,
             hypothesis=arguments.hypothesis,
             spacing_m=arguments.spacing,
+            engine=of_section(arguments.engine),
             threads=arguments.threads,
             say=bar.say,
             on_run=watch.run_done,
