@@ -76,7 +76,8 @@ def run(arguments: argparse.Namespace) -> None:
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
-    if options.is_3d(arguments.case):
+    # A section next to its scene3d.yaml is predicted as a section, unless the file is named.
+    if options.is_3d(arguments.case) and not (Path(arguments.case) / "scene.yaml").is_file():
         _run_3d(arguments)
         return
     if arguments.thicker_than:

@@ -1,5 +1,6 @@
 """What can be seen on a section: nothing of nothing; amplitudes stay believable."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +33,9 @@ def sight():
     scene = section.scene.changed(spacing=3.6)
     section = Section(section.folder, scene, section.question, section.survey)
     with pytest.MonkeyPatch.context() as patch:
-        for name, number in {"LEVELS": 7, "REPLICATES": 3, "PAIRS": 1}.items():
+        for name, number in {"LEVELS": 13, "REPLICATES": 3, "PAIRS": 1}.items():
             patch.setattr(base_model, name, number)
+        patch.setattr(base_model, "JUDGE", replace(base_model.JUDGE, finer_runs=1))
         laboratory = Laboratory(SimulationSettings(duration_s=40.0), threads=1)
         base = BaseModel.simulate(laboratory, section)
     return Sight(laboratory, base, "markers", np.array([22.0, 34.0]))
@@ -143,7 +145,7 @@ def test_a_pair_is_made_so_that_both_are_seen(sight):
     names = ("overburden_strength", "side_friction")
     planned = Planned("case_0006", "pair", names, "tailings_dam", "markers", 0)
     truth = (
-        Maker(sight.laboratory, 5, lambda section: sight.base).make(planned, sight.section).truth
+        Maker(sight.laboratory, 2, lambda section: sight.base).make(planned, sight.section).truth
     )
     assert set(truth["effects"]) == set(names)
     assert bin_of(truth["beside"]) == 0

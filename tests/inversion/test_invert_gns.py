@@ -127,7 +127,7 @@ def test_the_error_of_the_surrogate_is_in_the_standard_deviation(solved):
 def test_what_a_rollout_cannot_tell_is_left_out_and_said(solved):
     result, _, _ = solved
     assert [entry.name for entry in result.sensitivities] == ["density"]
-    assert any("time step: left out: a learned simulator has no time step" in line
+    assert any("time step: left out: a learned engine has no time step" in line
                for line in result.remarks)  # fmt: skip
 
 

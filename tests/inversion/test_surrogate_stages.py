@@ -125,6 +125,6 @@ def test_other_starts_seeds_variants_and_sensitivities_are_corrected_alike(both)
 def test_what_could_not_be_had_is_said(both):
     told = "\n".join(both[0].remarks)
     assert "pressure: no answer: simulation.water: pore_pressure" in told
-    assert "damped: left out: a learned simulator has no settings of the solver" in told
-    assert "transfer: left out: a learned simulator has no settings of the solver" in told
+    assert "damped: left out: a learned engine has no settings of the solver" in told
+    assert "transfer: left out: a learned engine has no settings of the solver" in told
     assert "outside the training of the model too_far: cohesion" in told
