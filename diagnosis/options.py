@@ -102,6 +102,16 @@ class Options:
     credible: float = 0.9
     detectable: float = 3.3
 
+    @property
+    def wants_finer(self) -> bool:
+        """Runs with finer cells are asked for."""
+        return self.finer_share > 0.0 or self.finer_share_std > 0.0
+
+    @property
+    def finer_noise(self) -> float:
+        """Noise that the correction for the cells brings, as a share of that of one run."""
+        return self.finer_share**2 / self.finer_runs
+
 
 def seed_of(case: str) -> int:
     """A seed that follows from the name of a case alone."""

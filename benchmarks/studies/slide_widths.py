@@ -45,7 +45,7 @@ from geometry.case import load_case
 from geometry.scenes.scene import Scene
 from geometry.scenes3d.scene3d import Section as Width
 from geometry.survey.measured import Deposit
-from inversion.engines.run_store import RunStore
+from inversion.engines.run_store import RunStore, deposit_of_run
 from inversion.engines.run_store_3d import RunStore3d
 from mpm_taichi.effects import effect as effect_of
 from mpm_taichi.trajectory import Run
@@ -99,16 +99,7 @@ def settings_of(config: Config) -> SimulationSettings:
 
 def deposit_of(section: Section, run: Run) -> Deposit:
     """A run as its surveyor sees it: feet are those of the section that the judge is given."""
-    return Deposit.on(
-        run.scene,
-        {side: section.scene.foot(side) for side in ("left", "right")},
-        run.positions[-1].astype(float),
-        run.positions[0].astype(float),
-        volume=run.bulk_volume,
-        positions=run.positions,
-        time=run.time,
-        at_rest=run.came_to_rest,
-    )
+    return deposit_of_run(run, {side: section.scene.foot(side) for side in ("left", "right")})
 
 
 def plane(scene: Scene, settings: SimulationSettings) -> Run:

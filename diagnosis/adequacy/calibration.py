@@ -20,6 +20,7 @@ from inversion.estimation.covariance import (
     covariance,
     jitter_covariance,
     known,
+    mean_of,
     source_covariance,
 )
 from inversion.estimation.data import Data, Targets
@@ -120,7 +121,7 @@ def _with_errors(
     steps = steps_above_noise(space, data, first.derivative, jitter)
     slope = central_differences(runs, space, base, replicates[0], steps, "derivative at the fit")
     slope = first.derivative if slope is None else slope
-    surface = Surface(space, base, _mean(replicates), slope)
+    surface = Surface(space, base, mean_of(replicates), slope)
     seeds = len(replicates)
     noise = spreads(data, surface, space, jitter, anchored_by=seeds)
     surrogate = Surrogate(surface, space, noise)
@@ -132,10 +133,6 @@ def _with_errors(
         )
         fit = fit if found is None else found
     return Base(runs, parts, cov, missing, jitter, data, surface, seeds, fit)
-
-
-def _mean(rows: np.ndarray) -> np.ndarray:
-    return rows[np.all(np.isfinite(rows), axis=1)].mean(axis=0)
 
 
 def _first_fit(runs: Runs, data: Data, space: Unknowns, options: Options) -> Fit:
@@ -204,7 +201,7 @@ def paired(own: State, options: Options) -> dict[Numerics, State]:
     """The same run with other numerics, as many of them as are asked for."""
     wanted: dict[Numerics, bool] = {
         "transfer": options.second_scheme,
-        "fine": options.finer_share > 0.0 or options.finer_share_std > 0.0,
+        "fine": options.wants_finer,
     }
     return {kind: replace(own, numerics=kind) for kind, asked in wanted.items() if asked}
 
@@ -232,8 +229,8 @@ def _errors(
     if "fine" in kinds:
         states = [replace(kinds["fine"], seed=seed) for seed in range(options.finer_runs)]
         if runs.affords(states, "finer cells"):
-            fine = _mean(runs.predict(states)) - _mean(replicates)
-            finer_noise = options.finer_share**2 / len(states)
+            fine = mean_of(runs.predict(states)) - mean_of(replicates)
+            finer_noise = options.finer_noise
     found = covariance(
         survey,
         replicates=replicates,

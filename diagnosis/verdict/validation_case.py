@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.adequacy.calibration import paired
 from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.engine_model import EngineModel
 from diagnosis.options import Options
 from diagnosis.verdict.verdict import ValidationCase
-from inversion.estimation.covariance import covariance, known, source_covariance
+from inversion.estimation.covariance import covariance, known, mean_of, source_covariance
 from inversion.estimation.surface_search import Fit
 from inversion.problem.forward import State, state
 
@@ -42,7 +41,7 @@ def validated(session: Session, found: Diagnosis) -> ValidationCase | None:
     chi2 = []
     for fit in (base, final):
         rows = model.predict([_there(model, fit, seed) for seed in range(SEEDS)])
-        fine = _finer(model, fit, options) - _mean(rows)
+        fine = _finer(model, fit, options) - mean_of(rows)
         chi2.append(misfit(model, rows, options, fine=fine, slope=_slope(model, fit, options)))
     used = _used(model)
     return ValidationCase(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
@@ -73,12 +72,12 @@ def misfit(
         replicates=rows,
         finer=fine,
         factor=options.finer_share_std,
-        finer_noise=0.0 if fine is None else options.finer_share**2 / options.finer_runs,
+        finer_noise=0.0 if fine is None else options.finer_noise,
         source=source_covariance(targets.entries, options.source),
     ).total
     if slope is not None:
         found = found + options.source_strength**2 * slope @ slope.T
-    prediction = _mean(rows[:, used])
+    prediction = mean_of(rows[:, used])
     if not np.all(np.isfinite(prediction)):
         return float("inf")
     if fine is not None:
@@ -87,19 +86,12 @@ def misfit(
     return float(off @ np.linalg.solve(found[np.ix_(used, used)], off))
 
 
-def _mean(rows: np.ndarray) -> np.ndarray:
-    """Mean of the rows (n, m) that could be read; NaN of none."""
-    good = rows[np.all(np.isfinite(rows), axis=1)]
-    return good.mean(axis=0) if len(good) else np.full(rows.shape[1], np.nan)
-
-
 def _finer(model: EngineModel, fit: Fit, options: Options) -> np.ndarray:
     """Mean prediction with finer cells (m,); NaN where none is asked for."""
-    states = [_there(model, fit, seed) for seed in range(options.finer_runs)]
-    asked = [paired(one, options).get("fine") for one in states]
-    if None in asked:
+    if not options.wants_finer:
         return np.full(len(model.targets.names), np.nan)
-    return _mean(model.predict(asked))
+    states = [_there(model, fit, seed) for seed in range(options.finer_runs)]
+    return mean_of(model.predict([replace(one, numerics="fine") for one in states]))
 
 
 def _slope(model: EngineModel, fit: Fit, options: Options) -> np.ndarray | None:

@@ -254,17 +254,28 @@ def _thrusts(scene: Scene, settings: SimulationSettings) -> bool:
     return scene.head_falls and settings.water == "pore_pressure"
 
 
-def _check_known(scene: Scene, settings: SimulationSettings) -> None:
-    """Refuse what the features cannot carry."""
+def check_base_physics(scene: Scene, model: str) -> None:
+    """Refuse effects and other material laws, of which no learned model knows.
+
+    Args:
+        scene: the section.
+        model: words for what would answer.
+
+    Raises:
+        InputError: one line.
+    """
     if on := effects_on(scene):
         raise InputError(
-            f"{scene.name}: effects: {on[0].effect.name} is on; the learned simulator knows the "
-            "base physics alone"
+            f"{scene.name}: effects: {on[0].effect.name} is on; {model} knows the base physics "
+            "alone"
         )
     if scene.law != MOHR_COULOMB:
-        raise InputError(
-            f"{scene.name}: law: {scene.law}; the learned simulator knows {MOHR_COULOMB} alone"
-        )
+        raise InputError(f"{scene.name}: law: {scene.law}; {model} knows {MOHR_COULOMB} alone")
+
+
+def _check_known(scene: Scene, settings: SimulationSettings) -> None:
+    """Refuse what the features cannot carry."""
+    check_base_physics(scene, "the learned simulator")
     if _thrusts(scene, settings) and settings.water_face == "moving":
         raise InputError(
             f"{scene.name}: simulation.water_face: moving with a phreatic line that is not level; "

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from geometry.scenes.scene import MOHR_COULOMB, Scene
+from geometry.scenes.scene import Scene
 from geometry.survey.columns import column_height, kernel_length
 from geometry.survey.toe import toe
-from mpm_taichi.effects import effects_on
+from gns.data.scene_facts import check_base_physics
 from mpm_taichi.solver.water import WATER_DENSITY
 from pipeline.cli import InputError
 
@@ -88,15 +88,7 @@ def check_known(scene: Scene) -> None:
     Raises:
         InputError: effects, another law, soil that moves at t = 0, a ground of its own friction.
     """
-    if on := effects_on(scene):
-        raise InputError(
-            f"{scene.name}: effects: {on[0].effect.name} is on; the direct model knows the base "
-            "physics alone"
-        )
-    if scene.law != MOHR_COULOMB:
-        raise InputError(
-            f"{scene.name}: law: {scene.law}; the direct model knows {MOHR_COULOMB} alone"
-        )
+    check_base_physics(scene, "the direct model")
     if any(any(zone.initial_velocity) for zone in scene.zones):
         raise InputError(
             f"{scene.name}: initial_velocity: the direct model knows soil at rest alone"
@@ -207,19 +199,25 @@ def outcome_of(
     length = max(SMOOTHING * COLUMN * section.height, 0.5 * kernel_length(spacing))
     thickness = column_height(final.astype(float), volume, section.x, length=length)
     try:
-        toes = [
-            [
-                (toe(points.astype(float), volume, spacing=spacing, side=side) - section.middle)
-                / section.height
-                for side in ("left", "right")
-            ]
-            for points in (final, initial)
-        ]
+        toes, before = (toes_of(section, points, spacing) for points in (final, initial))
     except ValueError:  # nothing is left that is thick enough to be a dam
         return None
-    if max(map(abs, toes[0])) > HALF_WIDTH - COLUMN:
+    if np.abs(toes).max() > HALF_WIDTH - COLUMN:
         return None
-    return Outcome(thickness / section.height, np.array(toes[0]), np.array(toes[1]))
+    return Outcome(thickness / section.height, toes, before)
+
+
+def toes_of(section: Section, points: np.ndarray, spacing: float) -> np.ndarray:
+    """Left and right toe of points (N, 2) [m], as a survey reads them, (2,) [heights].
+
+    Raises:
+        ValueError: nothing is thick enough to be a dam.
+    """
+    at = [
+        toe(points.astype(float), spacing**2, spacing=spacing, side=side)
+        for side in ("left", "right")
+    ]
+    return (np.array(at) - section.middle) / section.height
 
 
 def _surface(whole, x: np.ndarray, ground: np.ndarray, top: float) -> np.ndarray:

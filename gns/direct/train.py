@@ -43,9 +43,7 @@ class Sample:
         run: number of its scene; name: of the scene.
         section, fine, coarse: see `gns.direct.sections`.
         split: which of SPLITS.
-        spacing: of the fine run [heights].
         seconds: of the fine and of the coarse run [s].
-        before: toes before the slide, as the features take them, (2,).
     """
 
     run: int

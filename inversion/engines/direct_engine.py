@@ -22,9 +22,10 @@ from pydantic import ValidationError
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Measured, Reading
-from geometry.survey.toe import outward_of, toe
+from geometry.survey.toe import outward_of
 from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
-from gns.direct.sections import Outcome, Section, outcome_of, section_of
+from gns.direct.runs import COARSER
+from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup, prediction_of
 from inversion.problem.forward import Forward, Prediction, Request
@@ -32,8 +33,6 @@ from inversion.problem.question import material_key
 from pipeline.cli import InputError
 from pipeline.places import MODELS, resolve
 
-#: Spacing of the run that a correction starts from, over that of the question.
-COARSER = 2.0
 #: Types of measurement that are read on the deposit at the end.
 READ = ("toe_runout", "no_flow", "surface_profile", "crest_settlement", "freeboard")
 #: Columns thinner than this share of a spacing hold no soil.
@@ -155,22 +154,14 @@ class DirectEngine(Forward):
             )
         points = fill(scene)
         initial = points.position.astype(float)
-        before = np.array(
-            [
-                (toe(initial, scene.spacing**2, spacing=scene.spacing, side=side) - section.middle)
-                / section.height
-                for side in ("left", "right")
-            ]
-        )
+        before = toes_of(section, initial, scene.spacing)
         start = None
         if coarse is not None:
             if coarse.status == "failed":
                 raise InputError(
                     f"{scene.name}: the run at twice the spacing failed: {coarse.reason}"
                 )
-            start = outcome_of(
-                section, coarse.initial, coarse.final, COARSER * scene.spacing
-            )  # fmt: skip
+            start = outcome_of(section, coarse.initial, coarse.final, COARSER * scene.spacing)
             if start is None:
                 raise InputError(f"{scene.name}: the slide runs farther than the model sees")
         return Asked(setup, scene, section, before, initial, points.zone, start)

@@ -98,17 +98,27 @@ class HistoryReader:
                 key: Reading(np.full(len(entry.values), np.nan), run.reason)
                 for key, entry in self.wanted.items()
             }
-        deposit = Deposit.on(
-            run.scene,
-            self.foot,
-            run.positions[-1].astype(float),
-            run.positions[0].astype(float),
-            volume=run.bulk_volume,
-            positions=run.positions,
-            time=run.time,
-            at_rest=run.came_to_rest,
-        )
+        deposit = deposit_of_run(run, self.foot)
         return {key: entry.reading(deposit) for key, entry in self.wanted.items()}
+
+
+def deposit_of_run(run: Run, foot: Mapping[str, float]) -> Deposit:
+    """A whole run as a survey sees it.
+
+    Args:
+        run: with its frames.
+        foot: side -> x of the toe before the slide [m].
+    """
+    return Deposit.on(
+        run.scene,
+        foot,
+        run.positions[-1].astype(float),
+        run.positions[0].astype(float),
+        volume=run.bulk_volume,
+        positions=run.positions,
+        time=run.time,
+        at_rest=run.came_to_rest,
+    )
 
 
 class RunStore:

@@ -128,6 +128,13 @@ def covariance(
     )
 
 
+def mean_of(rows: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Mean of the predictions (n, m) that could be read, (m,); NaN of none."""
+    rows = np.asarray(rows)
+    kept = rows[np.all(np.isfinite(rows), axis=1)]
+    return kept.mean(axis=0) if len(kept) else np.full(rows.shape[1], np.nan)
+
+
 def jitter_covariance(replicates: np.ndarray) -> np.ndarray:
     """0.7 S + 0.3 diag S of replicates (n, m); zero with fewer than two."""
     kept = replicates[np.all(np.isfinite(replicates), axis=1)]

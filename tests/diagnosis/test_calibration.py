@@ -62,3 +62,15 @@ def test_the_correction_is_found_again_where_it_has_moved_the_fit():
     asked = {s.values for s, _ in found.runs.every if s.numerics == "fine"}
     assert len(asked) == 2
     assert found.fit.space.values(found.fit.x)[0] == pytest.approx(15.0, rel=0.1)
+
+
+def test_as_many_runs_have_finer_cells_as_are_asked_for():
+    """Their mean is the correction, whose noise enters the covariance: the less, the more runs."""
+    noise = {}
+    for number in (1, 4):
+        model = Straight(truth({}) + errors(3), noise=0.5)
+        base = compare(model, replace(OPTIONS, finer_runs=number)).base
+        fine = {s.seed for s, _ in base.runs.every if s.numerics == "fine"}
+        assert fine == set(range(number))
+        noise[number] = np.trace(base.covariance.resolution)
+    assert noise[4] < noise[1]

@@ -182,9 +182,8 @@ def test_a_case_states_how_far_codes_differ(benchmark, tmp_path):
     section, planned = benchmark.sections["embankment"], plan_by_codes(benchmark)[0]
     made = Made({}, [], np.array([[0.0, 1.0], [1.0, 2.0]]))
     errors = {"toe_runout": CodeError(std=2.0)}
-    write_case(
-        section, planned, made, Places(tmp_path), 40.0, SourcePlan(strength=0.03, error=errors)
-    )
+    wanted = SourcePlan(strength=0.03, effects=0.1, error=errors)
+    write_case(section, planned, made, Places(tmp_path), 40.0, wanted)
     question = load_diagnosis_question(Places(tmp_path).case(planned.name))
     assert question.synthetic and question.source_errors["toe_runout"].std == 2.0
-    assert question.source_strength == 0.03
+    assert question.source_strength == 0.03 and question.source_effects == 0.1

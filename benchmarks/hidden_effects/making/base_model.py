@@ -10,7 +10,7 @@ priors and stay near them, where a derivative is enough.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from benchmarks.hidden_effects.making.laboratory import Laboratory, Request
 from benchmarks.hidden_effects.making.sections import Section
 from diagnosis.options import Options
 from geometry.survey.measured import Deposit
-from inversion.estimation.covariance import covariance, known
+from inversion.estimation.covariance import covariance, known, mean_of
 from pipeline.cli import InputError
 
 #: Levels of the strength between its bounds, equally spaced in its logarithm.
@@ -175,16 +175,16 @@ class BaseModel:
         rows = []
         for level in self.levels:
             replicates = np.array([read(one) for one in level.replicates])
-            halves = np.array([_mean(replicates[k::2]) for k in (0, 1)])
+            halves = np.array([mean_of(replicates[k::2]) for k in (0, 1)])
             slopes = np.array([
-                (_mean([read(one) for one in high]) - _mean([read(one) for one in low]))
+                (mean_of([read(one) for one in high]) - mean_of([read(one) for one in low]))
                 / (2.0 * STEP)
                 for low, high in level.moved
             ]).reshape(len(level.moved), len(own_error)).T  # fmt: skip
             if not (np.isfinite(halves).all() and np.isfinite(slopes).all()):
                 continue
             own = read(level.own)
-            finer = known(_mean([read(one) for one in level.finer]) - _mean(replicates))
+            finer = known(mean_of([read(one) for one in level.finer]) - mean_of(replicates))
             error = covariance(
                 np.zeros_like(own_error),
                 replicates=replicates,
@@ -192,7 +192,7 @@ class BaseModel:
                 transfer=read(level.transfer) - own,
                 finer=finer,
                 factor=JUDGE.finer_share_std,
-                finer_noise=JUDGE.finer_share**2 / JUDGE.finer_runs,
+                finer_noise=JUDGE.finer_noise,
             ).total
             rows.append((level.u, halves, slopes, error, JUDGE.finer_share * finer))
         if len(rows) < 4:
@@ -252,13 +252,6 @@ def _level(laboratory: Laboratory, section: Section, x: np.ndarray, strength: in
         moved.append((rest[:PAIRS], rest[PAIRS : 2 * PAIRS]))
         rest = rest[2 * PAIRS :]
     return Level(float(x[strength]), own, transfer, fine, replicates, moved)
-
-
-def _mean(readings: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """Mean of the readings (n, m) that could be made, (m,); NaN of none."""
-    rows = np.array(readings)
-    known = rows[np.isfinite(rows).all(axis=1)]
-    return known.mean(axis=0) if len(known) else np.full(rows.shape[1], np.nan)
 
 
 def _smoothed(rows: np.ndarray) -> np.ndarray:
