@@ -132,7 +132,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
         {
             "name": f"dam_{index:05d}",
             "domain": {
-                "x_min": round(height * (15.0 - 15.0), 4),
+                "x_min": 0.0,
                 "x_max": round(height * 30.0, 4),
                 "y_max": round(height * 5.0, 4),
                 "walls": "open",
