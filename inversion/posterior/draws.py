@@ -1,4 +1,4 @@
-"""The draws of a posterior as a file: ArviZ InferenceData in NetCDF, `posterior.nc`.
+"""The draws of a posterior as a file: ArviZ's groups in NetCDF, `posterior.nc`.
 
 Groups: `posterior` and `prior` (the unknowns), `posterior_predictive` and `prior_predictive` (the
 measured numbers and sigma'_v0, with all errors of the model), `observed_data`, `log_likelihood`.
@@ -49,19 +49,29 @@ class Draws:
 
 def save_draws(draws: Draws, path: str | Path) -> Path:
     """Write the file; it appears when whole."""
-    import arviz
+    import xarray
 
-    def group(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
-        return {key(name): values[None, :, k] for k, name in enumerate(names)}
+    def group(names: Sequence[str], values: np.ndarray) -> xarray.Dataset:
+        count = len(values)
+        return xarray.Dataset(
+            {
+                key(name): (("chain", "draw"), values[None, :, k])
+                for k, name in enumerate(names)
+            },
+            coords={"chain": [0], "draw": np.arange(count)},
+        )  # fmt: skip
 
-    data = arviz.from_dict(
-        posterior=group(draws.unknowns, draws.posterior),
-        prior=group(draws.unknowns, draws.prior),
-        posterior_predictive=group(draws.numbers, draws.posterior_predictive),
-        prior_predictive=group(draws.numbers, draws.prior_predictive),
-        log_likelihood={"fitted measurements": draws.log_likelihood[None]},
-        observed_data={key(name): np.array([value]) for name, value in draws.observed.items()},
-        attrs=draws.facts,
+    observed = {key(name): ((), value) for name, value in draws.observed.items()}
+    data = xarray.DataTree.from_dict(
+        {
+            "/": xarray.Dataset(attrs=draws.facts),
+            "posterior": group(draws.unknowns, draws.posterior),
+            "prior": group(draws.unknowns, draws.prior),
+            "posterior_predictive": group(draws.numbers, draws.posterior_predictive),
+            "prior_predictive": group(draws.numbers, draws.prior_predictive),
+            "log_likelihood": group(["fitted measurements"], draws.log_likelihood[:, None]),
+            "observed_data": xarray.Dataset(observed),
+        }
     )
     path = Path(path)
     with atomic_path(path) as temporary:
@@ -75,30 +85,32 @@ def load_draws(path: str | Path) -> Draws:
     Raises:
         InputError: no such file, or not one of ours; one line.
     """
-    import arviz
+    import xarray
 
     path = Path(path)
     path = path / FILE_NAME if path.is_dir() else path
     if not path.is_file():
         raise InputError(f"{path}: no such file; `flowslide posterior CASE` makes it")
     try:
-        data = arviz.from_netcdf(str(path), engine="h5netcdf")
-        unknowns = list(data.posterior.data_vars)
-        numbers = list(data.posterior_predictive.data_vars)
+        with xarray.open_datatree(path, engine="h5netcdf") as file:
+            data = file.load()
+        unknowns = list(data["posterior"].data_vars)
+        numbers = list(data["posterior_predictive"].data_vars)
 
         def block(group: Any, names: Sequence[str]) -> np.ndarray:
             return np.stack([group[name].values[0] for name in names], axis=1)
 
         return Draws(
             unknowns=unknowns,
-            posterior=block(data.posterior, unknowns),
-            prior=block(data.prior, unknowns),
+            posterior=block(data["posterior"], unknowns),
+            prior=block(data["prior"], unknowns),
             numbers=numbers,
-            posterior_predictive=block(data.posterior_predictive, numbers),
-            prior_predictive=block(data.prior_predictive, numbers),
-            log_likelihood=data.log_likelihood["fitted measurements"].values[0],
+            posterior_predictive=block(data["posterior_predictive"], numbers),
+            prior_predictive=block(data["prior_predictive"], numbers),
+            log_likelihood=data["log_likelihood"]["fitted measurements"].values[0],
             observed={
-                name: float(one.values[0]) for name, one in data.observed_data.data_vars.items()
+                name: float(one.values.flat[0])
+                for name, one in data["observed_data"].data_vars.items()
             },
             facts=dict(data.attrs),
         )
