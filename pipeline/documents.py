@@ -18,6 +18,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 Place = tuple[str | int, ...]
+_PLAIN = (float, int, str)
 
 
 class StrictDocument(BaseModel):
@@ -62,6 +63,8 @@ def _words_for_numbers(raw: Any, made: Any, place: Place = ()) -> Iterator[tuple
             yield from _words_for_numbers(value, made.get(key), (*place, key))
     elif isinstance(raw, list | tuple) and isinstance(made, list | tuple | set | frozenset):
         for number, (value, inner) in enumerate(zip(raw, made, strict=False)):
+            if type(value) in _PLAIN:  # coordinates: most of a document
+                continue
             yield from _words_for_numbers(value, inner, (*place, number))
 
 

@@ -5,6 +5,7 @@
 Truths are drawn from the prior of the case and simulated by the material point method at the coarse
 spacing; survey noise is added to the fitted toe; the posterior of each twin is found by an emulator
 of other runs, with the sampler of `flowslide posterior`, and the truth is ranked among its draws.
+Of prior and posterior alike only sections count that can be drawn at that spacing.
 Everything found is kept in `posterior_calibration.json`, twin by twin, so that the study resumes
 where it stopped and parts may run side by side. At the end it writes the table between the markers
 of `docs/records/posterior-calibration.md` and the picture next to it.
@@ -36,7 +37,7 @@ PAGE = RECORDS / "posterior-calibration.md"
 PICTURE = ROOT / "docs/images/posterior/calibration.png"
 CASE = "lower_san_fernando"
 TWINS, DESIGN, SEED = 208, 256, 11
-LIVE_POINTS, DRAWS = 100, 999
+LIVE_POINTS, DRAWS = 100, 200
 NOMINAL = (0.5, 0.8, 0.95)
 BINS = 16
 #: Runs between two savings.
@@ -49,12 +50,21 @@ def twin_model(runs: Path) -> tuple[InversionCase, SectionModel]:
     return case, SectionModel(section_of(case), RunStore(runs, threads=1))
 
 
-def simulated(record: dict, name: str, model: SectionModel, shares: np.ndarray) -> None:
-    """Simulate what is not on record yet: values and the numbers of coarse runs."""
+def truths_of(model: SectionModel, number: int) -> np.ndarray:
+    """The first draws of the prior (number, q) whose section can be drawn."""
+    random = np.random.default_rng(SEED)
+    found = np.zeros((0, len(model.unknowns)))
+    while len(found) < number:
+        values = at_shares(model.unknowns, random.random((SAVED_EVERY, len(model.unknowns))))
+        found = np.concatenate([found, values[model.holds(values)]])
+    return found[:number]
+
+
+def simulated(record: dict, name: str, model: SectionModel, values: np.ndarray) -> None:
+    """Simulate what is not on record yet at values (n, q): the numbers of coarse runs."""
     kept = record.setdefault(name, [])
-    values = at_shares(model.unknowns, shares)
     while len(kept) < len(values):
-        part = model.drawable(values[len(kept) : len(kept) + SAVED_EVERY])
+        part = values[len(kept) : len(kept) + SAVED_EVERY]
         numbers = model.run(part, coarse=True)
         kept += [
             {"values": np.round(row, 6).tolist(), "numbers": [_plain(y) for y in found]}
@@ -83,6 +93,7 @@ def infer_twin(record: dict, number: int, model: SectionModel, case: InversionCa
     likelihood = Likelihood(emulator, targets, targets.covariance)
     found = sample(likelihood, draws=DRAWS, live_points=LIVE_POINTS, seed=number)
     draws = at_shares(model.unknowns, found.shares)
+    draws = draws[model.holds(draws)]
     return [
         round(rank_of(value, draws[:, place]), 6) for place, value in enumerate(truth["values"])
     ]
@@ -99,9 +110,11 @@ def collect(runs: Path, twins: int, part: int, of: int, redo: bool) -> dict:
             "unknowns": [one.name for one in model.unknowns],
             "numbers": model.names,
         }
-    simulated(record, "design", model, _sobol(len(model.unknowns)))
-    truths = np.random.default_rng(SEED).random((twins, len(model.unknowns)))
-    simulated(record, "truths", model, truths)
+    design = at_shares(model.unknowns, _sobol(len(model.unknowns)))
+    if len(record.get("design", [])) < len(design):
+        simulated(record, "design", model, model.drawable(design))
+    if len(record.get("truths", [])) < twins:
+        simulated(record, "truths", model, truths_of(model, twins))
     for number in range(part, twins, of):
         path = runs / f"twin_{number:04d}.json"
         if not path.is_file():

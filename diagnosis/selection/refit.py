@@ -35,6 +35,8 @@ from inversion.estimation.unknowns import Amplitude, Unknowns
 
 #: Turns of a refit, two runs each.
 TURNS = 4
+#: Times that a refit whose parameters end where its surrogate ends is anchored anew there.
+TIMES_ANEW = 2
 #: Sum of squares by which a model may be worse than a rival and still be worth them.
 FAR = 15.0
 #: Combinations of ladder amplitudes that are tried as first guesses.
@@ -244,12 +246,40 @@ def refit(
     else:
         first = run_points(context.runs, surrogate, [(near, seed) for seed in JITTERS[0]], what)
     starts = [*first, *guesses]
-    hopeless = near is None and settled(context.data, surrogate, starts).total > rival + FAR
+    found = settled(context.data, surrogate, starts)
+    for _ in range(TIMES_ANEW if first else 0):
+        # Parameters that give way farther than was believed say nothing of the effect yet.
+        anew = anchored_anew(context, found, what) if surrogate.ends_at(found.x) else None
+        if anew is None:
+            break
+        surrogate, starts = anew, [found.x]
+        found = settled(context.data, surrogate, starts)
+    hopeless = near is None and found.total > rival + FAR
     fit = search(
         context.runs, context.data, surrogate, starts, first=[], turns=0 if hopeless else TURNS,
         what=what,
     )  # fmt: skip
     return None if fit is None else weighed(context, fit, around(fit), surrogate)
+
+
+def anchored_anew(context: RefitContext, found: Fit, what: str) -> Surrogate | None:
+    """A surrogate about a fit, with the runs and the derivative there; None where they fail."""
+    space = found.space
+    states = [space.state(found.x, seed=seed) for seed in JITTERS[-1]]
+    if not context.runs.affords(states, what):
+        return None
+    prediction = np.mean(context.runs.predict(states), axis=0)
+    steps = steps_above_noise(space, context.data, found.derivative, context.jitter)
+    slope = central_differences(
+        context.runs, space, found.x, prediction, steps, what, known=found.derivative
+    )
+    if slope is None or not np.all(np.isfinite(prediction)):
+        return None
+    surface = Surface(space, found.x, prediction, slope)
+    known = spreads(context.data, surface, space, context.jitter, anchored_by=len(states))
+    surrogate = Surrogate(surface, space, known)
+    surrogate.recall(context.runs)
+    return surrogate
 
 
 def judge(context: RefitContext, model: FittedModel) -> FittedModel:

@@ -89,15 +89,16 @@ def _with_boundaries(
     """
     document = scene.model_dump()
     lines = [*(zone["polygon"] for zone in document["zones"]), document["ground"]["points"]]
-    moves = [np.zeros((len(line), 2)) for line in lines]
+    ends = np.cumsum([len(line) for line in lines])[:-1]
+    points = np.concatenate([np.asarray(line, dtype=float) for line in lines])
+    moves = np.zeros_like(points)
     for one, score in zip(uncertain, scores, strict=True):
         for vertex in one.vertices if isinstance(one, ZoneBoundary) else ():
-            there = [np.hypot(*np.subtract(line, vertex.at).T) <= SAME_PLACE_M for line in lines]
-            if not any(hit.any() for hit in there):
+            hit = np.hypot(*(points - vertex.at).T) <= SAME_PLACE_M
+            if not hit.any():
                 x, y = vertex.at
                 raise InputError(f"{where}: vertices: no zone has a vertex at ({x:g}, {y:g})")
-            for move, hit in zip(moves, there, strict=True):
-                move[hit] += score * np.asarray(vertex.move)
-    for line, move in zip(lines, moves, strict=True):
-        line[:] = (np.array(line) + move).tolist()
+            moves[hit] += score * np.asarray(vertex.move)
+    for line, moved in zip(lines, np.split(points + moves, ends), strict=True):
+        line[:] = moved.tolist()
     return scene_from_mapping(document, where)

@@ -43,6 +43,8 @@ BEND = 0.5
 LOCAL, LENGTH = 0.06, 0.5
 #: Noise of a slope taken from two runs about this far apart, in units of the noise of a run.
 SLOPE_STEP = 0.25
+#: Half-width in the parameters within which a surrogate may be believed at all.
+REACH = 3.0
 #: Runs whose parameters are farther from the anchor than this follow other bends.
 NEAR = 2.0
 
@@ -263,6 +265,20 @@ class Surrogate:
             near = np.max(np.abs((x - self.anchor)[: self.space.p])) <= NEAR
             if near and (also_here or away > 1e-9):
                 self.learn(x, row)
+
+    @property
+    def believed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds (q,) within which it may be believed at all; of amplitudes their own."""
+        low, high, p = self.space.low.copy(), self.space.high.copy(), self.space.p
+        low[:p] = np.maximum(low[:p], self.anchor[:p] - REACH)
+        high[:p] = np.minimum(high[:p], self.anchor[:p] + REACH)
+        return low, high
+
+    def ends_at(self, x: np.ndarray) -> bool:
+        """Whether parameters of x (q,) are where it ends, and not at bounds of their own."""
+        low, high = self.believed
+        ended = (x <= low) & (low > self.space.low) | (x >= high) & (high < self.space.high)
+        return bool(np.any(ended))
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Prediction of all numbers, (m,)."""

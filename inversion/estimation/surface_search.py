@@ -23,8 +23,6 @@ from inversion.estimation.unknowns import Unknowns
 JITTERS = ((1, 2), (3, 4), (5, 6), (7, 8))
 #: A proposal this near to a run, in every unknown, is not worth another.
 SEEN = 0.15
-#: Half-width in the parameters within which a surrogate may be believed at all.
-REACH = 3.0
 #: A hair of ridge: no step along what nothing is known of.
 RIDGE = 1e-6
 #: Two first guesses are different where some unknown differs by this much.
@@ -64,7 +62,7 @@ def least(
 ) -> tuple[np.ndarray, float]:
     """Where a surrogate's sum of squares is least, and that sum.
 
-    Parameters stay within `REACH` of the anchor; amplitudes have their bounds alone.
+    Parameters stay where the surrogate may be believed; amplitudes have their bounds alone.
 
     Args:
         data: what is fitted.
@@ -73,10 +71,7 @@ def least(
         held: unknowns that stay where the first guess has them.
     """
     space = surrogate.space
-    low, high = space.low.copy(), space.high.copy()
-    p = space.p
-    low[:p] = np.maximum(low[:p], surrogate.anchor[:p] - REACH)
-    high[:p] = np.minimum(high[:p], surrogate.anchor[:p] + REACH)
+    low, high = surrogate.believed
     free = space.free.copy()
     free[list(held)] = False
     x = np.clip(start, low, high)

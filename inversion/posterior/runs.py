@@ -96,6 +96,10 @@ class SectionModel:
         """See `Model`."""
         return self.section.case.coarse_spacing_m is not None
 
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Whether the section of a coarse run holds together, (n,) bool at values (n, q)."""
+        return np.array([self._setup(row, self.two_fidelities) is not None for row in values])
+
     def drawable(self, values: np.ndarray) -> np.ndarray:
         """See `Model`: several boundaries moved at once may leave a layer too thin.
 
@@ -105,7 +109,7 @@ class SectionModel:
         for row in found:
             back = np.where(self.section.boundaries, BACK, 1.0)
             for _ in range(MOST_BACK):
-                if self._setup(row, self.two_fidelities) is not None:
+                if self.holds(row[None]).all():
                     break
                 row *= back
         return found

@@ -15,6 +15,7 @@ from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.forward_selection import accepted, why_not
 from diagnosis.selection.refit import ANCHORED, FittedModel, judge, refit, weighed
 from diagnosis.verdict.verdict_builder import verdict_document
+from inversion.estimation import response_surface
 from inversion.problem.forward import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
 
@@ -57,6 +58,18 @@ def test_a_refit_follows_the_parameters_to_an_amplitude_beyond_the_ladder(seed):
                            [2.8 / found.fit.space.effects[0].unit]])  # fmt: skip
     best = refitted(comparison, explanation, "late", near=told)
     assert found.fit.total < best.fit.total + 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parameters_may_give_way_farther_than_a_surrogate_is_believed(seed, monkeypatch):
+    """The search ends at the edge of its surrogate, far from any fit, and goes on from there."""
+    comparison, explanation = looked_at(on_a_ridge(seed, 2.8))
+    free = refitted(comparison, explanation, "late").fit
+    monkeypatch.setattr(response_surface, "REACH", 1.2)
+    held = refitted(comparison, explanation, "late").fit
+    assert np.max(np.abs(held.x[:2] - comparison.base.surface.x)) > 1.2
+    assert held.total < free.total + 1.0
+    assert held.space.amplitudes(held.x)["late"] == pytest.approx(2.8, abs=0.8)
 
 
 def test_a_fourth_effect_has_one_first_guess_and_is_fitted_from_there():

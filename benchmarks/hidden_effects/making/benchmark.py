@@ -100,6 +100,9 @@ class BenchmarkPlan(Document):
         default_factory=dict,
         description="other codes that make the truths (`foreign`); empty: the judge's solver",
     )
+    slides: int = Field(
+        3, gt=0, description="of another code, drawn at most until what is hidden can well be seen"
+    )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
 
 

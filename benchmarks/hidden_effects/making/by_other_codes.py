@@ -3,7 +3,7 @@
 Each code gets its share of the cases of each kind; families and the things of a family are dealt
 in turn. How well a thing can be seen is measured on the slide: lambda, the chi2 that the best base
 model leaves of it, in a covariance with the code's own error. What is seen less than `VISIBLE` is
-drawn again; of at most `SLIDES` slides the one in which it is seen best becomes the case.
+drawn again; of at most `slides` of the plan the one in which it is seen best becomes the case.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from pipeline.random_numbers import Stream, number_of
 
 #: Spacing of a slide over that of the judge, between these.
 FINER = (0.55, 0.65)
-#: Frames per second of a slide; drawings of a case, and slides of it, at most.
-FRAMES_PER_S, DRAWS, SLIDES = 2.0, 5, 3
+#: Frames per second of a slide; drawings of a case that may fail.
+FRAMES_PER_S, DRAWS = 2.0, 2
 #: Lambda from which a thing can well be seen.
 VISIBLE = 25.0
 
@@ -158,14 +158,15 @@ def _make(
     stream = Stream(benchmark.plan.seed, number_of(planned.name))
     found: list[Made] = []
     words = ""
-    for _ in range(DRAWS):
+    slides = benchmark.plan.slides
+    for _ in range(slides + DRAWS):
         try:
             found.append(_draw(benchmark, planned, section, base(section), stream, threads))
         except (WorkFailed, InputError, ValueError) as error:
             words = str(error)
             continue
         seen = found[-1].truth["lambda"]
-        if planned.kind == "null" or seen >= VISIBLE or len(found) == SLIDES:
+        if planned.kind == "null" or seen >= VISIBLE or len(found) == slides:
             break
     if not found:
         return None, f"skipped: {words}"
