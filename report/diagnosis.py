@@ -96,7 +96,8 @@ def summary(document: Document, folder: str | Path) -> str:
     parts = [heading]
     if data.measurements:
         parts += [tables.effects_table(data).text(), tables.answers_table(data).text()]
-        parts += [tables.parameters_table(data).text(), two_strengths(folder).text()]
+        parts += [tables.parameters_table(data).text(), words.bound_sentence(data)]
+        parts += [two_strengths(folder).text()]
     if verdict is None:
         parts += [table.text() for table in (tables.tests_table(data), tables.groups_table(data))]
         parts += [words.window_sentence(data.base.window, "base model"), _held_out(data)]
@@ -160,6 +161,7 @@ def _answer(data: DiagnosisData) -> Section:
     sentences = [
         *words.answer_sentences(data),
         words.fall_sentence(data),
+        words.bound_sentence(data),
         words.validation_sentence(data),
         words.tested_sentence(data),
         remark if skipped else "",

@@ -5,6 +5,7 @@ In: a `DiagnosisData`. Out: sentences. Every statement on effects is about those
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 
 from diagnosis.hypotheses.model import FAMILIES
@@ -13,6 +14,7 @@ from diagnosis.verdict.verdict import (
     CandidateVerdict,
     FittedModelSummary,
     MeasurementVerdict,
+    ParameterWords,
     WaterfallStep,
     Window,
 )
@@ -26,6 +28,7 @@ from report.numbers import (
     plus_minus,
     root_mean_square,
     signed_percent,
+    with_unit,
 )
 
 VERDICTS = {
@@ -322,6 +325,28 @@ def strength_sentences(data: DiagnosisData) -> list[str]:
         if used := quoted_words(data, p.name, p.unit):
             said.append(used)
     return said
+
+
+def bound(p: ParameterWords, stage: FittedModelSummary) -> str:
+    """The bound on which a parameter rests in a model, in words; empty: on none."""
+    near = 1e-3 * (p.high - p.low)
+    value = stage.values.get(p.name, math.nan)
+    return "lower" if value <= p.low + near else "upper" if value >= p.high - near else ""
+
+
+def bound_sentence(data: DiagnosisData) -> str:
+    """Parameters of the base model that rest on a bound, and what this means for the answer."""
+    resting = " and on ".join(
+        f"the {side} bound of {p.words}, {with_unit(data.base.values[p.name], p.unit)}"
+        for p in data.parameters
+        if (side := bound(p, data.base))
+    )
+    if not resting:
+        return ""
+    return (
+        f"The base model rests on {resting}. There the parameter cannot give way to an "
+        "effect, and effects are ranked as if it were known: if the bound is a guess, widen it."
+    )
 
 
 def quoted_words(data: DiagnosisData, name: str, unit: str) -> str:

@@ -13,6 +13,7 @@ from diagnosis.verdict.verdict import (
     FittedModelSummary,
     MeasurementVerdict,
     NextMeasurement,
+    ParameterWords,
     WaterfallStep,
 )
 from report.data.diagnosis import DiagnosisData
@@ -31,6 +32,7 @@ from report.page import KeyNumbers
 from report.sentences.diagnosis import (
     AMONG,
     VERDICTS,
+    bound,
     explanation,
     off,
     off_held_out,
@@ -66,8 +68,8 @@ def key_numbers(data: DiagnosisData) -> KeyNumbers:
         entries.append(_fall(f"misfit, {spoken(check.case)}", *ends))
     for p in data.parameters:
         stage = base if final is None or p.name not in final.values else final
-        remark = "base model" if stage is base else f"{_value(base, p.name, p.unit)} before"
-        value = _value(stage, p.name, p.unit)
+        remark = "base model" if stage is base else f"{_value(base, p)} before"
+        value = _value(stage, p)
         if verdict is not None and p.name in verdict.quoted:
             used = verdict.quoted[p.name]
             value = plus_minus(used.value, used.std, p.unit)
@@ -78,8 +80,10 @@ def key_numbers(data: DiagnosisData) -> KeyNumbers:
     return KeyNumbers([*entries, ("forward runs", f"{runs.asked}", f"of {runs.allowed} allowed")])
 
 
-def _value(stage: FittedModelSummary, name: str, unit: str) -> str:
-    return plus_minus(stage.values[name], stage.std.get(name, 0.0), unit)
+def _value(stage: FittedModelSummary, p: ParameterWords) -> str:
+    if side := bound(p, stage):
+        return f"{with_unit(stage.values[p.name], p.unit)}, its {side} bound"
+    return plus_minus(stage.values[p.name], stage.std.get(p.name, 0.0), p.unit)
 
 
 def _fall_of_fit(
@@ -103,7 +107,7 @@ def parameters_table(data: DiagnosisData) -> Table:
     """Calibrated values, one column for each model."""
     rows = []
     for p in data.parameters:
-        rows.append([p.words, *(_value(stage, p.name, p.unit) for _, stage in data.stages)])
+        rows.append([p.words, *(_value(stage, p) for _, stage in data.stages)])
         wide = [stage.std_assumed.get(p.name) for _, stage in data.stages]
         if any(wide):
             rows.append(

@@ -377,6 +377,19 @@ def test_a_misfit_without_degrees_of_freedom_is_no_root_mean_square(tmp_path):
     assert "as many parameters as data" in read and "nan" not in read
 
 
+def test_a_base_model_on_a_bound_says_what_that_means(tmp_path):
+    verdict = identified()
+    name, low, high = (getattr(verdict.parameters[0], key) for key in ("name", "low", "high"))
+    assert low < verdict.base.values[name] < high
+    assert "rests on" not in told(page_of(verdict, tmp_path / "inside"))
+    for value, side in ((low, "lower"), (high, "upper")):
+        update = {"values": {name: value}, "std": {name: 0.0}}
+        changed = verdict.model_copy(update={"base": verdict.base.model_copy(update=update)})
+        read = told(page_of(changed, tmp_path / side))
+        assert f"The base model rests on the {side} bound of" in read
+        assert f"its {side} bound" in read
+
+
 @pytest.mark.parametrize(
     ("value", "text"), [(0.0123456, "0.0123"), (99.97, "100"), (-3.0, "−3"), (12345.6, "12346")]
 )
