@@ -250,6 +250,8 @@ def with_base(scene: Scene, knots: Sequence[Point], name: str) -> Scene:
     line = list(zip(x.tolist(), y.tolist(), strict=True))
     document = scene.model_dump()
     document["ground"]["points"] = line
+    # The same points and grid as before: another lattice makes another slide of the same section.
+    document["lattice_from_y"] = scene.lattice_y
     left, right = scene.foot("left"), scene.foot("right")
     if np.any((x > left) & (x < right) & (np.abs(y - scene.ground.height(x)) > 0.0)):
         rock = _rock(scene, line)

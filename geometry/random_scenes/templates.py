@@ -169,7 +169,9 @@ def _fault(sketch: Sketch, settings: GeometrySettings, size: ScaleSettings) -> s
         if 2.0 * signed_area(polygon) < LEAST_THICKNESS * size.spacing_m * perimeter(polygon):
             return "a zone is a sliver"
     polygons = [np.asarray(outline.polygon) for outline in sketch.outlines]
-    _, zone = lattice_points(polygons, np.asarray(sketch.ground), 0.0, size.spacing_m)
+    ground = np.asarray(sketch.ground)
+    origin = (0.0, float(ground[:, 1].min()))
+    _, zone = lattice_points(polygons, ground, origin, size.spacing_m)
     counts = np.bincount(zone, minlength=len(polygons))
     if counts.sum() > settings.max_points:
         return "there are too many points"

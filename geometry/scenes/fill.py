@@ -1,7 +1,8 @@
 """Filling a scene with material points on a regular lattice.
 
-The lattice counts from the left wall and the lowest ground: points lie at (i + 1/2) spacing, so on
-level ground every grid cell that touches the base holds exactly `points_per_cell` points.
+The lattice counts from the left wall and the lowest ground, unless the scene has another
+`lattice_from_y`: points lie at (i + 1/2) spacing, so on level ground every grid cell that touches
+the base holds exactly `points_per_cell` points.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def fill(scene: Scene) -> MaterialPoints:
     position, zone = lattice_points(
         [np.asarray(z.polygon, dtype=float) for z in scene.zones],
         np.asarray(scene.ground.points, dtype=float),
-        scene.domain.x_min,
+        (scene.domain.x_min, scene.lattice_y),
         scene.spacing,
     )
     if scene.jitter:
@@ -94,27 +95,29 @@ def contains(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def lattice_points(
-    polygons: Sequence[np.ndarray], ground: np.ndarray, x_min: float, spacing: float
+    polygons: Sequence[np.ndarray],
+    ground: np.ndarray,
+    origin: tuple[float, float],
+    spacing: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the lattice points inside polygons, above the ground.
 
     Args:
         polygons: (V, 2) vertices of each zone [m].
         ground: (P, 2) polyline of the base [m].
-        x_min: place of the left wall [m], from which the lattice counts.
+        origin: (x, y) from which the lattice counts [m].
         spacing: distance between points [m].
 
     Returns:
         places (N, 2) [m] and zone numbers (N,), row by row upwards.
     """
-    origin = np.array([x_min, ground[:, 1].min()])
-    vertices = np.concatenate(list(polygons))
-    first = np.floor((vertices.min(axis=0) - origin) / spacing - 0.5).astype(int)
-    last = np.ceil((vertices.max(axis=0) - origin) / spacing - 0.5).astype(int)
+    start, vertices = np.asarray(origin), np.concatenate(list(polygons))
+    first = np.floor((vertices.min(axis=0) - start) / spacing - 0.5).astype(int)
+    last = np.ceil((vertices.max(axis=0) - start) / spacing - 0.5).astype(int)
     column, row = np.meshgrid(
         np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1), indexing="xy"
     )
-    lattice = origin + (np.stack([column.ravel(), row.ravel()], axis=1) + 0.5) * spacing
+    lattice = start + (np.stack([column.ravel(), row.ravel()], axis=1) + 0.5) * spacing
     tested = lattice + np.asarray(BORDER_SHIFT) * spacing
     zone = np.full(len(lattice), -1, dtype=np.int32)
     for number, polygon in enumerate(polygons):

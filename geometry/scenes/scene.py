@@ -231,6 +231,11 @@ class Scene(Document):
         0.0, ge=0, lt=1, description="each point moves by up to jitter x spacing / 2 in x and y"
     )
     seed: int = Field(0, ge=0, lt=2**63, description="seed of the jitter")
+    lattice_from_y: float | None = Field(
+        None,
+        description="height from which points and grid count [m]; null = the lowest ground. A "
+        "section that is compared with another keeps that of the other",
+    )
     law: str = Field(
         MOHR_COULOMB, description="material law of all soils; the solver refuses unknown names"
     )
@@ -242,10 +247,12 @@ class Scene(Document):
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """The usual law is not written: scenes without another keep their hashes."""
+        """The usual law and lattice are not written: scenes without another keep their hashes."""
         document = write(self)
         if self.law == MOHR_COULOMB:
             del document["law"]
+        if self.lattice_from_y is None:
+            document.pop("lattice_from_y", None)
         return document
 
     @field_validator("effects", mode="before")
@@ -326,6 +333,11 @@ class Scene(Document):
     def cell_size(self) -> float:
         """Edge of a grid cell [m]."""
         return math.isqrt(self.points_per_cell) * self.spacing
+
+    @property
+    def lattice_y(self) -> float:
+        """Height from which points and grid count [m]."""
+        return self.ground.lowest if self.lattice_from_y is None else self.lattice_from_y
 
     @property
     def extent(self) -> tuple[float, float]:

@@ -90,9 +90,10 @@ class Grid:
 
 
 def make_grid(scene: Scene) -> Grid:
-    """The grid of a scene: a line of nodes on the lowest ground and on the left wall."""
+    """The grid of a scene: lines of nodes at the height it counts from and on the left wall."""
     cell = scene.cell_size
-    low = scene.ground.lowest
+    below = np.ceil(round((scene.lattice_y - scene.ground.lowest) / cell, 6))
+    low = scene.lattice_y - max(below, 0.0) * cell
     across = int(np.ceil(round(scene.domain.width / cell, 6)))
     upward = int(np.ceil(round((scene.domain.y_max - low) / cell, 6)))
     return Grid(

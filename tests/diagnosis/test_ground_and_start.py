@@ -15,10 +15,12 @@ from diagnosis.hypotheses.assumption import Assumption
 from diagnosis.hypotheses.engine_model import EngineModel
 from diagnosis.options import Options
 from geometry.case import load_case
+from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from inversion.engines.run_store import RunStore
 from inversion.engines.setup import Setup
 from inversion.problem.forward import State
+from mpm_taichi.solver.boundary import MARGIN, make_grid
 from pipeline.cli import InputError
 
 
@@ -90,6 +92,19 @@ def test_the_ground_before_a_foot_may_slope_or_have_a_bump(setup):
     bump = known["bump_near_the_left_foot"].change(setup, 3.0).scene
     assert bump.ground.height(np.array([-6.0, -12.0, -15.0])) == pytest.approx([0.0, 3.0, 1.5])
     assert [zone.polygon for zone in bump.zones] == [zone.polygon for zone in setup.scene.zones]
+
+
+@pytest.mark.parametrize("slope", [-0.06, -0.0215, -0.006])
+def test_a_section_keeps_its_points_and_grid_when_the_ground_before_it_falls(setup, slope):
+    """Else every slope would be another filling of the dam, by up to a row of points."""
+    known = by_name(ground.assumptions(setup, [])[0])
+    sloped = known["foreland_on_the_left"].change(setup, slope).scene
+    assert sloped.ground.lowest < setup.scene.ground.lowest
+    np.testing.assert_array_equal(fill(sloped).position, fill(setup.scene).position)
+    old, new = make_grid(setup.scene), make_grid(sloped)
+    rows = (old.origin[1] - new.origin[1]) / old.cell
+    assert rows == pytest.approx(np.ceil((old.origin[1] - new.origin[1]) / old.cell - 1e-6))
+    assert new.origin[1] + MARGIN * new.cell <= sloped.ground.lowest
 
 
 def test_a_high_dam_has_no_bump_as_high_as_a_house(root):

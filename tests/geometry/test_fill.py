@@ -11,6 +11,7 @@ from shapely.geometry import Point, Polygon
 from geometry import Scene
 from geometry.scenes.fill import contains, fill
 from geometry.scenes.polygon_checks import area
+from geometry.scenes.scene import scene_from_mapping
 from tests.budget import examples
 
 some = settings(
@@ -169,3 +170,13 @@ def test_materials_velocities_and_kinematic_points():
     np.testing.assert_array_equal(points.velocity[flying], [[3.0, -1.0]] * 25)
     assert not points.velocity[~flying].any()
     assert points.material.dtype == points.zone.dtype == np.int32
+
+
+def test_the_lattice_may_count_from_another_height(make_scene):
+    scene = make_scene([[(3.0, 0.0), (13.0, 0.0), (13.0, 6.0), (3.0, 6.0)]], spacing=0.5)
+    raised = scene.changed(lattice_from_y=0.2)
+    np.testing.assert_allclose((fill(raised).position[:, 1] - 0.2) % 0.5, 0.25)
+    assert fill(raised).position[:, 1].min() == pytest.approx(0.45), "and down to the base"
+    assert scene.lattice_y == 0.0 and raised.lattice_y == 0.2
+    assert "lattice_from_y" not in scene.model_dump(), "other scenes keep their hashes"
+    assert scene_from_mapping(raised.model_dump(), "again") == raised
