@@ -54,6 +54,7 @@ class Inference:
         fine: the same at the spacing of the answer, (n, k), NaN: not run.
         read: (all numbers of the model,) bool: enough runs could be read; these are the k numbers.
         otherwise: change of the numbers with each other way to simulate, (k,) by name.
+        engine_std: of the engine's own error of the numbers, (k,), in the middle of the posterior.
         timings: of the stages [s].
     """
 
@@ -66,6 +67,7 @@ class Inference:
     fine: np.ndarray = field(init=False)
     read: np.ndarray = field(init=False)
     otherwise: dict[str, np.ndarray] = field(default_factory=dict)
+    engine_std: np.ndarray = field(init=False)
     timings: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -73,6 +75,7 @@ class Inference:
         self.read = np.ones(len(self.model.names), dtype=bool)
         self.coarse = np.zeros((0, len(self.names)))
         self.fine = np.zeros((0, len(self.names)))
+        self.engine_std = np.zeros(len(self.names))
 
     @property
     def unknowns(self) -> list[Unknown]:
@@ -142,6 +145,7 @@ class Inference:
         enough = np.isfinite(self.coarse).sum(axis=0) >= LEAST_RUNS
         enough[fitted] = True
         self.coarse, self.fine, self.read = self.coarse[:, enough], self.fine[:, enough], enough
+        self.engine_std = np.zeros(len(self.names))
 
     def _where_it_matters(self, number: int, seed: int) -> np.ndarray:
         """Values (number, q) spread out over the posterior as it is known so far."""
@@ -166,6 +170,7 @@ class Inference:
             name: np.nan_to_num(change[self.read])
             for name, change in self.model.simulated_otherwise(centre).items()
         }
+        self.engine_std = np.nan_to_num(self.model.error_std(centre)[self.read])
 
     # --- the posterior ---
 
@@ -189,14 +194,19 @@ class Inference:
             raise WorkFailed(f"posterior: {error}") from None
 
     def errors(self) -> np.ndarray:
-        """Covariance of survey, what the model is granted, and other ways to simulate, (m, m)."""
+        """Covariance of all errors but the emulator's, (m, m).
+
+        Of the survey, what the model is granted, other ways to simulate, and the engine's own,
+        which is independent from number to number.
+        """
         names = self.names
         total = self.targets.covariance.copy()
         for change in self.otherwise.values():
             by_name = dict(zip(names, change, strict=True))
             error = np.array([by_name.get(name, 0.0) for name in self.targets.names])
             total += np.outer(error, error)
-        return total
+        own = dict(zip(names, self.engine_std, strict=True))
+        return total + np.diag([own.get(name, 0.0) ** 2 for name in self.targets.names])
 
     def _sampled(self) -> Inferred:
         likelihood, settings = self.likelihood(), self.settings
@@ -265,7 +275,7 @@ class Inferred:
         found = mean + std * random.standard_normal(mean.shape)
         for change in self.inference.otherwise.values():
             found = found + random.standard_normal((len(found), 1)) * change
-        return found
+        return found + random.standard_normal(found.shape) * self.inference.engine_std
 
 
 def _parts(number: int) -> list[int]:

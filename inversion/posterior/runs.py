@@ -50,6 +50,10 @@ class Model(Protocol):
         """Change of the numbers (k,) at values (q,) with each other way to simulate, by name."""
         ...
 
+    def error_std(self, values: np.ndarray) -> np.ndarray:
+        """Standard deviation of the engine's own error of the numbers (k,) at values (q,)."""
+        ...
+
 
 @dataclass
 class SectionModel:
@@ -149,6 +153,15 @@ class SectionModel:
         rows = self._numbers(setups, np.tile(values, (len(setups), 1)))
         names = [name for name, _ in self.other_ways]
         return dict(zip(names, rows[1::2] - rows[0::2], strict=True))
+
+    def error_std(self, values: np.ndarray) -> np.ndarray:
+        """See `Model`; none where no such section can be drawn, and none of a stress."""
+        setup, found = self._setup(values, False), np.zeros(len(self.names))
+        if setup is not None:
+            request = setup.at(values[: self.section.parameters])
+            own = self.engine.forward(self.store).error_std(request)
+            found[: len(self.shown)] = own[self.shown]
+        return found
 
     def _setup(self, values: np.ndarray, coarse: bool) -> Setup | None:
         try:

@@ -44,6 +44,7 @@ class Distribution:
         failed: runs that a guard stopped, left out.
         noise: standard deviation over the place of the points, (m,).
         missed: standard deviation of the runs about the smooth response, (m,).
+        engine_std: of the engine's own error at the runs, (n, m); 0: it states none.
         response: the smooth response.
         sample_scores: (s, p).
         samples: the numbers (s, m).
@@ -57,6 +58,7 @@ class Distribution:
     failed: int
     noise: np.ndarray
     missed: np.ndarray
+    engine_std: np.ndarray
     response: Response
     sample_scores: np.ndarray
     samples: np.ndarray
@@ -94,20 +96,26 @@ def predict(
         WorkFailed: more than a quarter of the runs failed.
     """
     scores = design(len(strengths))
-    predictions = engine.predict([setup.at(one) for one in values_at(strengths, scores)])
+    requests = [setup.at(one) for one in values_at(strengths, scores)]
+    predictions = engine.predict(requests)
     kept = np.array([not prediction.failed for prediction in predictions])
     if np.mean(~kept) > MOST_FAILED:
         reason = next(p.reason for p in predictions if p.failed)
         raise WorkFailed(f"{np.sum(~kept)} of {len(kept)} simulations failed: {reason}")
     scores, predictions = scores[kept], [p for p in predictions if not p.failed]
     runs = np.array([prediction.values for prediction in predictions])
+    finished = [one for one, good in zip(requests, kept, strict=True) if good]
+    own = np.array([engine.error_std(one) for one in finished])
     names = list(setup.targets.names)
     noise = noise_at(engine, jittered, strengths, len(names))
     smooth = response(scores, runs)
     generator = np.random.default_rng(seed)
     drawn = sampled_scores(strengths, samples, generator)
     # The runs scatter about the response by the noise too: the larger of both, not their sum.
-    scatter = np.maximum(noise, smooth.missed) * generator.standard_normal((samples, len(noise)))
+    std = np.maximum(noise, smooth.missed)
+    if own.any():
+        std = np.hypot(std, np.maximum(Sections(scores, own)(drawn), 0.0))
+    scatter = std * generator.standard_normal((samples, len(noise)))
     return Distribution(
         names=names,
         strengths=values_at(strengths, scores),
@@ -117,6 +125,7 @@ def predict(
         failed=int(np.sum(~kept)),
         noise=noise,
         missed=smooth.missed,
+        engine_std=own,
         response=smooth,
         sample_scores=drawn,
         samples=smooth(drawn) + scatter,

@@ -128,6 +128,10 @@ class Forward(ABC):
         the effects of their section: all that asks for runs comes to this.
         """
 
+    def error_std(self, request: Request) -> np.ndarray:
+        """Standard deviation of the engine's own error of each number, (m,); here none is known."""
+        return np.zeros(len(request.setup.targets.names))
+
     def derivative(
         self, request: Request, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
@@ -175,3 +179,7 @@ class WrappedEngine(Forward):
     def runs(self) -> int:
         """Runs asked for so far."""
         return self.engine.runs
+
+    def error_std(self, request: Request) -> np.ndarray:
+        """That of the engine inside."""
+        return self.engine.error_std(request)

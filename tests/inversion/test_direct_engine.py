@@ -17,6 +17,11 @@ from inversion.back_analysis.case import inversion_case
 from inversion.engine_registry import engine_named, untrained
 from inversion.engines.direct_engine import DirectEngine
 from inversion.engines.run_store import RunStore
+from inversion.posterior.runs import SectionModel
+from inversion.posterior.unknown import section_of as unknowns_of
+from inversion.prediction.known_strength import KnownStrength
+from inversion.prediction.predict import predict
+from inversion.prediction.prediction_case import prediction_case
 from inversion.problem.forward import Forward
 from pipeline.cli import InputError
 from pipeline.config import load_config
@@ -115,6 +120,26 @@ def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkey
     assert result.engine == "direct"
     assert any("from the training of the direct model" in line for line in result.remarks)
     assert untrained("direct").name == "direct"
+
+
+def test_posterior_and_prediction_have_its_error(lsfd, setup, monkeypatch):
+    engine = engine_of(setup)
+    monkeypatch.setattr("inversion.engines.direct_engine.shipped", lambda name, store: engine)
+    case = load_case(lsfd, load_config(None, QUICK))
+    model = SectionModel(unknowns_of(inversion_case(case)), engine.store, engine_named("direct"))
+    middle = np.array([one.at(0.5) for one in model.unknowns], dtype=float)
+    asked = model.section.setup(middle).at(middle[: model.section.parameters])
+    read = len(model.shown)
+    assert np.array_equal(model.error_std(middle)[:read], engine.error_std(asked)[model.shown])
+    assert np.all(model.error_std(middle)[:read] > 0) and not model.error_std(middle)[read:].any()
+
+    asked_for = prediction_case(case)
+    toe = next(one for one in asked_for.entries if one.type == "toe_runout")
+    strengths = [KnownStrength(tuple(asked_for.calibrated), 20.0, 0.01, "lognormal")]
+    there = replace(asked_for, entries=[toe]).setup(strengths)
+    found = predict(engine, there, strengths)
+    own = engine.error_std(there.at(np.array([20.0])))
+    assert found.samples.std(axis=0) == pytest.approx(own, rel=0.03)
 
 
 @pytest.mark.slow

@@ -53,6 +53,7 @@ class FormulaModel:
     beyond: float = 0.0
     otherwise: dict[str, float] = field(default_factory=dict)
     asked: list[tuple[int, bool]] = field(default_factory=list)
+    own_std: float = 0.0
 
     def drawable(self, values: np.ndarray) -> np.ndarray:
         return values
@@ -64,6 +65,9 @@ class FormulaModel:
 
     def simulated_otherwise(self, values: np.ndarray) -> dict[str, np.ndarray]:
         return {name: np.full(len(self.names), by) for name, by in self.otherwise.items()}
+
+    def error_std(self, values: np.ndarray) -> np.ndarray:
+        return np.full(len(self.names), self.own_std)
 
 
 def by_quadrature(formula, measured: float, std: float) -> tuple[float, float, float]:
@@ -341,6 +345,19 @@ def test_the_whole_posterior_of_a_formula_is_that_of_quadrature():
     assert strengths.std() == pytest.approx(std, rel=0.15)
     assert found.sampled.log_evidence == pytest.approx(log_evidence, abs=0.4)
     assert found.replicated().mean() == pytest.approx(53.0, abs=1.5)
+
+
+def test_the_engines_own_error_is_part_of_the_covariance_and_of_what_is_predicted():
+    found = infer(FormulaModel(runout, own_std=8.0))
+    np.testing.assert_allclose(found.inference.errors(), [[6.0**2 + 8.0**2]])
+    mean, std, log_evidence = by_quadrature(runout, 53.0, 10.0)
+    strengths = found.values[:, 0]
+    assert strengths.mean() == pytest.approx(mean, abs=0.2 * std)
+    assert strengths.std() == pytest.approx(std, rel=0.15)
+    assert std > 1.2 * by_quadrature(runout, 53.0, 6.0)[1]
+    assert found.sampled.log_evidence == pytest.approx(log_evidence, abs=0.4)
+    added = found.replicated().var() - found.predicted.var()
+    assert added == pytest.approx(8.0**2, rel=0.15)
 
 
 @pytest.mark.slow

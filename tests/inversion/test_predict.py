@@ -149,6 +149,25 @@ def test_noise_is_what_the_jittered_runs_scatter_by_and_widens_the_distribution(
     assert noise_at(seeds[0], seeds[:1], [still], 1)[0] == 0.0
 
 
+class Unsure(Formula):
+    """An engine that states an error of its own: a tenth of the strength, in metres."""
+
+    def error_std(self, request):
+        return np.array([0.1 * request.values[0]])
+
+
+def test_the_engines_own_error_widens_the_distribution():
+    still = asked(Unsure(power_law, ["toe"]), [lognormal(30.0, 0.01)])
+    assert still.samples.std() == pytest.approx(3.0, rel=0.02)
+    strength = lognormal()
+    sure = asked(Formula(power_law, ["toe"]), [strength])
+    unsure = asked(Unsure(power_law, ["toe"]), [strength])
+    # Independent of the strength's draw: variances add, E[(S/10)^2] = (mean^2 + std^2) / 100.
+    expected = sure.samples.var() + (18.0**2 + 5.0**2) / 100.0
+    assert unsure.samples.var() == pytest.approx(expected, rel=0.02)
+    assert unsure.samples.mean() == pytest.approx(sure.samples.mean(), abs=0.1)
+
+
 def test_a_response_is_monotone_and_keeps_to_its_runs():
     np.testing.assert_allclose(monotone(np.array([1.0, 3.0, 2.0, 4.0])), [1, 2.5, 2.5, 4])
     np.testing.assert_allclose(monotone(np.array([4.0, 2.0, 3.0, 1.0])), [4, 2.5, 2.5, 1])
