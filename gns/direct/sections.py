@@ -11,7 +11,7 @@ Shapes: C columns, K layers, Z zones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -142,6 +142,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     areas = np.array([polygon.area for polygon in polygons])
     density = float(np.average([one.density for one in materials], weights=areas))
     unit = density * gravity * height / 1000.0
+    spans = [one.density / density for one in materials]
     closed = scene.domain.walls == "closed"
     wall = (x < scene.domain.x_min) | (x > scene.domain.x_max) if closed else np.zeros(COLUMNS)
     base = float(scene.ground.height(middle))
@@ -156,17 +157,26 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         water=water,
         wall=wall.astype(float),
         zone_share=share,
-        values=np.array(
-            [
-                (one.cohesion_pa / 1000.0 / unit, np.tan(one.friction_rad), one.density / density)
-                for one in materials
-            ]
-        ),
+        values=np.column_stack([_strengths(scene, unit), spans]),
         saturated=np.array([(one.saturated_density or one.density) / one.density
                             for one in materials]),
         density=density / WATER_DENSITY,
         spacing=scene.spacing / height,
     )  # fmt: skip
+
+
+def with_strengths(section: Section, scene: Scene) -> Section:
+    """A section with the strengths of a scene that differs from its own in nothing else."""
+    own = _strengths(scene, section.unit_kpa)
+    return replace(section, values=np.column_stack([own, section.values[:, 2]]))
+
+
+def _strengths(scene: Scene, unit_kpa: float) -> np.ndarray:
+    """Cohesion [unit] and tan phi of each zone, (Z, 2)."""
+    materials = [scene.materials[zone.material] for zone in scene.zones]
+    return np.array(
+        [(one.cohesion_pa / 1000.0 / unit_kpa, np.tan(one.friction_rad)) for one in materials]
+    )
 
 
 @dataclass(frozen=True)

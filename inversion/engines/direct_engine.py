@@ -25,7 +25,7 @@ from geometry.survey.measured import Measured, Reading
 from geometry.survey.toe import outward_of
 from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
 from gns.direct.runs import COARSER
-from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of
+from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of, with_strengths
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.setup import Setup, prediction_of
 from inversion.problem.forward import Forward, Prediction, Request
@@ -35,10 +35,37 @@ from pipeline.places import MODELS, resolve
 
 #: Types of measurement that are read on the deposit at the end.
 READ = ("toe_runout", "no_flow", "surface_profile", "crest_settlement", "freeboard")
+#: Properties that change the soil but not the section before the slide.
+STRENGTHS = ("cohesion_kpa", "friction_deg")
 #: Columns thinner than this share of a spacing hold no soil.
 THINNEST = 0.25
 #: Change of the thickness by which a reading is differentiated, as a share of the derivative's own.
 STEP = 1e-4
+
+
+@dataclass
+class Start:
+    """A section before the slide: the same for all requests that differ in strengths alone.
+
+    Attributes:
+        setup: of the request that it was made for.
+        section: its columns; before: toes before the slide, (2,) [heights].
+        initial: points before the slide (N, 2) [m]; zone: of each, (N,).
+        read: the measurements on it, (m,); None: not read yet.
+    """
+
+    setup: Setup
+    section: Section
+    before: np.ndarray
+    initial: np.ndarray
+    zone: np.ndarray
+    read: np.ndarray | None = None
+
+    def serves(self, setup: Setup) -> bool:
+        """Whether a request of another setup begins on the same section."""
+        ours = self.setup
+        same = setup.scene is ours.scene and setup.targets is ours.targets
+        return same and setup.foot == ours.foot and setup.settings == ours.settings
 
 
 @dataclass(frozen=True)
@@ -47,17 +74,14 @@ class Asked:
 
     Attributes:
         setup: of the request; scene: with its values put in.
-        section: its columns; before: toes before the slide, (2,) [heights].
-        initial: points before the slide (N, 2) [m]; zone: of each, (N,).
+        section: its columns, with its strengths; start: the section before the slide.
         coarse: of the run at twice the spacing; None: the model needs none.
     """
 
     setup: Setup
     scene: Scene
     section: Section
-    before: np.ndarray
-    initial: np.ndarray
-    zone: np.ndarray
+    start: Start
     coarse: Outcome | None
 
 
@@ -75,6 +99,7 @@ class DirectEngine(Forward):
         self.store = store
         self.predictor = predictor
         self.anywhere = anywhere
+        self._start: Start | None = None
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction]:
         """Predictions of all requests.
@@ -102,7 +127,9 @@ class DirectEngine(Forward):
         forecast, seconds = self.forecast(asked)
         prediction = self._predicted(asked, forecast, seconds)
         unit = np.array([asked.section.unit_kpa, 1.0, 1.0])
-        toes, deposits = self.predictor.derivative(asked.section, asked.before, tangents / unit)
+        toes, deposits = self.predictor.derivative(
+            asked.section, asked.start.before, tangents / unit
+        )
         columns = []
         for toe_slope, deposit_slope in zip(toes, deposits, strict=True):
             ends = [
@@ -131,7 +158,7 @@ class DirectEngine(Forward):
     def forecast(self, asked: Asked) -> tuple[Forecast, float]:
         """What the model predicts, and the time that took [s]."""
         began = time.perf_counter()
-        forecast = self.predictor.predict(asked.section, asked.before, asked.coarse)
+        forecast = self.predictor.predict(asked.section, asked.start.before, asked.coarse)
         return forecast, time.perf_counter() - began
 
     def _asked(self, requests: Sequence[Request]) -> list[Asked]:
@@ -144,7 +171,8 @@ class DirectEngine(Forward):
     def _one(self, request: Request, coarse: KeptRun | None) -> Asked:
         setup, scene = request.setup, request.scene
         _check_readable(setup)
-        section = section_of(scene, setup.settings.gravity_m_per_s2)
+        begin = self._start_of(request, scene)
+        section = with_strengths(begin.section, scene)
         away = self.predictor.distance(section)
         if away > FARTHEST and not self.anywhere:
             raise InputError(
@@ -152,9 +180,6 @@ class DirectEngine(Forward):
                 f"far as its outermost sections from each other); beyond {FARTHEST:g} it answers "
                 "a back-analysis with inversion.outside_training: true alone; ask the engine mpm"
             )
-        points = fill(scene)
-        initial = points.position.astype(float)
-        before = toes_of(section, initial, scene.spacing)
         start = None
         if coarse is not None:
             if coarse.status == "failed":
@@ -164,17 +189,32 @@ class DirectEngine(Forward):
             start = outcome_of(section, coarse.initial, coarse.final, COARSER * scene.spacing)
             if start is None:
                 raise InputError(f"{scene.name}: the slide runs farther than the model sees")
-        return Asked(setup, scene, section, before, initial, points.zone, start)
+        return Asked(setup, scene, section, begin, start)
+
+    def _start_of(self, request: Request, scene: Scene) -> Start:
+        """The last one, where the request differs from it in strengths alone; else a new one."""
+        setup, last = request.setup, self._start
+        strengths = all(material_key(one.property) in STRENGTHS for one in setup.parameters.specs)
+        if last is not None and strengths and last.serves(setup):
+            return last
+        section = section_of(scene, setup.settings.gravity_m_per_s2)
+        points = fill(scene)
+        initial = points.position.astype(float)
+        found = Start(
+            setup, section, toes_of(section, initial, scene.spacing), initial, points.zone
+        )
+        self._start = found if strengths else None
+        return found
 
     def _predicted(self, asked: Asked, forecast: Forecast, seconds: float = 0.0) -> Prediction:
         """Read the measurements on a forecast."""
         setup, spacing = asked.setup, asked.scene.spacing
         final, volume = _filled(asked, forecast.thickness)
         run = KeptRun(
-            initial=asked.initial,
+            initial=asked.start.initial,
             final=final,
-            zone=asked.zone,
-            vertical_stress=np.full(len(asked.initial), np.nan, np.float32),
+            zone=asked.start.zone,
+            vertical_stress=np.full(len(asked.start.initial), np.nan, np.float32),
             status="finished",
             reason="",
             end_s=0.0,
@@ -183,9 +223,10 @@ class DirectEngine(Forward):
             readings=_unread(setup),
             volume=volume,
         )
-        prediction = prediction_of(setup, run)
+        prediction = prediction_of(setup, run, asked.start.read)
+        asked.start.read = prediction.at_start
         values, place = prediction.values.copy(), 0
-        before = asked.section.middle + asked.section.height * asked.before
+        before = asked.section.middle + asked.section.height * asked.start.before
         for entry in setup.targets.entries:
             if entry.type in ("toe_runout", "no_flow"):
                 number = 0 if entry.side == "left" else 1
@@ -247,7 +288,7 @@ def _tangents(request: Request) -> np.ndarray | None:
     found = []
     for spec, value in zip(request.setup.parameters.specs, request.values, strict=True):
         key = material_key(spec.property)
-        if key not in ("cohesion_kpa", "friction_deg"):
+        if key not in STRENGTHS:
             return None
         column = 0 if key == "cohesion_kpa" else 1
         slope = 1.0 if column == 0 else np.radians(1.0) / np.cos(np.radians(value)) ** 2

@@ -68,6 +68,22 @@ def test_it_is_an_engine_whose_numbers_are_those_of_the_survey(setup):
     assert std.shape == one.values.shape and np.all(std[fitted] > 0)
 
 
+def test_what_strengths_do_not_change_is_taken_over_and_nothing_else(setup):
+    engine, alone = engine_of(setup), engine_of(setup)
+    first, second = (setup.at(np.array([s, 30.0 + 0.1 * s])) for s in (10.0, 40.0))
+    later = engine.predict([first, second])[1]
+    (fresh,) = alone.predict([second])
+    assert np.array_equal(later.values, fresh.values, equal_nan=True)
+    assert np.array_equal(later.at_start, fresh.at_start, equal_nan=True)
+    assert np.array_equal(engine.error_std(second), alone.error_std(second))
+    coarser = setup.with_scene(setup.scene.changed(spacing=2.0)).at(second.values)
+    assert np.array_equal(
+        engine.predict([coarser])[0].values,
+        engine_of(setup).predict([coarser])[0].values,
+        equal_nan=True,
+    )
+
+
 def test_the_derivative_is_that_of_finite_differences(setup):
     engine, values = engine_of(setup), np.array([25.0, 32.0])
     prediction, derivative, steps = engine.derivative(setup.at(values), np.array([1.0, 1.0]))
