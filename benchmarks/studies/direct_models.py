@@ -92,8 +92,8 @@ def page(cards: dict[str, dict]) -> str:
         "fewer steps (cards); a first one, from 929 runs and without dropout, had 1.13 d and 9.8 % "
         "on the same scenes, with 0.05 d on its own training runs. So which of the two is better "
         "with equal training is open. "
-        "A whole prediction of Lower San Fernando at 2 m takes 63 ms of one core the first time and "
-        "30 ms where strengths alone differ from the one before, of which the network takes 4 "
+        "A whole prediction of Lower San Fernando at 2 m takes 63 ms of one core the first time "
+        "and 30 ms where strengths alone differ from the one before, of which the network takes 4 "
         "(`python -m benchmarks.performance.direct_request`). Most of the rest is the freeboard, "
         "read on the deposit. The 20 ms are reached by the network alone. "
         "No case history was learned from.",
