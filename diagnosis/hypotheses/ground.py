@@ -169,7 +169,9 @@ def _moved_base(name: str, ends: tuple[float, float]) -> Callable[[Setup, float]
             (right - fade, ends[1] * amplitude),
             (right, 0.0),
         ]
-        return setup.with_scene(with_base(setup.scene, knots, name))
+        # The lattice goes with the base: ground between lines of nodes holds a slide back more.
+        rise = amplitude * (ends[0] + ends[1]) / 2.0
+        return setup.with_scene(with_base(setup.scene, knots, name, lattice_rise=rise))
 
     return change
 
@@ -236,10 +238,14 @@ def _both_signs(std: float) -> tuple[float, ...]:
     return tuple(sorted(sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS))
 
 
-def with_base(scene: Scene, knots: Sequence[Point], name: str) -> Scene:
+def with_base(
+    scene: Scene, knots: Sequence[Point], name: str, *, lattice_rise: float = 0.0
+) -> Scene:
     """The scene with its ground line higher by `knots`, (x, rise) [m], linear between them.
 
     Zones that stand on the ground reach down to where it then lies; what lies below it is cut off.
+    Points and grid count from where they did, or from `lattice_rise` [m] above: another lattice
+    would make another slide of the same section.
 
     Raises:
         InputError: there is no such section.
@@ -250,8 +256,7 @@ def with_base(scene: Scene, knots: Sequence[Point], name: str) -> Scene:
     line = list(zip(x.tolist(), y.tolist(), strict=True))
     document = scene.model_dump()
     document["ground"]["points"] = line
-    # The same points and grid as before: another lattice makes another slide of the same section.
-    document["lattice_from_y"] = scene.lattice_y
+    document["lattice_from_y"] = scene.lattice_y + lattice_rise
     left, right = scene.foot("left"), scene.foot("right")
     if np.any((x > left) & (x < right) & (np.abs(y - scene.ground.height(x)) > 0.0)):
         rock = _rock(scene, line)

@@ -77,6 +77,16 @@ def test_zones_reach_down_or_end_where_the_base_then_lies(setup, rise):
         assert all(y in [b for _, b in zone.polygon] for y in above), "the rest stays as drawn"
 
 
+@pytest.mark.parametrize("rise", [-1.5, 0.3, 1.5])
+def test_a_base_elsewhere_stays_on_a_line_of_nodes(setup, rise):
+    known = by_name(ground.assumptions(setup, [])[0])
+    moved = known["base_level"].change(setup, rise).scene
+    grid = make_grid(moved)
+    row = (moved.ground.height(32.0) - grid.origin[1]) / grid.cell
+    assert row == pytest.approx(np.round(row)) and grid.origin[1] < moved.ground.lowest
+    assert known["base_tilt"].change(setup, 2.0).scene.lattice_y == setup.scene.lattice_y
+
+
 def test_a_tilted_base_keeps_its_mean_level(setup):
     known = by_name(ground.assumptions(setup, [])[0])
     tilted = known["base_tilt"].change(setup, 2.0).scene
