@@ -216,11 +216,11 @@ def _errors(
 ) -> tuple[Covariance, np.ndarray]:
     """C at the fit, and what the cells take from every prediction there, (m,)."""
     nothing = np.zeros(replicates.shape[1])
+    own = space.state(x)
     source = source_covariance(targets.entries, options.source)
     survey = targets.covariance
     if not options.numerical_covariance:
         return covariance(survey, source=source), nothing
-    own = space.state(x)
     kinds = paired(own, options)
     transfer = fine = None
     finer_noise = 0.0
@@ -240,5 +240,6 @@ def _errors(
         factor=options.finer_share_std,
         finer_noise=finer_noise,
         source=source,
+        engine_std=runs.model.error_std(own),
     )
     return found, nothing if fine is None else options.finer_share * known(fine)

@@ -160,6 +160,10 @@ class EngineModel:
         rows = rows + np.array([found[state] for state in behind]).reshape(rows.shape)
         return self.targets.counted(rows)
 
+    def error_std(self, state: State) -> np.ndarray:
+        """See `Model`."""
+        return self._forward.error_std(self._request(self.run_behind(state), self.targets))
+
     @cached_property
     def proposals(self) -> list[Proposal]:
         """Measurements that could still be made."""

@@ -60,6 +60,7 @@ def fitted_to_part(base: Base, targets: Targets) -> FittedTo:
         "the transfer scheme": cov.transfer,
         "the size of the cells": cov.resolution,
         "the code that made the slide": cov.source,
+        "the engine's own error": cov.engine,
     }
     errors = [name for name, matrix in parts.items() if np.any(matrix)]
     return fitted_to(targets, base.split.fitted, errors)

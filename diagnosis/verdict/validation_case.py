@@ -42,7 +42,9 @@ def validated(session: Session, found: Diagnosis) -> ValidationCase | None:
     for fit in (base, final):
         rows = model.predict([_there(model, fit, seed) for seed in range(SEEDS)])
         fine = _finer(model, fit, options) - mean_of(rows)
-        chi2.append(misfit(model, rows, options, fine=fine, slope=_slope(model, fit, options)))
+        own = model.error_std(_there(model, fit, 0))
+        slope = _slope(model, fit, options)
+        chi2.append(misfit(model, rows, options, fine=fine, slope=slope, engine_std=own))
     used = _used(model)
     return ValidationCase(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
 
@@ -54,6 +56,7 @@ def misfit(
     *,
     fine: np.ndarray | None = None,
     slope: np.ndarray | None = None,
+    engine_std: np.ndarray | None = None,
 ) -> float:
     """chi2 of all measured numbers, predicted by the mean of replicates; nothing is fitted.
 
@@ -64,6 +67,7 @@ def misfit(
         fine: what finer cells change, (m,); None: nothing is added.
         slope: derivative by ln of the strengths that are found, (m, k): their source is not that of
             the first case. None: it is.
+        engine_std: that the engine states of its own predictions, (m,); None: none.
     """
     options = Options() if options is None else options
     targets, used = model.targets, _used(model)
@@ -74,6 +78,7 @@ def misfit(
         factor=options.finer_share_std,
         finer_noise=0.0 if fine is None else options.finer_noise,
         source=source_covariance(targets.entries, options.source),
+        engine_std=engine_std,
     ).total
     if slope is not None:
         found = found + options.source_strength**2 * slope @ slope.T

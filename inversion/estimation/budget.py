@@ -33,6 +33,10 @@ class Predictor(Protocol):
         """
         ...
 
+    def error_std(self, state: State) -> np.ndarray:
+        """Standard deviation of the engine's own error of each number, (m,); 0: none is known."""
+        ...
+
 
 @dataclass
 class Runs:

@@ -75,6 +75,7 @@ class Covariance:
         transfer: of the transfer scheme.
         resolution: of the cell size, where predictions are corrected for it of the correction.
         source: of the code that made the measured slide.
+        engine: of what an engine that has learned errs by, as it says itself.
     """
 
     survey: np.ndarray
@@ -82,11 +83,13 @@ class Covariance:
     transfer: np.ndarray
     resolution: np.ndarray
     source: np.ndarray
+    engine: np.ndarray
 
     @property
     def total(self) -> np.ndarray:
         """C, (m, m)."""
-        return self.survey + self.jitter + self.transfer + self.resolution + self.source
+        numerical = self.jitter + self.transfer + self.resolution
+        return self.survey + numerical + self.source + self.engine
 
 
 def covariance(
@@ -99,6 +102,7 @@ def covariance(
     factor: float = 1.0,
     finer_noise: float = 0.0,
     source: np.ndarray | None = None,
+    engine_std: np.ndarray | None = None,
 ) -> Covariance:
     """Put C together.
 
@@ -112,6 +116,8 @@ def covariance(
         finer_noise: k_0^2 / n, the noise that a correction by n finer runs has brought, as a share
             of that of one run.
         source: C_source, (m, m); None: the slide was no simulation, or one of the same code.
+        engine_std: standard deviations that an engine states of its own predictions, (m,), each
+            independent; None, or NaN: none.
     """
     m = len(survey)
     nothing = np.zeros((m, m))
@@ -125,6 +131,7 @@ def covariance(
         transfer=nothing if transfer is None else np.outer(known(transfer), known(transfer)),
         resolution=resolution,
         source=nothing if source is None else source,
+        engine=nothing if engine_std is None else np.diag(np.nan_to_num(engine_std) ** 2),
     )
 
 

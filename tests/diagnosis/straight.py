@@ -86,6 +86,7 @@ class Straight:
         cells: what finer cells change in every run [m], (SIZE,); None: nothing.
         ridge: what a unit of an effect does to the strength, in units of the fitted strength, and
             how much of `bend` their product does: parameters must give way as the effect grows.
+        engine_std: standard deviation of the engine's own error [m].
     """
 
     readings: np.ndarray
@@ -95,6 +96,7 @@ class Straight:
     skewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     cells: np.ndarray | None = None
     ridge: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    engine_std: float = 0.0
     hold_out: HoldOut | None = None
     runs: int = 0
     computed: int = 0
@@ -127,6 +129,9 @@ class Straight:
         """Derivative by the unknowns of a space, (SIZE, q)."""
         columns = [signatures()[effect.name] * effect.unit for effect in space.effects]
         return np.column_stack([slopes(), *columns])
+
+    def error_std(self, state: State) -> np.ndarray:
+        return np.full(SIZE, self.engine_std)
 
     def predict(self, states: Sequence[State]) -> np.ndarray:
         self.runs += len(states)

@@ -54,6 +54,15 @@ def test_without_the_models_error_nothing_is_corrected():
     assert not plain.missing.any()
 
 
+def test_what_an_engine_says_that_it_errs_by_is_in_the_covariance():
+    sure = compare(Straight(truth({}) + errors(2)), OPTIONS)
+    unsure = compare(Straight(truth({}) + errors(2), engine_std=2.0), OPTIONS)
+    added = unsure.base.covariance.total - sure.base.covariance.total
+    np.testing.assert_allclose(added, 4.0 * np.eye(len(added)), atol=1e-9)
+    before, after = (one.judged.system.posterior[0, 0] for one in (sure, unsure))
+    assert after > 1.5 * before and unsure.base.fit.total < sure.base.fit.total
+
+
 def test_the_correction_is_found_again_where_it_has_moved_the_fit():
     """Cells that hold the slide back look like strength: the first fit is far from the last."""
     held_back = 0.5 * slopes()[:, 0]
