@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
+    from geometry.survey.measured import Measured
     from inversion.back_analysis.back_analysis import BackAnalysis
     from inversion.back_analysis.case import InversionCase
     from inversion.engines.run_store import RunStore
@@ -43,6 +44,7 @@ class Engine:
             or an `InputError`; None: the plain one.
         trained: it needs a trained model, whose folder `analysis` is given.
         effects: it simulates the physical effects of a scene.
+        reads: whether it can predict a measurement.
         analysis: the back-analysis by it, from a case, a store of runs, a watch, the model's folder
             and that of the results; None: the usual one.
     """
@@ -56,6 +58,7 @@ class Engine:
     store: Callable[[Path, Setup, RunStore], RunStore] | None = None
     trained: bool = False
     effects: bool = True
+    reads: Callable[[Measured], bool] = lambda entry: True
     analysis: Callable[[InversionCase, RunStore, Watch, Path | None, Path], BackAnalysis] | None = (
         None
     )
@@ -139,6 +142,12 @@ def _shipped(name: str, store: RunStore) -> Forward:
     from inversion.engines.direct_engine import shipped
 
     return shipped(name, store)
+
+
+def _on_the_deposit(entry: Measured) -> bool:
+    from inversion.engines.direct_engine import readable
+
+    return readable(entry)
 
 
 def _with_direct_model(
@@ -247,6 +256,7 @@ register_engine(
         folder="inversion_direct",
         forward=partial(_shipped, "direct"),
         effects=False,
+        reads=_on_the_deposit,
         analysis=partial(_with_direct_model, "direct"),
     )
 )
@@ -259,6 +269,7 @@ register_engine(
         folder="inversion_corrected",
         forward=partial(_shipped, "corrected"),
         effects=False,
+        reads=_on_the_deposit,
         analysis=partial(_with_direct_model, "corrected"),
     )
 )

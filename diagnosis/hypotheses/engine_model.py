@@ -113,8 +113,11 @@ class EngineModel:
             for one in every
         ]
         self.left_out = {**idle, **certain}
-        self._possible = make_targets(
-            possible_measurements(setup), fit=None, loss="misfit", source="what could be measured"
+        possible = [one for one in possible_measurements(setup) if self.engine.reads(one)]
+        self._possible = (
+            make_targets(possible, fit=None, loss="misfit", source="what could be measured")
+            if possible
+            else Targets([], [], np.zeros(0), np.zeros((0, 0)), [])
         )
         self._asked: set[State] = set()
         self._proposed: dict[State, np.ndarray] = {}
@@ -175,6 +178,8 @@ class EngineModel:
 
     def propose(self, states: Sequence[State]) -> np.ndarray:
         """Readings of all proposals (n, q); runs that were made before are read, not made again."""
+        if not self._possible.names:
+            return np.zeros((len(states), 0))
         behind = [self.run_behind(state) for state in states]
         new = [state for state in dict.fromkeys(behind) if state not in self._proposed]
         self._proposed |= self._read_all(new, self._possible)

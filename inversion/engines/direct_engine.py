@@ -232,7 +232,7 @@ class DirectEngine(Forward):
                 number = 0 if entry.side == "left" else 1
                 travel = outward_of(entry.side) * (forecast.toes[number] - before[number])
                 values[place] = prediction.at_start[place] + travel
-            elif not _readable(entry):
+            elif not readable(entry):
                 values[place : place + len(entry.values)] = np.nan
             place += len(entry.values)
         return replace(prediction, values=values, spacing_m=spacing)
@@ -248,7 +248,7 @@ def _loaded(path: Path) -> Predictor:
     return Predictor.load(path)
 
 
-def _readable(entry: Measured) -> bool:
+def readable(entry: Measured) -> bool:
     """Whether a measurement is read on the deposit at the end."""
     return entry.type in READ and getattr(entry, "at", "") != "crest_points"
 
@@ -257,7 +257,7 @@ def _check_readable(setup: Setup) -> None:
     place = 0
     for entry in setup.targets.entries:
         count = len(entry.values)
-        if setup.targets.fitted[place : place + count].any() and not _readable(entry):
+        if setup.targets.fitted[place : place + count].any() and not readable(entry):
             raise InputError(
                 f"{entry.name}: {entry.type}: the direct model knows the surface at the end alone; "
                 f"it can fit {', '.join(READ)}"

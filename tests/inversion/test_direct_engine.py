@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from diagnosis.hypotheses.engine_model import EngineModel
 from geometry.case import load_case
 from gns.direct.network import DirectConfig, DirectModel
 from gns.direct.predictor import Predictor, described
@@ -15,14 +16,14 @@ from gns.direct.sections import section_of
 from inversion.back_analysis import with_direct_model
 from inversion.back_analysis.case import inversion_case
 from inversion.engine_registry import engine_named, untrained
-from inversion.engines.direct_engine import DirectEngine
+from inversion.engines.direct_engine import READ, DirectEngine
 from inversion.engines.run_store import RunStore
 from inversion.posterior.runs import SectionModel
 from inversion.posterior.unknown import section_of as unknowns_of
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from inversion.prediction.prediction_case import prediction_case
-from inversion.problem.forward import Forward
+from inversion.problem.forward import Forward, State
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.progress import Watch
@@ -66,6 +67,19 @@ def test_it_is_an_engine_whose_numbers_are_those_of_the_survey(setup):
     assert one.sigma_v0_kpa[0] > 50.0 and one.spacing_m == setup.scene.spacing
     std = engine.error_std(first)
     assert std.shape == one.values.shape and np.all(std[fitted] > 0)
+
+
+def test_a_diagnosis_asks_it_for_nothing_that_it_cannot_read(setup):
+    engine = engine_of(setup)
+    known = replace(engine_named("direct"), forward=lambda store: engine)
+    model = EngineModel(setup, engine.store, engine=known)
+    assert {entry.type for entry in EngineModel(setup, engine.store)._possible.entries} - set(READ)
+    assert all(entry.type in READ for entry in model._possible.entries)
+    state = State(tuple(float(value) for value in setup.parameters.start))
+    assert model.propose([state]).shape == (1, len(model._possible.names))
+    request = setup.at(np.array(state.values))
+    np.testing.assert_array_equal(model.error_std(state), engine.error_std(request))
+    assert not {"remoulding", "shaking"} & {one.name for one in model.candidates}
 
 
 def test_what_strengths_do_not_change_is_taken_over_and_nothing_else(setup):
