@@ -216,11 +216,11 @@ def _errors(
 ) -> tuple[Covariance, np.ndarray]:
     """C at the fit, and what the cells take from every prediction there, (m,)."""
     nothing = np.zeros(replicates.shape[1])
-    own = space.state(x)
     source = source_covariance(targets.entries, options.source)
     survey = targets.covariance
     if not options.numerical_covariance:
         return covariance(survey, source=source), nothing
+    own = space.state(x)
     kinds = paired(own, options)
     transfer = fine = None
     finer_noise = 0.0

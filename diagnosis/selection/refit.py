@@ -269,17 +269,35 @@ def anchored_anew(context: RefitContext, found: Fit, what: str) -> Surrogate | N
     if not context.runs.affords(states, what):
         return None
     prediction = np.mean(context.runs.predict(states), axis=0)
-    steps = steps_above_noise(space, context.data, found.derivative, context.jitter)
-    slope = central_differences(
-        context.runs, space, found.x, prediction, steps, what, known=found.derivative
-    )
-    if slope is None or not np.all(np.isfinite(prediction)):
+    if not np.all(np.isfinite(prediction)):
         return None
-    surface = Surface(space, found.x, prediction, slope)
-    known = spreads(context.data, surface, space, context.jitter, anchored_by=len(states))
-    surrogate = Surrogate(surface, space, known)
-    surrogate.recall(context.runs)
+    surrogate = sloped_at(context, found, prediction, what, anchored_by=len(states))
+    if surrogate is not None:
+        surrogate.recall(context.runs)
     return surrogate
+
+
+def sloped_at(
+    context: RefitContext, fit: Fit, prediction: np.ndarray, what: str, *, anchored_by: int
+) -> Surrogate | None:
+    """A surrogate about a fit with a derivative by central differences; None where that fails.
+
+    Args:
+        context: the model and its measurements.
+        fit: where; its own derivative sets the steps.
+        prediction: there, the mean of `anchored_by` runs, (m,).
+        what: words for what is left out where the allowance ends.
+        anchored_by: runs behind the prediction.
+    """
+    steps = steps_above_noise(fit.space, context.data, fit.derivative, context.jitter)
+    slope = central_differences(
+        context.runs, fit.space, fit.x, prediction, steps, what, known=fit.derivative
+    )
+    if slope is None:
+        return None
+    surface = Surface(fit.space, fit.x, prediction, slope)
+    known = spreads(context.data, surface, fit.space, context.jitter, anchored_by=anchored_by)
+    return Surrogate(surface, fit.space, known)
 
 
 def judge(context: RefitContext, model: FittedModel) -> FittedModel:
@@ -335,14 +353,8 @@ def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedMod
         return chosen
     fit = chosen.fit
     what = f"derivative of {' + '.join(fit.names)}"
-    steps = steps_above_noise(fit.space, context.data, fit.derivative, context.jitter)
-    slope = central_differences(
-        context.runs, fit.space, fit.x, fit.prediction, steps, what, known=fit.derivative
-    )
-    if slope is None:
+    surrogate = sloped_at(context, fit, fit.prediction, what, anchored_by=ANCHORED)
+    if surrogate is None:
         return chosen
-    surface = Surface(fit.space, fit.x, fit.prediction, slope)
-    known = spreads(context.data, surface, fit.space, context.jitter, anchored_by=ANCHORED)
-    surrogate = Surrogate(surface, fit.space, known)
-    found = weighed(context, settled(context.data, surrogate, [fit.x]), surface)
+    found = weighed(context, settled(context.data, surrogate, [fit.x]), surrogate.surface)
     return replace(found, judged=True, sloped=True)
