@@ -16,8 +16,11 @@ from diagnosis.hypotheses.model import Model, Proposing
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision, decide
 from diagnosis.selection.explain import Explanation, explain
-from diagnosis.selection.forward_selection import TriedModels, run_rounds
+from diagnosis.selection.forward_selection import run_rounds
 from diagnosis.selection.next_measurement import Suggestion, suggest
+from diagnosis.selection.second_look import look_again
+from diagnosis.selection.selection import Selection
+from diagnosis.selection.tried_models import TriedModels
 from diagnosis.selection.unknown_curve import FoundCurve, find_curve
 
 Say = Callable[[str], None]
@@ -79,7 +82,10 @@ def diagnose(
             f"of {len(explanation.names)} effects {best} promises most: chi2 falls by {fall:.1f}, "
             f"p {explanation.scores.p_family[best]:.2g}"
         )
-    tried_models = run_rounds(comparison, explanation, options)
+    selection = Selection(comparison, explanation, options)
+    run_rounds(selection)
+    look_again(selection)
+    tried_models = selection.tried
     for adopted in tried_models.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
     decision = decide(tried_models, explanation, options)

@@ -26,7 +26,7 @@ from diagnosis.hypotheses.model import Family
 from diagnosis.options import Options
 from diagnosis.selection.evidence import credible_set, probabilities
 from diagnosis.selection.explain import Explanation
-from diagnosis.selection.forward_selection import (
+from diagnosis.selection.tried_models import (
     AdoptedModel,
     TriedModels,
     at_new_bound,
@@ -126,6 +126,14 @@ def not_enough(base: Adequacy, final: Adequacy, doubted: float | None, options: 
         if left > options.held_out_left:
             return f"{100 * left:.0f} % of the excess misfit of the held-out data are left"
     return ""
+
+
+def explains(tried_models: TriedModels, options: Options) -> bool:
+    """Whether the model adopted last explains the measurements, as far as it has to."""
+    base, final = tried_models.way[0].adequacy, tried_models.current
+    if not final.model.names:
+        return base.p_combined >= options.alarm
+    return not not_enough(base, final.adequacy, tried_models.doubted, options)
 
 
 def excess(found: Adequacy) -> float:

@@ -16,8 +16,8 @@ from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Model
 from diagnosis.options import Options
 from diagnosis.selection.explain import Explanation, explain, tested_candidates
-from diagnosis.selection.forward_selection import why_not
 from diagnosis.selection.refit import FittedModel, judge, refit, weighed, with_own_derivative
+from diagnosis.selection.tried_models import why_not
 from inversion.estimation.response_surface import Surface
 from pipeline.cli import InputError, WorkFailed
 

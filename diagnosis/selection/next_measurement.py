@@ -29,7 +29,7 @@ from diagnosis.hypotheses.model import Proposal, Proposing
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
 from diagnosis.selection.explain import Explanation
-from diagnosis.selection.forward_selection import TriedModels
+from diagnosis.selection.tried_models import TriedModels
 from inversion.estimation.covariance import SYNTHETIC, jitter_covariance
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import system

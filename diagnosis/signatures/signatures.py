@@ -96,14 +96,18 @@ def take_signatures(
         linear: its system, which knows what the parameters imitate.
         candidates: effects to try.
         finite: False takes the smallest amplitude alone, as a tangent would. Ablation.
-        turns: amplitudes of each sign in addition to the middle one; of one, the largest.
+        turns: amplitudes of each sign in addition to the middle one; of one, the largest; 0: the
+            middle one of one sign alone, the other sign taken as its mirror image.
         found: the fit whose residual screens; None: nothing is screened out.
     """
     ladders = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
     stay = np.zeros(surface.space.size)
     ladders.run([(c.name, _first(c, finite), stay) for c in candidates])
     raw = {name: next(iter(changes.items())) for name, changes in ladders.changes.items()}
-    if finite:
+    if turns == 0:
+        for name in raw:
+            ladders.mirror(ladders.candidates[name])
+    elif finite:
         kept = [
             c
             for c in candidates

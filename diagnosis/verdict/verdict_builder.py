@@ -17,10 +17,10 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.model import FAMILY_WORDS, Candidate, Model
 from diagnosis.options import Options
 from diagnosis.selection.explain import Explanation
-from diagnosis.selection.forward_selection import AdoptedModel
 from diagnosis.selection.next_measurement import Suggestion
 from diagnosis.selection.quoted_strength import EXPLAINED, quoted, unexplained
 from diagnosis.selection.refit import FittedModel
+from diagnosis.selection.tried_models import AdoptedModel
 from diagnosis.selection.unknown_curve import FoundCurve
 from diagnosis.signatures.confounding import representative
 from diagnosis.verdict import verdict
@@ -419,10 +419,13 @@ def sentence(found: Diagnosis) -> str:
                 "what is missing varies from place to place."
             )
         case "unknown_effect" if final.model.names:
+            does = "improve" if len(final.model.names) > 1 else "improves"
+            left = max(final.adequacy.groups, key=lambda group: group.z)
             return (
-                f"{_joined(final.model.names).capitalize()} improves the model and does not "
-                f"explain the measurements: {decision.not_enough}. Something else is missing, or "
-                f"it is something else {among}; no name is given."
+                f"{_joined(final.model.names).capitalize()} {does} the model, {_fall(found)}, and "
+                f"{'do' if does == 'improve' else 'does'} not explain the measurements: "
+                f"{decision.not_enough}, {_words(left.name)} above all. Something else is "
+                f"missing as well, or instead, {among}; no name is given."
             )
         case "unknown_effect":
             return (
@@ -462,8 +465,12 @@ def _fall(found: Diagnosis) -> str:
     return text
 
 
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
 def _joined(names: Sequence[str], word: str = " and ") -> str:
-    return word.join(name.replace("_", " ") for name in names)
+    return word.join(map(_words, names))
 
 
 def _answer(found: Diagnosis) -> verdict.Answer:

@@ -12,8 +12,8 @@ from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.selection.effect_error import doubting, weighed_again
 from diagnosis.selection.explain import Explanation, explain
-from diagnosis.selection.forward_selection import accepted, why_not
 from diagnosis.selection.refit import ANCHORED, FittedModel, judge, refit, weighed
+from diagnosis.selection.tried_models import accepted, why_not
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation import response_surface
 from inversion.problem.forward import State

@@ -14,18 +14,12 @@ from scipy.stats import chi2 as chi2_law
 from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
-from diagnosis.selection import forward_selection
+from diagnosis.selection import forward_selection, selection
 from diagnosis.selection.decide import family_of, not_enough
-from diagnosis.selection.forward_selection import (
-    TriedModels,
-    _accepted,
-    accepted,
-    representatives,
-    untried_doubles,
-    wanted_models,
-    why_not,
-)
+from diagnosis.selection.forward_selection import representatives, untried_doubles, wanted_models
 from diagnosis.selection.refit import FittedModel
+from diagnosis.selection.selection import Selection
+from diagnosis.selection.tried_models import TriedModels, accepted, accepted_here, why_not
 from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.surface_search import Fit
@@ -209,7 +203,7 @@ def test_no_runs_are_spent_on_effects_that_nothing_could_contradict(monkeypatch)
     def taken(*arguments, **keywords):
         raise AssertionError("signatures were taken again")
 
-    monkeypatch.setattr(forward_selection, "take_signatures", taken)
+    monkeypatch.setattr(selection, "take_signatures", taken)
     with pytest.raises(AssertionError, match="taken again"):
         diagnose(straight(0, {"late": 2.5, "step": 2.5}), asked)
     alone = diagnose(straight(0, {"late": 2.5, "step": 2.5}), replace(asked, spare=dof - 1))
@@ -252,8 +246,8 @@ def test_a_further_effect_must_be_worth_having_without_the_error_of_the_first():
     tried_models = TriedModels({model.names: model for model in (now, worse, better)})
     flat = {now.names: -25.0, worse.names: -15.0, better.names: -20.0}
     tried_models.weighed = lambda model: replace(model, ln_evidence=flat[model.names])
-    assert _accepted(tried_models, now, [worse], Options()) is None
-    assert _accepted(tried_models, now, [worse, better], Options()) is better
+    assert accepted_here(tried_models, now, [worse], Options()) is None
+    assert accepted_here(tried_models, now, [worse, better], Options()) is better
 
 
 def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains(monkeypatch):
@@ -261,22 +255,18 @@ def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains
     near = [refitted(5.0 - 1.4 * k, 30.0, 4.0, name) for k, name in enumerate(("a", "b", "c", "d"))]
     tried_models = TriedModels({model.names: model for model in (now, *near)})
     monkeypatch.setattr(
-        forward_selection, "with_own_derivative",
+        selection, "with_own_derivative",
         lambda context, model: replace(model, ln_evidence=model.ln_evidence + 2.5, sloped=True),
     )  # fmt: skip
-    found = forward_selection._on_equal_terms(
-        tried_models, SimpleNamespace(context=None), now, near, Options()
-    )
+    search = object.__new__(Selection)
+    search.options, search.tried = Options(), tried_models
+    search.explanation = SimpleNamespace(context=None)
+    found = search.on_equal_terms(now, near)
     assert [model.sloped for model in found] == [True, True, True, False]  # d is 4.2 behind
     assert tried_models.models[("a",)].ln_evidence == 7.5
     faint = [refitted(-1.0, 58.0, 5.0, "e")]  # more than 3 below what is asked for
     tried_models.models[("e",)] = faint[0]
-    assert (
-        forward_selection._on_equal_terms(
-            tried_models, SimpleNamespace(context=None), now, faint, Options()
-        )
-        == faint
-    )
+    assert search.on_equal_terms(now, faint) == faint
 
 
 def test_doubles_of_what_is_to_be_named_are_refitted_unless_they_were():
