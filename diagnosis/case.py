@@ -22,11 +22,11 @@ from geometry.survey.blow_counts import FILE_NAME as BLOW_COUNTS_FILE
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
-from inversion.engine_registry import MPM, Engine
+from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.hold_out import split
+from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME as INVERSION_FILE
 from inversion.problem.question import Question, check_zones, load_question

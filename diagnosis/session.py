@@ -36,9 +36,9 @@ from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from geometry.case import Case
 from geometry.scenes.scene import scene_hash
 from geometry.survey.toe import outward_of
-from inversion.engine_registry import MPM, Engine
+from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import OnRun, RunStore
-from inversion.problem.forward import State
+from inversion.problem.state import State
 from pipeline.cli import InputError
 from pipeline.config import Config
 from pipeline.files import content_hash, file_hash, read_json, write_json

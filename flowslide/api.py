@@ -398,11 +398,12 @@ def answer(
     threads: int | None = None,
 ) -> Result:
     """Answer a question that was read, by an engine that was chosen; see `back_analyse`."""
+    from inversion.back_analysis.by_engine import back_analysis_by
     from inversion.back_analysis.result_files import save_all
     from inversion.engines.run_store import RunStore
 
     store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-    analysis = choice.engine.back_analysis(asked, store, watch, choice.model, folder)
+    analysis = back_analysis_by(choice.engine, asked, store, watch, choice.model, folder)
     return save_all(analysis, analysis.run(), folder)
 
 
@@ -438,7 +439,7 @@ def posterior(
         case: with a section, measurements and a question (`inversion.yaml`).
         out: see above; `posterior.json`, the draws `posterior.nc` (ArviZ) and `report.html` are
             written there.
-        engine: what predicts, a name of `inversion.engine_registry`, without a trained model;
+        engine: what predicts, a name of `inversion.engines.registry`, without a trained model;
             "mpm3d": over the width of the case's `scene3d.yaml`.
         spacing_m: see above.
         measurement_set: name of a set; None: the default one.
@@ -460,7 +461,7 @@ def posterior(
         Cancelled: the caller asked for it.
     """
     from inversion.back_analysis.case import inversion_case
-    from inversion.engine_registry import untrained
+    from inversion.engines.registry import untrained
     from inversion.engines.run_store import RunStore
     from inversion.posterior.infer import Inference
     from inversion.posterior.runs import SectionModel
@@ -524,7 +525,7 @@ def predict(
         distribution: of strengths that are given as text.
         samples: drawn from the strengths, at least 100.
         seeds: jitter seeds that measure the numerical noise; 0: none.
-        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
+        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         device: see above.
@@ -542,7 +543,7 @@ def predict(
         WorkFailed: the simulations fail.
         Cancelled: the caller asked for it.
     """
-    from inversion.engine_registry import untrained
+    from inversion.engines.registry import untrained
     from inversion.engines.run_store import RunStore
     from inversion.prediction import predict as prediction
     from inversion.prediction.known_strength import placed
@@ -699,7 +700,7 @@ def predict_from_blow_counts(
         case: with a section whose liquefied zones have blow counts (`blow_counts.yaml`).
         zones: that liquefy, those of the section among them; empty: these alone.
         out: see above; `from_blow_counts.json` and its page are written there.
-        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
+        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         device: see above.
@@ -718,7 +719,7 @@ def predict_from_blow_counts(
         Cancelled: the caller asked for it.
     """
     from inversion.catalogue.correlations import RELATIONS
-    from inversion.engine_registry import of_section
+    from inversion.engines.registry import of_section
     from inversion.engines.run_store import RunStore
     from inversion.prediction import from_blow_counts
     from inversion.prediction.prediction_case import prediction_case
@@ -804,7 +805,7 @@ def diagnose(
         case: with a section, measurements and a question.
         out: see above; `verdict.json`, `sections.npz` and the hypotheses are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
-        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
+        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         threads: see above.
@@ -853,7 +854,7 @@ def compare(
         case: with a section, measurements and a question.
         out: see above; `compare.json`, `sections.npz` and the hypothesis are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
-        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
+        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         threads: see above.
@@ -902,7 +903,7 @@ def explain(
         case: with a section, measurements and a question.
         out: see above; `explain.json` and `sections.npz` are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
-        engine: what predicts, a name of `inversion.engine_registry`, without a trained model.
+        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
         spacing_m: see above.
         settings: see above.
         threads: see above.
@@ -945,7 +946,7 @@ def _session(
 ) -> Iterator[Session]:
     """A session of a diagnosis within a stage of this name."""
     from diagnosis.session import open_session
-    from inversion.engine_registry import of_section
+    from inversion.engines.registry import of_section
 
     with _folder(out) as folder:
         case = load_case(case, settings=settings)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
-from inversion.engine_registry import engine_named
+from inversion.engines.registry import engine_named
 from report.data.back_analysis import BackAnalysisData
 from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
 from report.pictures.answer_film import known_film, save_film

@@ -23,7 +23,7 @@ from diagnosis.verdict.verdict import (
 )
 from inversion.back_analysis.result import FILE_NAME as RESULT_FILE
 from inversion.back_analysis.result import FittedTo, Result, load_result
-from inversion.engine_registry import engines
+from inversion.engines.registry import engines
 from pipeline.cli import InputError
 from pipeline.config import validate_settings
 from pipeline.files import read_json

@@ -11,7 +11,9 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -35,6 +37,7 @@ ROOMS = {
     "flowslide": ["studio", "commands"],
 }  # fmt: skip
 # The hooks of effects are compiled into the step and use one of its functions.
+IMPORT = ast.Import | ast.ImportFrom
 JOINTS = {("mpm_taichi/effects/framework/hooks.py", "mpm_taichi/solver/transfer.py")}
 PRESENT = [name for name in ALLOWED if (ROOT / name / "__init__.py").exists()]
 FILES = [path for name in PRESENT for path in sorted((ROOT / name).rglob("*.py"))]
@@ -137,6 +140,30 @@ def test_rooms_load_only_rooms_to_their_left(path):
         assert rooms.index(parts[1]) < rooms.index(rest[0]), (
             f"{relative(path)}: {package}/{rest[0]} may not import {module}"
         )
+
+
+# A form and what checks it, a thing and what is made of it: two files that are read as one.
+READ_AS_ONE = [
+    {"geometry/survey/measured.py", "geometry/survey/site.py"},
+    {"inversion/back_analysis/case.py", "inversion/back_analysis/waterfall.py"},
+    {"inversion/back_analysis/result.py", "inversion/back_analysis/result_checks.py"},
+    {"mpm_taichi/effects/__init__.py", "mpm_taichi/effects/framework/registry.py"},
+]
+
+
+def test_nothing_is_read_in_circles():
+    """Counting imports in functions and for types alone, which hide a circle from Python only."""
+    place = {path: number for number, path in enumerate(FILES)}
+    reads = np.zeros((len(FILES), len(FILES)))
+    for path in FILES:
+        for node in ast.walk(tree_of(path)):
+            for module in imports_when_loaded([node]) if isinstance(node, IMPORT) else ():
+                if (other := module_file(module)) in place:
+                    reads[place[path], place[other]] = 1.0
+    count, circle = connected_components(reads, connection="strong")
+    found = [{relative(FILES[n]) for n in np.flatnonzero(circle == k)} for k in range(count)]
+    circles = [files for files in found if len(files) > 1]
+    assert sorted(circles, key=sorted) == READ_AS_ONE
 
 
 def test_every_room_has_its_place():

@@ -18,7 +18,7 @@ from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import Hypothesis, HypothesisEffect
 from geometry.case import load_case
 from inversion.engines.run_store import RunStore
-from inversion.problem.forward import State
+from inversion.problem.state import State
 from pipeline.cli import base_parser, main_exit
 
 CASE = ROOT / "case_histories" / "lower_san_fernando"

@@ -30,7 +30,7 @@ from inversion.estimation.misfit import total_of
 from inversion.estimation.response_surface import Surface, Surrogate, spreads
 from inversion.estimation.surface_search import SEEN, Fit, best_of, search, settled
 from inversion.estimation.unknowns import Unknowns
-from inversion.problem.forward import Numerics, State
+from inversion.problem.state import Numerics, State
 from pipeline.cli import WorkFailed
 
 #: Levels of the strengths in the scan, as shares of their bounds.

@@ -22,14 +22,14 @@ from diagnosis.hypotheses.possible_measurements import possible_measurements, pr
 from diagnosis.hypotheses.registry import assumptions_of
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import scene_from_mapping
-from inversion.engine_registry import MPM, Engine
 from inversion.engines.finite_width import FiniteWidth
+from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import KeptRun, RunStore
-from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets, make_targets
+from inversion.estimation.setup import Request, Setup
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Request, State
 from inversion.problem.question import Sensitivity
+from inversion.problem.state import State
 from mpm_taichi.effects import acting_scene, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
 from pipeline.cli import InputError

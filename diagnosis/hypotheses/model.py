@@ -16,7 +16,7 @@ import numpy as np
 from inversion.estimation.budget import Predictor
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Amplitude, Parameters
-from inversion.problem.forward import State
+from inversion.problem.state import State
 
 Family = Literal[
     "physics", "water", "soil", "strength", "ground", "section", "survey", "start", "dimension"

@@ -13,8 +13,8 @@ from types import ModuleType
 from diagnosis.hypotheses import ground, section, soil, start, strength, water, width
 from diagnosis.hypotheses.assumption import Found, Sensitivities
 from diagnosis.hypotheses.survey import survey_errors
-from inversion.engine_registry import Engine
-from inversion.engines.setup import Setup
+from inversion.engines.registry import Engine
+from inversion.estimation.setup import Setup
 from mpm_taichi.effects import effects
 from pipeline.cli import InputError
 

@@ -21,7 +21,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Scene, scene_from_mapping
-from inversion.engines.setup import Setup
+from inversion.estimation.setup import Setup
 from inversion.problem.water_level import SAME_PLACE_M
 
 Side = Literal["left", "right"]

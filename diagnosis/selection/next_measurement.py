@@ -1,4 +1,4 @@
-"""Step 11: the measurement that would tell the surviving explanations apart.
+"""Step 12: the measurement that would tell the surviving explanations apart.
 
 With two explanations A and B, probabilities w, predictions of a new measurement that differ by d,
 their covariances V_A and V_B (what their unknowns still leave open) and the error C_new of the

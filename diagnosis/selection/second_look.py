@@ -1,4 +1,4 @@
-"""Step 9: where what was found is not enough, look again from elsewhere.
+"""Step 10: where what was found is not enough, look again from elsewhere.
 
 The rounds start at the base model and add one effect at a time, by what each changes there. So they
 miss
@@ -64,13 +64,15 @@ def look_again(selection: Selection) -> None:
     # All start equal again: the error that the effects so far bring is theirs alone.
     tried.context = None
     found = selection.refitted([(name,) for name in overlooked(selection)])
-    for after in found:
-        tried.first[after.names[0]] = (after, why_not(base, after, options))
     rival = min(model.fit.total for model in tried.models.values())
     for pair in built_on(selection):
         model = selection.refit_on(pair.start, pair.names, rival=rival)
         found += [] if model is None else [model]
+    found = [tried.models[model.names] for model in found]
     found = selection.on_equal_terms(base, selection.judged_best(base, found))
+    for after in found:
+        if len(after.names) == 1:
+            tried.first[after.names[0]] = (after, why_not(base, after, options))
     selection.runs.reserve = ERROR_RUNS
     best = selection.accepted(base, found)
     if best is not None and best.ln_evidence > before.ln_evidence:
@@ -109,6 +111,7 @@ def built_on(selection: Selection) -> list[Promise]:
     """Pairs worth a refit: on the best single effects, what promises more than was found so far."""
     promised: dict[tuple[str, ...], Promise] = {}
     for names in starts(selection):
+        selection.judged(names)
         for one in promises(selection, selection.give_own_derivative(names)):
             known = promised.get(one.names)
             if known is None or one.total < known.total:

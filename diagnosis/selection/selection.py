@@ -134,10 +134,14 @@ class Selection:
             if not waiting:
                 break
             names = waiting[0]
-            # Where the allowance is over it counts as it is.
-            found[names] = replace(judge(self.explanation.context, found[names]), judged=True)
-            self.tried.models[names] = found[names]
+            found[names] = self.judged(names)
         return list(found.values())
+
+    def judged(self, names: tuple[str, ...]) -> FittedModel:
+        """A model that was tried, judged by fresh jitters; as it is where no runs are left."""
+        found = replace(judge(self.explanation.context, self.tried.models[names]), judged=True)
+        self.tried.models[names] = found
+        return found
 
     def on_equal_terms(self, before: FittedModel, models: list[FittedModel]) -> list[FittedModel]:
         """Give the best and what is near it derivatives of their own, the best first.

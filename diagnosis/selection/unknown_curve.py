@@ -1,4 +1,4 @@
-"""Step 10: the strength curve that would explain a misfit which no candidate explains.
+"""Step 11: the strength curve that would explain a misfit which no candidate explains.
 
     S = S_r exp(sum_j c_j phi_j(u)),    phi_j: hat functions over 4 to 7 knots in one variable u
 

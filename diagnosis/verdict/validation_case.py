@@ -18,7 +18,7 @@ from diagnosis.options import Options
 from diagnosis.verdict.verdict import ValidationCase
 from inversion.estimation.covariance import covariance, known, mean_of, source_covariance
 from inversion.estimation.surface_search import Fit
-from inversion.problem.forward import State, state
+from inversion.problem.state import State, state
 
 if TYPE_CHECKING:
     from diagnosis.session import Session

@@ -3,7 +3,7 @@
 Every measured number falls with the logarithm of the first strength; a weak base adds a pattern of
 its own, and another seed of the points a little noise. Use it with
 
-    from inversion.engine_registry import register_engine
+    from inversion.engines.registry import register_engine
     register_engine(FORMULA)
     flowslide.back_analyse("my_dam", engine="formula")
 """
@@ -14,15 +14,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inversion.engine_registry import Engine
+from inversion.engines.registry import Engine
 from inversion.engines.run_store import RunStore
-from inversion.problem.forward import Forward, Prediction, Request
+from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.setup import Request
 
 NOISE = 0.01
 
 
 class FormulaEngine(Forward):
-    """`inversion.problem.forward.Forward` by a formula."""
+    """`inversion.estimation.forward.Forward` by a formula."""
 
     def __init__(self, store: RunStore) -> None:
         super().__init__()  # a formula keeps no runs in the store

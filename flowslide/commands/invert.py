@@ -16,7 +16,7 @@ DESCRIPTION = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    from inversion.engine_registry import engines
+    from inversion.engines.registry import engines
 
     options.add_case(parser)
     parser.add_argument(

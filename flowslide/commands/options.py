@@ -46,7 +46,7 @@ def add_threads(parser: argparse.ArgumentParser) -> None:
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
     """Add `--engine`: one without a trained model."""
-    from inversion.engine_registry import MPM, engines
+    from inversion.engines.registry import MPM, engines
 
     parser.add_argument(
         "--engine",

@@ -42,16 +42,16 @@ from inversion.back_analysis.result import (
 )
 from inversion.back_analysis.variants import Changed
 from inversion.back_analysis.waterfall import Reading, WaterfallAnswer
-from inversion.engine_registry import REFERENCE, engine_named
+from inversion.engines.registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
-from inversion.engines.setup import Setup
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.estimation.calibrate import calibrate, further_starts, refine
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
+from inversion.estimation.forward import Forward
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import Posterior, posterior
 from inversion.estimation.search import Evaluation, Search, SearchResult
-from inversion.problem.forward import Forward
+from inversion.estimation.setup import Setup
 from inversion.problem.question import Sensitivity, Variant
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest

@@ -18,9 +18,10 @@ from geometry.scenes.scene import scene_from_mapping
 from geometry.survey.measurements import Measurements
 from inversion.back_analysis.variants import Changed, sides, vary
 from inversion.back_analysis.waterfall import Reading, readings
-from inversion.engines.setup import Setup
+from inversion.engines.registry import engine_named
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.misfit import Objective
+from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
 from inversion.problem.relation_priors import with_relation_priors
@@ -216,6 +217,8 @@ def _asked(
     """The same, with variants, sensitivities and waterfall not yet looked at."""
     measurements = case.measurements
     question = load_question(case.folder, case.drawn)
+    if question.engine is not None:
+        engine_named(question.engine, str(case.folder / FILE_NAME))
     factor = case.config.inversion.spacing_factor
     case = case.resolved(question, spacing_factor=factor, spacing_m=spacing_m)
     case = case.with_set(measurement_set)

@@ -15,9 +15,9 @@ from inversion.back_analysis.perturbed_answers import Problem
 from inversion.back_analysis.result import SensitivityAnswer, Side, VariantAnswer
 from inversion.back_analysis.result_builder import bounded, ratios
 from inversion.back_analysis.variants import Changed
+from inversion.estimation.forward import Prediction
 from inversion.estimation.posterior import root_mean_square
 from inversion.estimation.search import SearchResult
-from inversion.problem.forward import Prediction
 from inversion.problem.question import CellSize, Sensitivity, Variant
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from geometry.scenes.scene import Scene, document_error, scene_from_mapping
-from inversion.engines.setup import Setup
+from inversion.estimation.setup import Setup
 from inversion.problem.question import (
     FixedProperty,
     WaterLevel,

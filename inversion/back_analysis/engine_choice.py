@@ -11,7 +11,7 @@ from pathlib import Path
 
 from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.result import FILE_NAME, EngineAnswer, Result, load_result
-from inversion.engine_registry import REFERENCE, Engine, engine_named, engines
+from inversion.engines.registry import REFERENCE, Engine, engine_named, engines
 from pipeline.cli import InputError
 from pipeline.places import MODELS, names_of, resolve
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inversion.back_analysis.perturbed_answers import Problem, resolve
-from inversion.engines.setup import Setup
+from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.misfit import Objective
-from inversion.problem.forward import Forward, Prediction
+from inversion.estimation.setup import Setup
 
 #: Stops on either side of the answer, where one direction is flat, and where several are.
 STOPS_OF_ONE, STOPS_OF_MANY = 3, 1

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from inversion.engines.setup import Setup
+from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.gauss_newton import LEAST, bounded_step, broyden
 from inversion.estimation.misfit import Objective
-from inversion.problem.forward import Forward, Prediction
+from inversion.estimation.setup import Setup
 
 #: Batches at most, and the largest change of a scaled parameter in one step.
 ROUNDS, BOX = 5, 1.0

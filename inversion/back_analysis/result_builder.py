@@ -22,12 +22,12 @@ from inversion.back_analysis.result import (
     fitted_to,
 )
 from inversion.back_analysis.waterfall import Reading, WaterfallBar
-from inversion.engines.setup import Setup
+from inversion.estimation.forward import Prediction
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import Posterior, direction_in_words, interval, lower_bound
 from inversion.estimation.search import Evaluation, SearchResult
+from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Prediction
 from pipeline.config import SimulationSettings
 
 #: Source of the scatter over jitter seeds among the sources of uncertainty.

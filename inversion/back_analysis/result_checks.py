@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from inversion.engine_registry import engines
+from inversion.engines.registry import engines
 
 if TYPE_CHECKING:
     from inversion.back_analysis.result import Result

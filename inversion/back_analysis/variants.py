@@ -19,8 +19,8 @@ from inversion.back_analysis.deviations import (
     property_changes,
     with_changes,
 )
-from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
+from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import WATER_WORDS, Changes, OtherProperty
 from inversion.problem.question import (

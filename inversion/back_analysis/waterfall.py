@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from inversion.back_analysis.variants import apply_changes
-from inversion.engines.setup import Setup
+from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import Changes, StatedValue, on_top
 from pipeline.cli import InputError

@@ -19,18 +19,18 @@ import gns
 from inversion.back_analysis.engine_choice import own_answer
 from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
 from inversion.back_analysis.without_settings import LearnedAnalysis
-from inversion.engine_registry import engine_named
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
 from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
-from inversion.engines.setup import Setup
 from inversion.engines.trained_model import Model
 from inversion.estimation.calibrate import calibrate
+from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import posterior
 from inversion.estimation.search import SearchResult
-from inversion.problem.forward import Forward, Prediction
+from inversion.estimation.setup import Setup
 
 #: Source of the surrogate's error among the sources of uncertainty.
 SOURCE = "error of the learned simulator"

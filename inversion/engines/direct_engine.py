@@ -26,9 +26,10 @@ from geometry.survey.toe import outward_of
 from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
 from gns.direct.runs import COARSER
 from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of, with_strengths
+from inversion.engines.kept_readings import prediction_of
 from inversion.engines.run_store import KeptRun, RunStore
-from inversion.engines.setup import Setup, prediction_of
-from inversion.problem.forward import Forward, Prediction, Request
+from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.setup import Request, Setup
 from inversion.problem.question import material_key
 from pipeline.cli import InputError
 from pipeline.places import MODELS, resolve
@@ -86,7 +87,7 @@ class Asked:
 
 
 class DirectEngine(Forward):
-    """`inversion.problem.forward.Forward` by a direct model.
+    """`inversion.estimation.forward.Forward` by a direct model.
 
     Args:
         store: keeps the runs that a correction starts from.
@@ -116,7 +117,7 @@ class DirectEngine(Forward):
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
         """Prediction and derivative: exact in strengths, for a model that sees the section alone.
 
-        See `inversion.problem.forward.Forward`; columns of other parameters, and all of a model
+        See `inversion.estimation.forward.Forward`; columns of other parameters, and all of a model
         that corrects, are finite differences.
         """
         tangents = None if self.predictor.corrected else _tangents(request)

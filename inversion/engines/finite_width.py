@@ -22,8 +22,8 @@ from geometry.scenes3d.scene3d import Section
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.run_store_3d import RunStore3d
-from inversion.engines.setup import Setup
-from inversion.problem.forward import Forward, Prediction, Request, WrappedEngine
+from inversion.estimation.forward import Forward, Prediction, WrappedEngine
+from inversion.estimation.setup import Request, Setup
 from pipeline.cli import InputError
 
 #: Heights over widths H/B of the runs in three dimensions, nearly: widths are whole cells.
@@ -39,7 +39,7 @@ PAIRED = {
 
 @dataclass
 class FiniteWidth(WrappedEngine):
-    """`inversion.problem.forward.Forward` that answers setups with a `height_over_width` as well.
+    """A forward engine that answers setups with a `height_over_width` as well.
 
     Attributes:
         engine: of the plane runs.

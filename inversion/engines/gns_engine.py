@@ -29,6 +29,7 @@ from gns.rollout.differentiate import REVERSE_COST, jacobian, reverse_jacobian
 from gns.rollout.rollout import Rest, RestWatch, frames_of, wrong_step
 from gns.rollout.traced_rollout import trace
 from gns.rollout.zone_parameters import UnknownProperty, scene_function
+from inversion.engines.kept_readings import prediction_of
 from inversion.engines.rollout_readings import RolledOut, RolloutReading
 from inversion.engines.rollout_store import (
     RolloutStore,
@@ -37,9 +38,9 @@ from inversion.engines.rollout_store import (
     rollout_key,
 )
 from inversion.engines.run_store import KeptRun
-from inversion.engines.setup import Setup, prediction_of
 from inversion.engines.trained_model import Model
-from inversion.problem.forward import Forward, Prediction, Request
+from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.setup import Request, Setup
 from inversion.problem.question import material_key
 from inversion.problem.water_level import moves_with_pool
 from pipeline.cli import InputError, WorkFailed
@@ -87,7 +88,7 @@ def prepare(device: str, threads: int | None) -> None:
 
 
 class GNSEngine(Forward):
-    """`inversion.problem.forward.Forward` by a learned simulator.
+    """`inversion.estimation.forward.Forward` by a learned simulator.
 
     Args:
         store: where rollouts and derivatives are kept.
@@ -145,7 +146,7 @@ class GNSEngine(Forward):
     def derivative(
         self, request: Request, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
-        """Prediction and exact derivative; see `inversion.problem.forward.Forward`.
+        """Prediction and exact derivative; see `inversion.estimation.forward.Forward`.
 
         Rows of what could not be read are NaN, and in reverse mode those of what is not fitted.
         """

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inversion.engines.setup import Setup
 from inversion.estimation.data import Targets
+from inversion.estimation.forward import Forward, Prediction, WrappedEngine
+from inversion.estimation.setup import Request, Setup
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Forward, Prediction, Request, WrappedEngine
 from pipeline.cli import WorkFailed
 
 #: Covariance of the differences counts by this, and its diagonal by this in addition.
@@ -147,7 +147,7 @@ def with_error(targets: Targets, pairs: Pairs) -> Targets:
 
 
 class Corrected(WrappedEngine):
-    """`inversion.problem.forward.Forward`: another engine with the mean difference added.
+    """`inversion.estimation.forward.Forward`: another engine with the mean difference added.
 
     Args:
         engine: the learned simulator.

@@ -9,13 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from inversion.engines.kept_readings import prediction_of, read_start
 from inversion.engines.run_store import KeptRun, RunStore
-from inversion.engines.setup import prediction_of, read_start
-from inversion.problem.forward import Forward, Prediction, Request
+from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.setup import Request
 
 
 class MPMEngine(Forward):
-    """`inversion.problem.forward.Forward` by the material point method."""
+    """`inversion.estimation.forward.Forward` by the material point method."""
 
     def __init__(self, store: RunStore) -> None:
         super().__init__()

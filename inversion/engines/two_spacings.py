@@ -21,13 +21,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inversion.engines.setup import Setup
-from inversion.problem.forward import Forward, Prediction, Request, WrappedEngine
+from inversion.estimation.forward import Forward, Prediction, WrappedEngine
+from inversion.estimation.setup import Request, Setup
 
 
 @dataclass
 class KnownDerivative(WrappedEngine):
-    """`inversion.problem.forward.Forward`: an engine whose derivative is taken as known.
+    """`inversion.estimation.forward.Forward`: an engine whose derivative is taken as known.
 
     A search on it ends where the predictions fit. A derivative that is a little off makes the way
     there longer, not the answer wrong.
@@ -90,7 +90,7 @@ class Move:
 
 @dataclass
 class Moved(WrappedEngine):
-    """`inversion.problem.forward.Forward`: coarse runs that agree with fine ones at the answer.
+    """`inversion.estimation.forward.Forward`: coarse runs that agree with fine ones at the answer.
 
     Attributes:
         engine: of the runs.

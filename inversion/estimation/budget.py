@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from inversion.problem.forward import State
+from inversion.problem.state import State
 
 
 class Predictor(Protocol):

@@ -15,13 +15,13 @@ from typing import Literal
 import numpy as np
 
 from inversion.estimation.flow_limit import flow_limit
+from inversion.estimation.forward import Forward
 from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
 from inversion.estimation.geometric_scan import look_around, moved, scan
 from inversion.estimation.lbfgsb import lbfgsb
 from inversion.estimation.search import Evaluation, Search, SearchResult
 from inversion.estimation.smoothing import smoothed
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Forward
 
 Method = Literal["gauss_newton", "lbfgsb"]
 METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}

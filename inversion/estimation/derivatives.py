@@ -21,11 +21,11 @@ import numpy as np
 
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data
+from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.unknowns import Parameters, Unknowns
-from inversion.problem.forward import Forward, Prediction
 
 if TYPE_CHECKING:
-    from inversion.engines.setup import Setup
+    from inversion.estimation.setup import Setup
 
 #: Least effect of a step, in units of the noise of one run.
 FACTOR = 5.0

@@ -22,8 +22,8 @@ from typing import Literal
 import numpy as np
 
 from inversion.estimation.data import Data, Targets
+from inversion.estimation.forward import Prediction
 from inversion.estimation.unknowns import Parameters, Unknowns
-from inversion.problem.forward import Prediction
 
 #: Singular values of A below this share of 1 (the prior's scale) count as no knowledge at all.
 NO_KNOWLEDGE = 1e-6

@@ -35,7 +35,7 @@ from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import augmented_residual
 from inversion.estimation.unknowns import Unknowns
-from inversion.problem.forward import State
+from inversion.problem.state import State
 
 #: Change of a slope over the range of one unknown, as a share of the slope.
 BEND = 0.5

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
+from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.misfit import Objective
-from inversion.problem.forward import Forward, Prediction
 
 if TYPE_CHECKING:
-    from inversion.engines.setup import Setup
+    from inversion.estimation.setup import Setup
 
 Kind = Literal["start", "scan", "lbfgsb", "gauss_newton", "limit"]
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
+from inversion.estimation.forward import Forward
 from inversion.estimation.search import Evaluation, Search
-from inversion.problem.forward import Forward
 
 #: Places on either side, in half-widths; half-width of a strength's logarithm, of an angle [deg].
 PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0

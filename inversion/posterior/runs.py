@@ -12,11 +12,11 @@ from typing import Protocol
 
 import numpy as np
 
-from inversion.engine_registry import MPM, Engine
+from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.engines.setup import Setup
+from inversion.estimation.forward import Prediction
+from inversion.estimation.setup import Setup
 from inversion.posterior.unknown import Section, Unknown
-from inversion.problem.forward import Prediction
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
     CellSize,

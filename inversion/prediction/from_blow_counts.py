@@ -22,13 +22,13 @@ from scipy.special import ndtri
 
 from inversion import PHYSICS_VERSION
 from inversion.catalogue.correlations import RELATIONS, Relation
-from inversion.engine_registry import MPM, Engine
+from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.engines.setup import Setup
+from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.setup import Setup
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.prediction_case import PredictionCase
 from inversion.prediction.response import Monotone
-from inversion.problem.forward import Forward, Prediction
 from inversion.problem.layers import Layer, layers_of
 from inversion.problem.scene_changes import with_properties
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.survey.surface_profile import surface_profile
-from inversion.engines.setup import Setup
+from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.setup import Setup
 from inversion.prediction.drawn_strength import sampled_scores
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.response import Response, Sections, design, response
-from inversion.problem.forward import Forward, Prediction
 from pipeline.cli import WorkFailed
 
 #: Scores at which jittered points measure the noise.

@@ -10,12 +10,11 @@ import builtins
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, checked_document
 from inversion.catalogue.correlations import RelationName
-from inversion.engine_registry import engines
 from inversion.problem.changes import Changes, Waterfall, check_simulation
 from pipeline.cli import InputError, say_once
 from pipeline.files import read_yaml
@@ -287,14 +286,6 @@ class Question(Document):
     waterfall: Waterfall | None = Field(
         None, description="the way from another reading to this one; null: not asked"
     )
-
-    @field_validator("engine")
-    @classmethod
-    def _known_engine(cls, name: str | None) -> str | None:
-        """The engine is one of the registry."""
-        if name is not None and name not in engines():
-            raise ValueError(f"no engine {name!r}; there are {', '.join(engines())}")
-        return name
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Question:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from inversion.engine_registry import engine_named
+from inversion.engines.registry import engine_named
 from report.data.back_analysis import BackAnalysisData
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
-from inversion.engine_registry import engine_named
+from inversion.engines.registry import engine_named
 from inversion.problem.changes import WATER_WORDS
 from report.data.back_analysis import BackAnalysisData
 from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit

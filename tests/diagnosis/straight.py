@@ -20,8 +20,8 @@ from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Data, make_targets
 from inversion.estimation.hold_out import HoldOut, split
 from inversion.estimation.unknowns import Amplitude, Parameters, Unknowns
-from inversion.problem.forward import State
 from inversion.problem.question import ParameterSpec, Prior
+from inversion.problem.state import State
 
 X = np.linspace(0.0, 46.0, 24)
 TIMES = [2.0, 4.0, 6.0, 9.0]

@@ -18,9 +18,9 @@ from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.registry import FAMILIES, assumed_otherwise, assumptions_of
 from diagnosis.options import Options
 from geometry.case import load_case
-from inversion.engine_registry import engine_named
-from inversion.engines.setup import Setup
+from inversion.engines.registry import engine_named
 from inversion.estimation.misfit import system
+from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Amplitude
 from inversion.problem.question import FixedProperty
 from pipeline.cli import InputError

@@ -23,7 +23,7 @@ from diagnosis.hypotheses.hypothesis_file import load_hypothesis
 from diagnosis.verdict.fitted_models import kept_step
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, load_verdict
 from geometry.case import load_case
-from inversion.problem.forward import state
+from inversion.problem.state import state
 from pipeline.cli import InputError
 
 QUICK = [

@@ -11,7 +11,7 @@ from diagnosis.hypotheses.model import Model
 from geometry.case import load_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
-from inversion.problem.forward import State, state
+from inversion.problem.state import State, state
 
 BOUNDARY = {"name": "top", "kind": "zone_boundary",
             "vertices": [{"at": [10.0, 5.0], "move": [2.0, 1.0]},

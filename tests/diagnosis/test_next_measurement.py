@@ -16,7 +16,7 @@ from diagnosis.options import Options
 from diagnosis.selection import next_measurement
 from diagnosis.selection.next_measurement import Rival, greedy, proposal_error, read_at, separation
 from inversion.estimation.hold_out import HoldOut
-from inversion.problem.forward import State
+from inversion.problem.state import State
 from tests.budget import examples
 from tests.diagnosis.straight import Straight, straight
 

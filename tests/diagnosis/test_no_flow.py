@@ -14,7 +14,7 @@ from diagnosis.__main__ import main
 from diagnosis.case import diagnosis_case
 from diagnosis.verdict.verdict import load_verdict
 from geometry.case import load_case
-from inversion.problem.forward import state
+from inversion.problem.state import state
 from tests.diagnosis.test_commands import ASKED, HIDDEN, QUICK
 
 LIMIT = 1.0

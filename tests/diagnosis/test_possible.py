@@ -13,7 +13,7 @@ from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe_history import ToeHistory
 from inversion.engines.run_store import RunStore
-from inversion.problem.forward import state
+from inversion.problem.state import state
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from diagnosis.selection.refit import ANCHORED, FittedModel, judge, refit, weigh
 from diagnosis.selection.tried_models import accepted, why_not
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation import response_surface
-from inversion.problem.forward import State
+from inversion.problem.state import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, straight, truth
 
 OPTIONS = Options(draws=400, replicates=3)

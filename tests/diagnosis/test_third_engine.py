@@ -16,16 +16,17 @@ from diagnosis.verdict.verdict_builder import verdict_document
 from docs.examples.my_engine import FORMULA, FormulaEngine
 from flowslide.command_line import main
 from geometry.case import load_case
-from inversion import engine_registry as registry
+from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result
+from inversion.engines import registry
 from inversion.engines.run_store import RunStore
+from inversion.estimation.forward import Forward
 from inversion.posterior.runs import SectionModel
 from inversion.posterior.unknown import section_of
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
-from inversion.problem.forward import Forward
 from pipeline.cli import InputError
 from pipeline.files import read_json
 from pipeline.progress import Watch
@@ -67,7 +68,7 @@ def test_the_back_analysis_finds_the_strength(embankment, formula, tmp_path):
     case = inversion_case(load_case(embankment))
     case = replace(case, setup=surveyed(case.setup))
     store = RunStore(None)
-    result = formula.back_analysis(case, store, Watch()).run()
+    result = back_analysis_by(formula, case, store, Watch()).run()
     assert result.engine == "formula" and store.computed == 0
     assert result.answer.reached
     assert result.answer.parameters[0].value == pytest.approx(TRUTH, rel=0.02)

@@ -13,7 +13,7 @@ from diagnosis.options import Options
 from diagnosis.selection.unknown_curve import PRIOR_STD, FoundCurve, runs_wanted
 from diagnosis.verdict.verdict_builder import curve_part
 from inversion.estimation.hold_out import HoldOut
-from inversion.problem.forward import State
+from inversion.problem.state import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, slopes
 
 QUICK = Options(draws=300, replicates=3, starts=1, rounds=1, synthetic=True)

@@ -10,10 +10,11 @@ import numpy as np
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.derivatives import FiniteSteps
+from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
+from inversion.estimation.setup import Request
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Forward, Prediction, Request
 from inversion.problem.question import ParameterSpec
 
 
@@ -55,7 +56,7 @@ def targets(*values: float, std: float = 1.0, loss: str = "runout") -> Targets:
 
 
 class Formula(Forward):
-    """`inversion.problem.forward.Forward` by a formula: values (p,) -> numbers (m,).
+    """`inversion.estimation.forward.Forward` by a formula: values (p,) -> numbers (m,).
 
     It is its own reading of a question: any of them runs requests of all of them.
     """

@@ -18,9 +18,9 @@ from geometry.survey.toe_runout import ToeRunout
 from geometry.survey.velocity import Velocity
 from gns.data.scene_facts import start_of
 from gns.network.simulator import Simulator, SimulatorConfig
-from inversion.engines.setup import Setup
 from inversion.engines.trained_model import Model
 from inversion.estimation.data import make_targets
+from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 from pipeline.config import SimulationSettings

@@ -14,16 +14,18 @@ from gns.direct.network import DirectConfig, DirectModel
 from gns.direct.predictor import Predictor, described
 from gns.direct.sections import section_of
 from inversion.back_analysis import with_direct_model
+from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
-from inversion.engine_registry import engine_named, untrained
 from inversion.engines.direct_engine import READ, DirectEngine
+from inversion.engines.registry import engine_named, untrained
 from inversion.engines.run_store import RunStore
+from inversion.estimation.forward import Forward
 from inversion.posterior.runs import SectionModel
 from inversion.posterior.unknown import section_of as unknowns_of
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from inversion.prediction.prediction_case import prediction_case
-from inversion.problem.forward import Forward, State
+from inversion.problem.state import State
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.progress import Watch
@@ -146,7 +148,7 @@ def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkey
     case = inversion_case(load_case(lsfd, load_config(None, QUICK)))
     near = predictor_near(section_of(case.scene))
     monkeypatch.setattr(with_direct_model, "shipped", lambda name, store: DirectEngine(store, near))
-    result = engine_named("direct").back_analysis(case, RunStore(None), Watch()).run()
+    result = back_analysis_by(engine_named("direct"), case, RunStore(None), Watch()).run()
     assert result.engine == "direct"
     assert any("from the training of the direct model" in line for line in result.remarks)
     assert untrained("direct").name == "direct"

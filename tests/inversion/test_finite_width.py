@@ -15,7 +15,7 @@ from inversion.engines.finite_width import FiniteWidth, knots, paired, refused
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
 from inversion.engines.run_store_3d import RunStore3d
-from inversion.problem.forward import state
+from inversion.problem.state import state
 from pipeline.config import load_config
 from tests.inversion.test_invert_3d import question
 

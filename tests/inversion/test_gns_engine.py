@@ -15,7 +15,7 @@ from gns.rollout.rollout import Rest, rollout
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.trained_model import Model, load_model
-from inversion.problem.forward import Forward
+from inversion.estimation.forward import Forward
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.inversion.small_slide import SPECS, model, setup, simulator

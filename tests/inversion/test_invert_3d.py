@@ -14,8 +14,8 @@ from geometry.survey.toe_runout import toe_runout
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.in_three_dimensions import in_three_dimensions
 from inversion.back_analysis.result import load_result
-from inversion.engine_registry import of_section, untrained
 from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.registry import of_section, untrained
 from inversion.engines.run_store import RunStore
 from inversion.engines.run_store_3d import RunStore3d
 from inversion.posterior.document import load_posterior

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from geometry.case import load_case
+from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result, load_result, schema_text
 from inversion.back_analysis.result_files import save_all
 from inversion.back_analysis.with_learned_simulator import SOURCE, SurrogateAnalysis
-from inversion.engine_registry import engine_named
+from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
 from inversion.engines.trained_model import load_model
@@ -276,8 +277,8 @@ def test_model_and_judge_have_the_water_that_the_model_knows(root, tmp_path):
     case = inversion_case(load_case(root / "case_histories" / "lower_san_fernando", settings))
     assert case.setup.settings.water == "pore_pressure" and case.scene.head_falls
     store = RunStore(tmp_path / "runs", threads=1)
-    gns = engine_named("gns").back_analysis(
-        case, store, Watch(), root / "models" / "coarse", tmp_path
+    gns = back_analysis_by(
+        engine_named("gns"), case, store, Watch(), root / "models" / "coarse", tmp_path
     )
     assert gns.case.setup.settings.water == "buoyant"
     assert "leave out the thrust of the pool" in gns.left_out

@@ -15,12 +15,12 @@ from inversion.back_analysis.perturbed_answers import Problem, resolve
 from inversion.estimation.calibrate import calibrate
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.derivatives import FiniteSteps
+from inversion.estimation.forward import Prediction
 from inversion.estimation.misfit import Objective
 from inversion.estimation.posterior import lower_bound, posterior
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
 from inversion.posterior import likelihood
-from inversion.problem.forward import Prediction
 from pipeline.cli import WorkFailed
 from report.back_analysis import summary, write_report
 from report.data.back_analysis import load_back_analysis

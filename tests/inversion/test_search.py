@@ -11,12 +11,12 @@ from inversion.back_analysis.result_builder import unknown_derivatives
 from inversion.estimation.calibrate import calibrate, further_starts
 from inversion.estimation.data import make_targets
 from inversion.estimation.derivatives import FiniteSteps, noise_of
+from inversion.estimation.forward import Prediction
 from inversion.estimation.gauss_newton import gauss_newton
 from inversion.estimation.lbfgsb import lbfgsb, value_and_gradient
 from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.forward import Prediction
 from inversion.problem.question import Prior
 from pipeline.cli import WorkFailed
 from tests.inversion.analytic import Formula, angle, problem, strength, targets, toes

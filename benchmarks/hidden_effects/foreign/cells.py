@@ -28,7 +28,7 @@ from diagnosis.hypotheses.engine_model import Numerics
 from geometry.case import load_case
 from inversion.engines.run_store import RunStore
 from inversion.estimation.covariance import covariance, source_covariance
-from inversion.problem.forward import State
+from inversion.problem.state import State
 from pipeline.config import Config, load_config
 
 ROOT = Path(__file__).resolve().parents[3]

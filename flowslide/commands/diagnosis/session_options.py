@@ -40,7 +40,7 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
     """The session that the options ask for, with a bar for the length of the `with` block."""
     from diagnosis.session import open_session
     from geometry.case import load_case
-    from inversion.engine_registry import of_section
+    from inversion.engines.registry import of_section
     from pipeline.config import load_config
     from pipeline.progress import Progress, Watch
 

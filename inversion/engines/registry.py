@@ -1,14 +1,15 @@
 """The forward engines by name: what each is called, where its results lie, how it is made.
 
-A new engine is two files: one that predicts (`inversion.problem.forward.Forward`) and one that
+A new engine is two files: one that predicts (`inversion.estimation.forward.Forward`) and one that
 registers it with `register_engine`; back-analysis, prediction, diagnosis, commands and reports find
-it by its name. Nothing heavy is imported before an engine is used.
+it by its name. Nothing heavy is imported before an engine is used. One whose back-analysis is not
+the usual one registers that, too (`inversion.back_analysis.by_engine`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -18,12 +19,9 @@ from pipeline.cli import InputError
 
 if TYPE_CHECKING:
     from geometry.survey.measured import Measured
-    from inversion.back_analysis.back_analysis import BackAnalysis
-    from inversion.back_analysis.case import InversionCase
     from inversion.engines.run_store import RunStore
-    from inversion.engines.setup import Setup
-    from inversion.problem.forward import Forward
-    from pipeline.progress import Watch
+    from inversion.estimation.forward import Forward
+    from inversion.estimation.setup import Setup
 
 #: The engine that judges the others.
 REFERENCE = "mpm"
@@ -39,14 +37,12 @@ class Engine:
         description: as part of a sentence.
         short: in a chart.
         folder: of its results, below results/<case>/.
-        forward: makes it; runs are kept in the store. None: it is made by `analysis` alone.
+        forward: makes it; runs are kept in the store. None: its back-analysis alone makes it.
         store: the store that its runs need, from the folder of a case, a setup and a plain store,
             or an `InputError`; None: the plain one.
-        trained: it needs a trained model, whose folder `analysis` is given.
+        trained: it needs a trained model, whose folder its back-analysis is given.
         effects: it simulates the physical effects of a scene.
         reads: whether it can predict a measurement.
-        analysis: the back-analysis by it, from a case, a store of runs, a watch, the model's folder
-            and that of the results; None: the usual one.
     """
 
     name: str
@@ -59,9 +55,6 @@ class Engine:
     trained: bool = False
     effects: bool = True
     reads: Callable[[Measured], bool] = lambda entry: True
-    analysis: Callable[[InversionCase, RunStore, Watch, Path | None, Path], BackAnalysis] | None = (
-        None
-    )
 
     def store_of(self, folder: Path, setup: Setup, plain: RunStore) -> RunStore:
         """The store of its runs for a case.
@@ -76,21 +69,6 @@ class Engine:
         """Name for a terminal, with what it is short for."""
         return self.name if self.name == self.short.lower() else f"{self.name} ({self.short})"
 
-    def back_analysis(
-        self,
-        case: InversionCase,
-        store: RunStore,
-        watch: Watch,
-        model: Path | None = None,
-        folder: Path = Path(),
-    ) -> BackAnalysis:
-        """The back-analysis of a case by this engine."""
-        if self.analysis is not None:
-            return self.analysis(case, store, watch, model, folder)
-        from inversion.back_analysis.back_analysis import BackAnalysis
-
-        return BackAnalysis(case, store, watch.say, watch, engine_name=self.name)
-
 
 def _mpm(store: RunStore) -> Forward:
     from inversion.engines.mpm_engine import MPMEngine
@@ -98,44 +76,10 @@ def _mpm(store: RunStore) -> Forward:
     return MPMEngine(store)
 
 
-def _with_learned_simulator(
-    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
-) -> BackAnalysis:
-    from gns.data.scene_facts import with_known_water
-    from inversion.back_analysis.with_learned_simulator import SurrogateAnalysis
-    from inversion.engines.gns_engine import prepare
-    from inversion.engines.rollout_store import RolloutStore
-    from inversion.engines.trained_model import load_model
-
-    prepare(store.device, store.threads)
-    chosen = load_model(model, store.device)
-    known, left_out = with_known_water(
-        case.scene, case.setup.settings, thrust=chosen.simulator.config.thrust
-    )
-    return SurrogateAnalysis(
-        replace(case, setup=replace(case.setup, settings=known)),
-        store,
-        watch.say,
-        watch,
-        model=chosen,
-        rollouts=RolloutStore(folder / "rollouts"),
-        on_frame=watch.frame_done,
-        left_out=left_out,
-    )
-
-
 def _over_width(folder: Path, setup: Setup, store: RunStore) -> RunStore:
     from inversion.engines.run_store_3d import store_over_width
 
     return store_over_width(folder, setup, store)
-
-
-def _in_three_dimensions(
-    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
-) -> BackAnalysis:
-    from inversion.back_analysis.in_three_dimensions import in_three_dimensions
-
-    return in_three_dimensions(case, store, watch)
 
 
 def _shipped(name: str, store: RunStore) -> Forward:
@@ -148,14 +92,6 @@ def _on_the_deposit(entry: Measured) -> bool:
     from inversion.engines.direct_engine import readable
 
     return readable(entry)
-
-
-def _with_direct_model(
-    name: str, case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
-) -> BackAnalysis:
-    from inversion.back_analysis.with_direct_model import DirectAnalysis
-
-    return DirectAnalysis(case, store, watch.say, watch, engine_name=name)
 
 
 _engines: dict[str, Engine] = {}
@@ -231,7 +167,6 @@ register_engine(
         folder="inversion_gns",
         trained=True,
         effects=False,
-        analysis=_with_learned_simulator,
     )
 )
 register_engine(
@@ -244,7 +179,6 @@ register_engine(
         forward=_mpm,
         store=_over_width,
         effects=False,
-        analysis=_in_three_dimensions,
     )
 )
 register_engine(
@@ -257,7 +191,6 @@ register_engine(
         forward=partial(_shipped, "direct"),
         effects=False,
         reads=_on_the_deposit,
-        analysis=partial(_with_direct_model, "direct"),
     )
 )
 register_engine(
@@ -270,6 +203,5 @@ register_engine(
         forward=partial(_shipped, "corrected"),
         effects=False,
         reads=_on_the_deposit,
-        analysis=partial(_with_direct_model, "corrected"),
     )
 )

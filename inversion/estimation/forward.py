@@ -7,49 +7,12 @@ another, an analytic formula in the tests a third. Nothing above this file knows
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from geometry.scenes.scene import Scene
-    from inversion.engines.setup import Setup
-
-Numerics = Literal["own", "transfer", "fine"]
-
-
-@dataclass(frozen=True)
-class State:
-    """One forward run.
-
-    Attributes:
-        values: parameters in outside units, in the order of `Forward.parameters`, (p,).
-        effects: (name, amplitude), sorted by name; physics and survey nuisances alike. None is the
-            base model. Coefficient j of an unknown strength curve over the variable u is
-            (`strength_curve:u:j`, c_j): the logarithm of the strength's multiplier at knot j.
-        seed: 0: the model's own points; k > 0: the k-th other jitter of the points.
-        numerics: own; transfer: the second transfer scheme; fine: spacing / 1.5.
-    """
-
-    values: tuple[float, ...]
-    effects: tuple[tuple[str, float], ...] = ()
-    seed: int = 0
-    numerics: Numerics = "own"
-
-    def with_effects(self, amplitudes: Mapping[str, float]) -> State:
-        """The same run with these effects in addition; an amplitude of 0 takes an effect out."""
-        joined = {**dict(self.effects), **amplitudes}
-        kept = sorted((name, float(a)) for name, a in joined.items() if a != 0.0)
-        return replace(self, effects=tuple(kept))
-
-
-def state(
-    values: Sequence[float], effects: Mapping[str, float] | None = None, *, seed: int = 0
-) -> State:
-    """A state of plain numbers: values (p,) in outside units, amplitudes by name."""
-    return State(tuple(float(v) for v in values), seed=seed).with_effects(effects or {})
+from inversion.estimation.setup import Request
 
 
 @dataclass(frozen=True)
@@ -88,24 +51,6 @@ class Prediction:
     def failed(self) -> bool:
         """True where a guard stopped the run, or any value, fitted or not, could not be read."""
         return self.status == "failed" or not bool(np.all(np.isfinite(self.values)))
-
-
-@dataclass(frozen=True, eq=False)
-class Request:
-    """One forward run that is asked for.
-
-    Attributes:
-        setup: the reading of the question: section, settings, measurements.
-        values: of its parameters in outside units (kPa, degrees, kg/m3), in their order, (p,).
-    """
-
-    setup: Setup
-    values: np.ndarray
-
-    @property
-    def scene(self) -> Scene:
-        """The section with the values put in."""
-        return self.setup.parameters.scene(self.setup.scene, self.values)
 
 
 class Forward(ABC):
