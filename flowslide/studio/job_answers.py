@@ -16,15 +16,14 @@ from inversion.posterior.document import PosteriorDocument
 from report import classical as classical_report
 from report import from_blow_counts as blow_counts_report
 from report import prediction as prediction_report
-from report.numbers import at_least, fixed, number, plus_minus, span, unit_of, with_unit
+from report.numbers import at_least, fixed, number, span, unit_of, with_unit
 from report.posterior import answer_sentence
 from report.sentences.back_analysis import answer_words
+from report.sentences.diagnosis import UNEXPLAINED, quoted_value
 
 Found = dict[str, Any]
 MOST_MOVERS, MOST_NEXT = 3, 2
 """Assumptions, and measurements to make next, that a line names."""
-UNEXPLAINED = ("suspect", "unknown_effect")
-"""Verdicts with which a strength that is quoted is a range and no result."""
 STRENGTHS = ("residual_strength_kpa", "cohesion_kpa")
 
 
@@ -154,9 +153,12 @@ def verdict(document: Verdict) -> Found:
         if used is None:
             continue
         low, high = used.intervals["95%"]
-        value = plus_minus(used.value, used.std, p.unit)
-        only = "only a range, no result: " if document.verdict in UNEXPLAINED else ""
-        lines.append(f"{p.words}: {only}{value}, 95 % {number(low)} to {with_unit(high, p.unit)}")
+        value = quoted_value(document, p.name, p.unit)
+        only = document.verdict in UNEXPLAINED
+        if only:
+            lines.append(f"{p.words}: only a range, no result: 95 % {value}")
+        else:
+            lines.append(f"{p.words}: {value}, 95 % {number(low)} to {with_unit(high, p.unit)}")
         if p.strength:
             method = f"diagnosis, {'only a range' if only else 'all explanations'}"
             strengths.append(_strength(method, p.words, used.value, (low, high), "95 %"))

@@ -15,6 +15,7 @@ from diagnosis.verdict.verdict import (
     FittedModelSummary,
     MeasurementVerdict,
     ParameterWords,
+    Verdict,
     WaterfallStep,
     Window,
 )
@@ -38,6 +39,8 @@ VERDICTS = {
     "ambiguous": "ambiguous",
     "unknown_effect": "unknown effect",
 }
+#: Verdicts with which a strength that is quoted is a range and no result.
+UNEXPLAINED = ("suspect", "unknown_effect")
 AMONG = "among the effects tested"
 #: Members of a family that are named in a sentence.
 FEW = 5
@@ -349,6 +352,18 @@ def bound_sentence(data: DiagnosisData) -> str:
     )
 
 
+def quoted_value(verdict: Verdict, name: str, unit: str) -> str:
+    """The value of a parameter that is quoted; where nothing explains only its 95 % interval.
+
+    A standard deviation says nothing of a range that ends at the bounds of what is believed.
+    """
+    used = verdict.quoted[name]
+    low, high = used.intervals["95%"]
+    if verdict.verdict in UNEXPLAINED:
+        return f"{number(low)} to {with_unit(high, unit)}"
+    return plus_minus(used.value, used.std, unit)
+
+
 def quoted_words(data: DiagnosisData, name: str, unit: str) -> str:
     """The value of a parameter that is quoted, and what it is made of; empty: not known."""
     used = None if data.verdict is None else data.verdict.quoted.get(name)
@@ -356,14 +371,13 @@ def quoted_words(data: DiagnosisData, name: str, unit: str) -> str:
         return ""
     low, high = used.intervals["95%"]
     made = plural(len(used.models), "model")
-    value = (
-        f"{plus_minus(used.value, used.std, unit)}, 95 % interval {number(low)} to {number(high)}"
-    )
-    if data.verdict.verdict in ("suspect", "unknown_effect"):
+    value = quoted_value(data.verdict, name, unit)
+    if data.verdict.verdict in UNEXPLAINED:
         return (
-            f"Not a result, only a range: {value} (the base model and all tried that fit clearly "
-            f"better, {made}, widened by what they leave)."
+            f"Not a result, only a range: {value} (95 % interval of the base model and all tried "
+            f"that fit clearly better, {made}, widened by what they leave)."
         )
+    value = f"{value}, 95 % interval {number(low)} to {number(high)}"
     of = f"all of the answer, {made}" if len(used.models) > 1 else "one model"
     return f"Quoted: {value} ({of})."
 

@@ -36,6 +36,7 @@ from report.sentences.diagnosis import (
     explanation,
     off,
     off_held_out,
+    quoted_value,
     spoken,
     step_words,
     test_words,
@@ -71,8 +72,7 @@ def key_numbers(data: DiagnosisData) -> KeyNumbers:
         remark = "base model" if stage is base else f"{_value(base, p)} before"
         value = _value(stage, p)
         if verdict is not None and p.name in verdict.quoted:
-            used = verdict.quoted[p.name]
-            value = plus_minus(used.value, used.std, p.unit)
+            value = quoted_value(verdict, p.name, p.unit)
         if verdict is not None and verdict.verdict == "unknown_effect":
             remark = "of all models tried, widened: not a result"
         entries.append((p.words, value, remark))
@@ -114,10 +114,9 @@ def parameters_table(data: DiagnosisData) -> Table:
                 ["std with what is assumed of soils, section and survey",
                  *(None if std is None else with_unit(std, p.unit, 2) for std in wide)]
             )  # fmt: skip
-        used = None if data.verdict is None else data.verdict.quoted.get(p.name)
-        if used is not None:
+        if data.verdict is not None and p.name in data.verdict.quoted:
             empty = [""] * (len(data.stages) - 1)
-            rows.append(["quoted", *empty, plus_minus(used.value, used.std, p.unit)])
+            rows.append(["quoted", *empty, quoted_value(data.verdict, p.name, p.unit)])
     return Table(["parameter", *(name for name, _ in data.stages)], rows)
 
 
