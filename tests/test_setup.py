@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 
 from tests import budget
@@ -51,6 +52,15 @@ def test_everything_that_is_installed_is_pinned():
     # What torch brings with it for NVIDIA's GPUs follows from torch itself.
     needed = {name for name in needed if not name.startswith(("nvidia-", "cuda-", "triton"))}
     assert needed | {"setuptools"} <= set(PINS)
+
+
+def test_pins_serve_the_oldest_python():
+    """A pin may ask for a later patch of Python: then `make` fails where that is not to be had."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    oldest = f"{re.search(r'>=([0-9.]+)', project['requires-python'])[1]}.0"
+    for name in sorted(required("flowslide", tuple(installed_extras())) & PINS.keys()):
+        asked = metadata.metadata(name)["Requires-Python"]
+        assert SpecifierSet(asked or "").contains(oldest), f"{name} needs Python {asked}"
 
 
 def test_make_installs_every_extra():
