@@ -16,11 +16,9 @@ a pair has the odds of two effects out of all, and has to leave the same degrees
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.adequacy.adequacy import judged
-from diagnosis.hypotheses.model import Candidate
 from diagnosis.selection.decide import explains
 from diagnosis.selection.forward_selection import kept_for_a_curve
 from diagnosis.selection.refit import FittedModel
@@ -67,7 +65,8 @@ def look_again(selection: Selection) -> None:
     rival = min(model.fit.total for model in tried.models.values())
     for pair in built_on(selection):
         model = selection.refit_on(pair.start, pair.names, rival=rival)
-        found += [] if model is None else [model]
+        if model is not None:
+            found.append(model)
     found = [tried.models[model.names] for model in found]
     found = selection.on_equal_terms(base, selection.judged_best(base, found))
     for after in found:
@@ -148,7 +147,9 @@ def promises(selection: Selection, start: FittedModel) -> list[Promise]:
     """What every other candidate promises on top of a model, by one run of each at its fit."""
     explanation, options = selection.explanation, selection.options
     found = judged(explanation.context.data, start.fit, draws=1, seed=options.seed)
-    others = _partners(explanation.candidates, start.names)
+    others = [
+        one for one in explanation.candidates if one.name not in start.names and not one.by_chance
+    ]
     taken = take_signatures(selection.runs, start.surface, found.system, others, turns=0)
     others = [one for one in others if one.name in taken]
     scores = score_all(found, taken, others, projection=options.projection)
@@ -160,7 +161,3 @@ def promises(selection: Selection, start: FittedModel) -> list[Promise]:
         )
         for name in scores.every
     ]
-
-
-def _partners(candidates: Sequence[Candidate], names: Sequence[str]) -> list[Candidate]:
-    return [one for one in candidates if one.name not in names and not one.by_chance]
