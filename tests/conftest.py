@@ -23,6 +23,19 @@ settings.load_profile("large" if budget.LARGE else "small")
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
+def pytest_configure() -> None:
+    """Give each worker of `-n` its share of the processor cores.
+
+    What uses all cores by default then uses that share, and kernels, which Taichi compiles for a
+    number of threads, are compiled for one number.
+    """
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 1))
+    if workers > 1 and hasattr(os, "sched_setaffinity"):
+        number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, cores[number % len(cores) :: workers])
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the property tests, which `make test-all` runs again with more examples."""
     for item in items:

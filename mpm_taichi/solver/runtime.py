@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import os
 import sys
+import textwrap
 from contextlib import redirect_stdout
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
+from taichi.lang.ast import ast_transformer_utils
 from taichi.lang.util import to_numpy_type
 
 from mpm_taichi import layout
@@ -30,6 +33,22 @@ OPTIONS = {"fast_math": False, "cfg_optimization": False, "log_level": ti.ERROR}
 what else is in a kernel nor on the kind of processor, and points side by side keep the same form,
 which is what makes vector instructions of them. The analysis of stores and loads takes three
 quarters of the compilation, and LLVM does it again."""
+
+
+class _RememberingWrapper(textwrap.TextWrapper):
+    """Wraps the same text once.
+
+    For its error messages Taichi wraps the source line of every expression each time a function is
+    inlined; that is a third of the time in which it reads a kernel.
+    """
+
+    @staticmethod
+    @cache
+    def wrap(text: str) -> list[str]:
+        return textwrap.wrap(text, width=80)
+
+
+ast_transformer_utils.TextWrapper = _RememberingWrapper
 
 _started: tuple[str, int] | None = None
 
