@@ -399,12 +399,13 @@ def answer(
 ) -> Result:
     """Answer a question that was read, by an engine that was chosen; see `back_analyse`."""
     from inversion.back_analysis.by_engine import back_analysis_by
-    from inversion.back_analysis.result_files import save_all
+    from inversion.back_analysis.result_files import answered
     from inversion.engines.run_store import RunStore
 
     store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
     analysis = back_analysis_by(choice.engine, asked, store, watch, choice.model, folder)
-    return save_all(analysis, analysis.run(), folder)
+    with store.workers():
+        return answered(analysis, folder)
 
 
 def with_choices(case: Case, method: str | None, quick: bool) -> Case:
@@ -487,7 +488,8 @@ def posterior(
             asked.config.posterior,
             watch,
         )
-        document = save_all(inference.run(), folder)
+        with store.workers():
+            document = save_all(inference.run(), folder)
         write_posterior(folder)
         return document
 

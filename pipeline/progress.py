@@ -19,7 +19,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from threading import Event
+from threading import Event, RLock
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
@@ -48,6 +48,9 @@ class Cancelled(RuntimeError):
 class Watch:
     """Counts runs against a plan, reports them, and stops the work where the caller asks for it.
 
+    Work may call it from several threads; the caller's functions are then called from them, one at
+    a time.
+
     Args:
         report: called for each run and each line; None: nobody.
         cancel: a function that returns True, or an event that is set, to stop the work at the next
@@ -68,6 +71,7 @@ class Watch:
         self._done, self._of = 0, -1
         self._before = 0  # runs that were done when the present stage began
         self._stage = ""
+        self._one_at_a_time = RLock()
 
     def plan(self, runs: Mapping[str, int]) -> None:
         """Say which stages there will be, and about how many runs each of them takes."""
@@ -88,11 +92,12 @@ class Watch:
         Raises:
             Cancelled: the caller asks the work to stop.
         """
-        self._done += 1
-        if self._stage:
-            expected = self._done - self._before + max(of - done, 0)
-            self._plan[self._stage] = max(self._plan.get(self._stage, 0), expected)
-        self._tell(self._words())
+        with self._one_at_a_time:
+            self._done += 1
+            if self._stage:
+                expected = self._done - self._before + max(of - done, 0)
+                self._plan[self._stage] = max(self._plan.get(self._stage, 0), expected)
+            self._tell(self._words())
 
     def frame_done(self, done: int, of: int) -> None:
         """A frame of a rollout has been computed: nothing to count, but a moment to stop at."""
@@ -116,7 +121,8 @@ class Watch:
     def evaluated(self, runs: int, values: Mapping[str, float], loss: float) -> None:
         """A search has tried these values, by name, after so many simulations."""
         if self._evaluated is not None:
-            self._evaluated(runs, values, loss)
+            with self._one_at_a_time:
+                self._evaluated(runs, values, loss)
 
     def _words(self) -> str:
         stages = [name for name, runs in self._plan.items() if runs or name == self._stage]
@@ -130,9 +136,10 @@ class Watch:
             raise Cancelled("cancelled; what was finished is kept")
 
     def _tell(self, message: str) -> None:
-        self._check()
-        if self._report is not None:
-            self._report(self._done, max(sum(self._plan.values()), self._done), message)
+        with self._one_at_a_time:
+            self._check()
+            if self._report is not None:
+                self._report(self._done, max(sum(self._plan.values()), self._done), message)
 
 
 class Progress:

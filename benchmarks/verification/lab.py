@@ -14,8 +14,8 @@ import numpy as np
 from geometry.scenes.scene import Scene, scene_from_mapping
 from mpm_taichi import layout
 from mpm_taichi.effects import kernel_effects
+from mpm_taichi.flight import WATER_CHUNK
 from mpm_taichi.materials.mohr_coulomb import material_constants
-from mpm_taichi.simulate import WATER_CHUNK
 from mpm_taichi.solver import runtime
 from mpm_taichi.solver.boundary import LEFT, NEAR, RIGHT
 from mpm_taichi.solver.initial_state import prepare

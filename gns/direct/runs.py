@@ -176,7 +176,7 @@ def _ended(
 
     return {
         place: _kept(run)
-        for place, run in simulate_each(scenes, settings, threads=threads)
+        for place, run in simulate_each([(scene, settings) for scene in scenes], threads=threads)
         if run.status != "failed"
     }
 

@@ -1,8 +1,9 @@
 """The whole back-analysis of a case, stage by stage, into a `Result`.
 
-answer -> other starts -> equally good answers -> jitter seeds -> variants -> sensitivities ->
-waterfall. Each stage is a method that leaves what it found; runs come from a store that keeps them
-by content, so a killed back-analysis goes through the finished stages again in seconds.
+First the answer; then, side by side, other starts, equally good answers, jitter seeds, variants,
+sensitivities, waterfall. Each stage is a method that leaves what it found; runs come from a store
+that keeps them by content, so a killed back-analysis goes through the finished stages again in
+seconds.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from threading import Lock, local
 from typing import Any
 
 import numpy as np
@@ -45,6 +47,7 @@ from inversion.back_analysis.waterfall import Reading, WaterfallAnswer
 from inversion.engines.registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
+from inversion.engines.workers import Job
 from inversion.estimation.calibrate import calibrate, further_starts, refine
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.forward import Forward
@@ -57,8 +60,11 @@ from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest
 from pipeline.progress import Watch
 
+AFTER = "what moves the answer"
+"""The stages after the answer, in the progress and the timings."""
+
 #: A linear step shorter than this, in standard deviations from the survey, is as good as a run.
-SHORT = 0.5
+SHORT = 1.0
 
 
 @dataclass
@@ -89,22 +95,44 @@ class BackAnalysis:
     noise: Noise | None = None
     waterfall: WaterfallAnswer | None = None
     more_sources: dict[str, dict[str, float]] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
+    remarks: dict[str, list[str]] = field(default_factory=dict)  # by stage
     timings: dict[str, float] = field(default_factory=dict)
     runs: int = 0
     move: Move | None = None
     engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
+        self._stage, self._counting = local(), Lock()
         self.engine = self.engine_of()
         self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
 
-    def run(self) -> Result:
-        """All stages."""
+    def run(self, more: Sequence[Job] = ()) -> Result:
+        """All stages; next to those after the answer `more` that needs the answer."""
+        first, then = self.stages_to_answer(), self.stages_after_answer()
+        after = sum(self._expected_runs(name) for name, _ in then)
+        self.watch.plan({**{name: self._expected_runs(name) for name, _ in first}, AFTER: after})
+        self.remarks = {name: [] for name, _ in [*first, *then]}
+        for name, stage in first:
+            with self._timed(name), self.watch.stage(name):
+                self._staged(name, stage)
+        with self._timed(AFTER), self.watch.stage(AFTER):
+            self.side_by_side([*more, *(partial(self._staged, *one) for one in then)])
+        return self.result()
+
+    def _staged(self, name: str, stage: Callable[[], None]) -> None:
+        """Do a stage, to which remarks of this thread then belong."""
+        self._stage.name = name
+        stage()
+
+    def side_by_side(self, jobs: Sequence[Job]) -> None:
+        """Do what does not wait for each other."""
+        self.store.side_by_side(jobs)
+
+    def stages_after_answer(self) -> list[tuple[str, Callable[[], None]]]:
+        """The stages that need the answer and do not wait for each other, by name."""
         settings = self.case.config.inversion
         stages: list[tuple[str, Callable[[], None]]] = [
-            *self.stages_to_answer(),
             ("starts", self.search_from_elsewhere),
             ("equally good", self.find_equally_good),
             ("seeds", self.measure_noise),
@@ -119,11 +147,7 @@ class BackAnalysis:
             and not engine_named(self.engine_name).trained
         ):
             stages.append(("waterfall", self.solve_waterfall))
-        self.watch.plan({name: self._expected_runs(name) for name, _ in stages})
-        for name, stage in stages:
-            with self._timed(name), self.watch.stage(name):
-                stage()
-        return self.result()
+        return stages
 
     def _expected_runs(self, stage: str) -> int:
         """About how many simulations a stage takes, for the progress alone."""
@@ -286,7 +310,7 @@ class BackAnalysis:
                 engine, self.case.setup, self.objective, self.found.values, self.slope,
                 self.spread.flat, self.found.best.loss,
             )  # fmt: skip
-            self.runs += engine.runs
+            self._count(engine)
             self.say(f"other answers that fit as well: {len(self.stops)}")
 
     def measure_noise(self) -> None:
@@ -480,7 +504,7 @@ class BackAnalysis:
             classical=[],
             waterfall=self.waterfall,
             relations=compared_relations(case),
-            remarks=self.remarks,
+            remarks=[line for lines in self.remarks.values() for line in lines],
             published=case.measurements.strength_published_kpa,
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},
             runs=self.runs,
@@ -491,8 +515,13 @@ class BackAnalysis:
 
     def remark(self, line: str) -> None:
         """Something a reader of the result should know: said, and kept."""
-        self.remarks.append(line)
+        self.remarks.setdefault(getattr(self._stage, "name", ""), []).append(line)
         self.say(line)
+
+    def _count(self, engine: Forward) -> None:
+        """Add the runs of an engine that is done."""
+        with self._counting:
+            self.runs += engine.runs
 
     @property
     def slope(self) -> np.ndarray:
@@ -568,7 +597,7 @@ class BackAnalysis:
         except WorkFailed as error:
             self.remark(f"{name}: no answer: {error}")
             found = None
-        self.runs += engine.runs
+        self._count(engine)
         return found
 
     def _problem(self, setup: Setup, found: SearchResult | None = None) -> Problem:
@@ -639,7 +668,7 @@ class BackAnalysis:
         resolve(engine, problems, 0 if linear else ROUNDS)
         if linear:
             resolve(engine, [one for one in problems if not self._short(one)])
-        self.runs += engine.runs
+        self._count(engine)
 
     def _tell_evaluation(self, runs_before: int, evaluation: Evaluation) -> None:
         parameters, targets = self.case.parameters, self.objective.targets

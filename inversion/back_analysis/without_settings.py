@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.variants import Changed
+from inversion.engines.workers import Job
 from inversion.estimation.search import SearchResult
 from inversion.estimation.setup import Setup
 from inversion.problem.question import Sensitivity, Variant
@@ -20,6 +22,11 @@ UNKNOWN_TO_IT = {"time_step": "no time step", "simulation": "no settings of the 
 @dataclass(kw_only=True)
 class LearnedAnalysis(BackAnalysis):
     """A case under back-analysis by an engine that has learned."""
+
+    def side_by_side(self, jobs: Sequence[Job]) -> None:
+        """One after the other: a forecast leaves no core idle."""
+        for job in jobs:
+            job()
 
     def known_variants(self) -> tuple[list[Variant], list[str]]:
         """Without those that change settings, of which a learned engine has none."""

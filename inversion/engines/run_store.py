@@ -7,26 +7,31 @@ again costs nothing.
 
 from __future__ import annotations
 
+import os
 import sys
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import Lock
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib import format as npy
 
 from geometry.survey.measured import Reading
+from inversion.engines.workers import Job, Workers
 from mpm_taichi.batch import run_key
+from mpm_taichi.effects import has_own_code
 from pipeline.files import atomic_path
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
     from inversion.estimation.history_reader import HistoryReader
     from inversion.estimation.setup import Setup
+    from mpm_taichi.simulate import Wanted
     from mpm_taichi.trajectory import Run
     from pipeline.config import SimulationSettings
 
@@ -98,6 +103,8 @@ class RunStore:
         self.on_run = on_run
         self.computed = 0
         self._kept: dict[str, KeptRun] = {}
+        self._workers: Workers | None = None
+        self._keeping = Lock()
 
     def fetch(
         self,
@@ -122,6 +129,35 @@ class RunStore:
             self._compute(missing, to_read)
         return [self._kept[key] for key in keys]
 
+    @contextmanager
+    def workers(self) -> Iterator[None]:
+        """Processes for the simulations of a `with` block, where there is more than one core."""
+        number = self.threads or len(os.sched_getaffinity(0))
+        if number < 2 or self.device != "cpu" or has_own_code():
+            yield
+            return
+        self._workers = Workers(number)
+        try:
+            yield
+            self._workers.close()
+        except BaseException:
+            self._workers.stop()
+            raise
+        finally:
+            self._workers = None
+
+    def side_by_side(self, jobs: Sequence[Job]) -> None:
+        """Do jobs that do not wait for each other: with `workers` at the same time.
+
+        Raises:
+            BaseException: what a job has raised; the others end at their next simulation.
+        """
+        if self._workers is not None:
+            self._workers.side_by_side(jobs)
+            return
+        for job in jobs:
+            job()
+
     def refused(self, setup: Setup) -> str:
         """Why it does not simulate a setup; empty: it does."""
         return ""
@@ -134,7 +170,17 @@ class RunStore:
         """Simulate once more with all frames, for films and other tools."""
         from mpm_taichi.batch import run_batch
 
-        run_batch({0: scene}, settings, path, device=self.device, threads=self.threads)
+        solver = None if self._workers is None else self._by_workers
+        run_batch(
+            {0: scene}, settings, path, device=self.device, threads=self.threads, simulate=solver
+        )
+
+    def _by_workers(
+        self, scenes: Sequence[Scene], settings: SimulationSettings, **options: Any
+    ) -> list[Run]:
+        """As `mpm_taichi.simulate.simulate`."""
+        ((_, run),) = self._workers.simulate([(scene, settings) for scene in scenes])
+        return [run]
 
     def _is_there(self, key: str, readers: Iterable[HistoryReader]) -> bool:
         run = self._kept.get(key)
@@ -151,32 +197,30 @@ class RunStore:
         missing: dict[str, tuple[Scene, SimulationSettings]],
         readers: dict[str, list[HistoryReader]],
     ) -> None:
-        """Simulate, grouped by settings, which a batch shares; keep each run as it ends."""
+        """Simulate; keep each run as it ends."""
+        keys = list(missing)
+        for done, (place, run) in enumerate(self._simulated(list(missing.values())), start=1):
+            self._keep(keys[place], kept_run(run, readers[keys[place]]))
+            if self.on_run is not None:
+                self.on_run(done, len(missing))
+
+    def _simulated(self, wanted: Sequence[Wanted]) -> Iterator[tuple[int, Run]]:
+        """(place, run) as runs end."""
         from mpm_taichi.simulate import simulate_each
 
-        groups: dict[str, list[str]] = {}
-        for key, (_, settings) in missing.items():
-            groups.setdefault(settings.model_dump_json(), []).append(key)
-        done = 0
+        if self._workers is not None:
+            yield from self._workers.simulate(wanted)
+            return
         # Taichi reports its start on the standard output, where results alone belong.
         with redirect_stdout(sys.stderr):
-            for members in groups.values():
-                for place, run in simulate_each(
-                    [missing[key][0] for key in members],
-                    missing[members[0]][1],
-                    device=self.device,
-                    threads=self.threads,
-                ):
-                    self._keep(members[place], kept_run(run, readers[members[place]]))
-                    done += 1
-                    if self.on_run is not None:
-                        self.on_run(done, len(missing))
+            yield from simulate_each(wanted, device=self.device, threads=self.threads)
 
     def _keep(self, key: str, run: KeptRun) -> None:
-        self.computed += 1
-        if key in self._kept:  # it was there, but without some reading
-            run = replace(run, readings={**self._kept[key].readings, **run.readings})
-        self._kept[key] = run
+        with self._keeping:
+            self.computed += 1
+            if key in self._kept:  # it was there, but without some reading
+                run = replace(run, readings={**self._kept[key].readings, **run.readings})
+            self._kept[key] = run
         if self.folder is not None:
             save_kept(self._path(key), run)
 

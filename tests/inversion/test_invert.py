@@ -133,11 +133,13 @@ def timeless(path: Path) -> dict:
 
 
 @pytest.mark.slow
-def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path):
+@pytest.mark.parametrize("threads", ["1", "2"], ids=["one process", "two processes"])
+def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path, threads):
     case, _, whole = solved
     out = tmp_path / "out"
+    command = [sys.executable, "-m", *arguments(case, out), "--threads", threads]
     process = subprocess.Popen(
-        [sys.executable, "-m", *arguments(case, out)],
+        command,
         cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     deadline = time.monotonic() + 60
@@ -148,9 +150,7 @@ def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path):
     kept = {path.name: path.stat().st_mtime_ns for path in out.glob("runs/[!.]*.npz")}
     assert len(kept) >= 7 and not (out / "result.json").exists()
 
-    done = subprocess.run(
-        [sys.executable, "-m", *arguments(case, out)], cwd=root, capture_output=True, check=False
-    )
+    done = subprocess.run(command, cwd=root, capture_output=True, check=False)
     assert done.returncode == 0
     for name, made in kept.items():
         assert (out / "runs" / name).stat().st_mtime_ns == made, "computed once"

@@ -15,7 +15,7 @@ from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result, load_result, schema_text
-from inversion.back_analysis.result_files import save_all
+from inversion.back_analysis.result_files import answered
 from inversion.back_analysis.with_learned_simulator import SOURCE, SurrogateAnalysis
 from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
@@ -81,7 +81,7 @@ def solved(block, tmp_path_factory):
     """The case solved without interruption; the result, its folder, the analysis."""
     folder = tmp_path_factory.mktemp("results") / "block" / "inversion_gns"
     done = analysis(*block, folder)
-    return save_all(done, done.run(), folder), folder, done
+    return answered(done, folder), folder, done
 
 
 @pytest.mark.slow
@@ -154,7 +154,7 @@ def test_killed_and_continued_leaves_the_same_bytes(block, solved, tmp_path):
     kept = {path: path.stat().st_mtime_ns for path in (folder / "rollouts").glob("*.npz")}
     assert len(kept) >= 6
     again = analysis(*block, folder)
-    save_all(again, again.run(), folder)
+    answered(again, folder)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept, "computed once"
     assert 0 < again.rollouts.computed < done.rollouts.computed
     for name in ("history.csv", "sections.npz"):

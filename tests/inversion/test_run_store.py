@@ -98,8 +98,8 @@ def sliding(monkeypatch):
     )
     simulated = []
 
-    def simulate_each(scenes, settings, **options):
-        for place, one in enumerate(scenes):
+    def simulate_each(wanted, **options):
+        for place, (one, _) in enumerate(wanted):
             simulated.append(one)
             before = fill(one).position.astype(np.float32)
             time = np.arange(7.0)
@@ -166,7 +166,7 @@ def test_a_history_of_a_run_that_was_cut_off_is_reported_not_made_up(sliding):
     (timed,) = reader.wanted
     from mpm_taichi.simulate import simulate_each
 
-    ((_, run),) = simulate_each([scene], SimulationSettings())
+    ((_, run),) = simulate_each([(scene, SimulationSettings())])
     run.came_to_rest = False
     reading = reader.read(run)[timed]
     assert np.isnan(reading.values).all() and "stopped in motion" in reading.trouble

@@ -5,8 +5,9 @@ import pytest
 
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import scene_from_mapping
-from mpm_taichi import layout
+from mpm_taichi import flight, layout
 from mpm_taichi import simulate as simulation
+from mpm_taichi.flight import CHUNK
 from mpm_taichi.simulate import simulate
 from mpm_taichi.solver.initial_state import prepare
 from pipeline.cli import InputError
@@ -64,8 +65,8 @@ def test_the_state_of_a_run_is_that_of_its_last_frame(monkeypatch):
     """Also where the chunk of frames that is computed at once would go beyond it."""
     settings = SHORT.model_copy(update={"duration_s": 1.4})
     (run,) = simulate([slump()], settings)
-    assert (len(run.time) - 1) % simulation.CHUNK != 0
-    monkeypatch.setattr(simulation, "CHUNK", 1)
+    assert (len(run.time) - 1) % CHUNK != 0
+    monkeypatch.setattr(flight, "CHUNK", 1)
     (by_frame,) = simulate([slump()], settings)
     assert np.array_equal(run.positions, by_frame.positions)
     assert np.array_equal(run.velocity, by_frame.velocity)

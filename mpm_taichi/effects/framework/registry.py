@@ -246,6 +246,11 @@ def load_effects_file(path: str | Path) -> list[Effect]:
     return own
 
 
+def has_own_code() -> bool:
+    """Effects or laws of a user's are loaded, which another process would not have."""
+    return bool(_users or laws.users)
+
+
 @contextmanager
 def given_effects(paths: Iterable[str | Path]) -> Iterator[None]:
     """Load files of effects for the length of a `with` block; see `load_effects_file`."""
