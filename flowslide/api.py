@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
     from geometry.case import Case
     from geometry.scenes3d.scene3d import Scene3d
+    from inversion.back_analysis.by_engine import Choice
     from inversion.back_analysis.case import InversionCase
-    from inversion.back_analysis.engine_choice import Choice
     from inversion.back_analysis.result import Result
     from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
@@ -100,8 +100,6 @@ def load_case(
             name of a case that ships with the program.
         settings: of all stages; None: the defaults.
         measurement_set: name of a set in `measurements.yaml`; None: the one that the file names.
-        effect_files: see above.
-        measurement_files: see above.
 
     Raises:
         InputError: file, field, value and what is allowed.
@@ -156,13 +154,7 @@ def simulate(
         film: what kind of film is written to `out`.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
         water: False takes the reservoir and the groundwater away.
-        spacing_m: see above.
         measurement_set: name of a set; None: the default one.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
         progress: called with the seconds of motion simulated.
         cancel: asked every few time steps.
 
@@ -258,9 +250,6 @@ def simulate_3d(
         film: what kind of film is written to `out`, from above and in perspective.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
         water: False takes pool and groundwater away.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
         progress: called with the seconds of motion simulated.
         cancel: asked at every frame.
 
@@ -352,18 +341,10 @@ def back_analyse(
         method: of the search; None: the settings'.
         quick: the answer alone: one start, no variants, no seeds, no sensitivities,
             no waterfall.
-        spacing_m: see above.
         measurement_set: name of a set; None: the default one.
         use_constructed: let constructed data enter the fit.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
         evaluated: called as `evaluated(simulations, values, loss)` with the values by name that
             the search for the answer has tried, in outside units, after each of them.
-        cancel: see above.
 
     Returns:
         what `result.json` holds; strengths in kPa, lengths in m.
@@ -373,8 +354,8 @@ def back_analyse(
         WorkFailed: no simulation of the case can be read.
         Cancelled: the caller asked for it.
     """
+    from inversion.back_analysis.by_engine import chosen_engine
     from inversion.back_analysis.case import inversion_case
-    from inversion.back_analysis.engine_choice import chosen_engine
 
     watch = Watch(progress, cancel, evaluated)
     with own_code(effect_files, measurement_files), _folder(out) as folder:
@@ -442,16 +423,9 @@ def posterior(
             written there.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model;
             "mpm3d": over the width of the case's `scene3d.yaml`.
-        spacing_m: see above.
         measurement_set: name of a set; None: the default one.
         use_constructed: let constructed data enter the fit.
         settings: see above; the group `posterior` says how many runs and draws.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
-        cancel: see above.
 
     Returns:
         what `posterior.json` holds; strengths in kPa, lengths in m.
@@ -528,14 +502,6 @@ def predict(
         samples: drawn from the strengths, at least 100.
         seeds: jitter seeds that measure the numerical noise; 0: none.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
-        cancel: see above.
 
     Returns:
         what `prediction.json` holds (docs/files.md).
@@ -609,10 +575,6 @@ def predict_3d(
         thicker_than_m: thicknesses of the deposit [m] of which the probability is mapped; empty:
             that from which soil counts as a deposit.
         samples: drawn from the strengths, at least 100.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        progress: see above.
         cancel: asked at every frame.
 
     Raises:
@@ -667,8 +629,7 @@ def _strengths(
     distribution: Literal["lognormal", "normal"],
 ) -> Sequence[KnownStrength]:
     """The strengths of a prediction as they are given, or as a posterior has drawn them."""
-    from inversion.prediction.drawn_strength import drawn_strengths
-    from inversion.prediction.known_strength import OPTION, parse_strength
+    from inversion.prediction.known_strength import OPTION, drawn_strengths, parse_strength
 
     if bool(strengths) == (posterior is not None):
         raise InputError("predict: give strengths or a posterior, one of the two")
@@ -703,14 +664,6 @@ def predict_from_blow_counts(
         zones: that liquefy, those of the section among them; empty: these alone.
         out: see above; `from_blow_counts.json` and its page are written there.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
-        cancel: see above.
 
     Returns:
         what `from_blow_counts.json` holds (docs/method/prediction.md).
@@ -762,8 +715,6 @@ def classical(
         run: trajectory whose deposit is the section after the slide; None: as surveyed.
         slide: the only one; None: every slide of the case.
         judgement: calls that replace those of `classical.yaml`, by name (docs/method/classical.md).
-        settings: see above.
-        measurement_files: see above.
         progress: called for each slide.
         cancel: asked between slides.
 
@@ -808,13 +759,7 @@ def diagnose(
         out: see above; `verdict.json`, `sections.npz` and the hypotheses are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
         progress: called for each run; the total is the budget, which is rarely used up.
-        cancel: see above.
 
     Returns:
         what `verdict.json` holds.
@@ -857,13 +802,7 @@ def compare(
         out: see above; `compare.json`, `sections.npz` and the hypothesis are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
         progress: called for each run; the total is the budget, which is rarely used up.
-        cancel: see above.
 
     Returns:
         what `compare.json` holds.
@@ -906,13 +845,7 @@ def explain(
         out: see above; `explain.json` and `sections.npz` are written there.
         hypothesis: to go on from: a file, or its name in `out`; None: the base model.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
         progress: called for each run; the total is the budget, which is rarely used up.
-        cancel: see above.
 
     Returns:
         what `explain.json` holds.

@@ -58,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Find the answer, write it, print it."""
     from flowslide import api
+    from inversion.back_analysis.by_engine import chosen_engine
     from inversion.back_analysis.case import inversion_case
-    from inversion.back_analysis.engine_choice import chosen_engine
     from pipeline.config import load_config
     from pipeline.progress import Progress, Watch
     from report.back_analysis import summary, write_report
