@@ -155,7 +155,7 @@ class InversionCase(Case):
             if name not in known:
                 place = self.folder / name
                 case = load_case(place if place.is_dir() else name, self.config)
-                known[name] = _asked(case, spacing_m=self.scene.spacing)
+                known[name] = inversion_case(case, spacing_m=self.scene.spacing, checked=False)
             return known[name]
 
         return readings(self, load)
@@ -185,6 +185,7 @@ def inversion_case(
     measurement_set: str | None = None,
     spacing_m: float | None = None,
     use_constructed: bool = False,
+    checked: bool = True,
 ) -> InversionCase:
     """A case with the question of its `inversion.yaml`.
 
@@ -194,28 +195,11 @@ def inversion_case(
         spacing_m: of material points; None: the question's, or the scene's, times
             `inversion.spacing_factor`.
         use_constructed: let constructed data enter the fit.
+        checked: build every other reading, too: a mistake should not show after an hour.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    asked = _asked(
-        case,
-        measurement_set=measurement_set,
-        spacing_m=spacing_m,
-        use_constructed=use_constructed,
-    )
-    _check_all(asked)
-    return asked
-
-
-def _asked(
-    case: Case,
-    *,
-    measurement_set: str | None = None,
-    spacing_m: float | None = None,
-    use_constructed: bool = False,
-) -> InversionCase:
-    """The same, with variants, sensitivities and waterfall not yet looked at."""
     measurements = case.measurements
     question = load_question(case.folder, case.drawn)
     if question.engine is not None:
@@ -232,9 +216,14 @@ def _asked(
         use_constructed=use_constructed,
     )
     setup = Setup(case.scene, case.simulation, Parameters(question.parameters), targets, case.feet)
-    return case.extended(
+    asked = case.extended(
         InversionCase, question=question, setup=setup, use_constructed=use_constructed
     )
+    if checked:
+        for variant in question.variants:
+            asked.variant(variant)
+        _ = asked.sensitivities, asked.waterfall
+    return asked
 
 
 def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list[str] | None:
@@ -244,13 +233,6 @@ def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list
     there = {entry.name for entry in measurements.chosen(chosen)}
     kept = [name for name in question.fit if name in there]
     return kept or None
-
-
-def _check_all(case: InversionCase) -> None:
-    """Build every other reading now: a mistake should not show after an hour."""
-    for variant in case.question.variants:
-        case.variant(variant)
-    _ = case.sensitivities, case.waterfall
 
 
 @dataclass(frozen=True)
