@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.measured import Measured
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 
 #: Source of a measurement that has not been made.

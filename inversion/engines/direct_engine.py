@@ -21,8 +21,8 @@ from pydantic import ValidationError
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import outward_of
 from geometry.survey.measured import Measured, Reading
-from geometry.survey.toe import outward_of
 from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
 from gns.direct.runs import COARSER
 from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of, with_strengths
