@@ -125,7 +125,7 @@ def diagnosed(session: Session) -> Verdict:
 
 def _keep_models(session: Session, found: Diagnosis) -> None:
     """Write the models of the loop next to a person's, replacing those of an earlier loop."""
-    data, way = found.comparison.base.data, found.tried_models.way
+    way = found.tried_models.way
     parent = session.hypothesis_name
     words = {c.name: (c.unit, c.words) for c in found.model.candidates}
     there = list(hypothesis_files(session.folder))
@@ -151,7 +151,7 @@ def _keep_models(session: Session, found: Diagnosis) -> None:
         step = step_of(
             name,
             there.index(name) if name in there else len(there),
-            judge(data, adopted.model.fit),
+            judge(found.explanation.context.of(adopted.model).data, adopted.model.fit),
             note=adopted.note if number or not session.is_base else "base model",
             ln_evidence=adopted.model.ln_evidence - way[0].model.ln_evidence,
         )

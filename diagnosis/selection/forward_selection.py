@@ -52,12 +52,12 @@ def run_rounds(selection: Selection) -> None:
         )
         tried = selection.refitted([key for key in names if selection.leaves_spare(key)])
         runs.reserve = ERROR_RUNS
-        tried = selection.judged_best(now.model, tried)
+        tried = selection.with_own_errors(now.model, selection.judged_best(now.model, tried))
         best = selection.accepted(now.model, tried)
         if best is not None and number == 0:
             doubles = untried_doubles(tried_models, selection.explanation, best, options)
             tried += selection.refitted(doubles)
-            tried = selection.judged_best(now.model, tried)
+            tried = selection.with_own_errors(now.model, selection.judged_best(now.model, tried))
         # A first effect has to pass by the slope that its search has learnt: its own comes on top,
         # so that what is faint stays unnamed. A further one is compared with a model that has one.
         if best is not None or now.model.names:
@@ -89,6 +89,7 @@ def _best_pair(selection: Selection) -> FittedModel | None:
     every = best_pairs(selection.comparison, selection.explanation, MOST_PAIRS)
     pairs = [key for key in every if selection.leaves_spare(key)]
     tried = selection.judged_best(now, selection.refitted(pairs[:PAIRS]))
+    tried = selection.with_own_errors(now, tried)
     if selection.accepted(now, tried) is None:
         return None
     return selection.accepted(now, selection.on_equal_terms(now, tried))
