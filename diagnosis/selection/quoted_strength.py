@@ -2,6 +2,8 @@
 
 - Where the measurements are explained: the mixture of the explanations of the 90 % set, by their
   probability. Of a single one that is its own fit.
+  Where a little of a large misfit is left (`decide.not_enough`), its standard deviation is widened
+  as below.
 - Where they are not (suspect, unknown effect): nobody knows which model is wrong
   by how much. The mixture is then of the base model and of every model that was tried and lowers
   chi2 by as much as acceptance asks for, all of one weight. Each standard deviation is widened by

@@ -32,7 +32,7 @@ from inversion.estimation.budget import Runs
 #: Runs that the error of an adopted model takes; they are kept for it.
 ERROR_RUNS = 3
 #: Refitted models of a step that are measured as the base model was, the best by their misfit.
-MEASURED = 6
+MEASURED = 4
 #: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
 NEAR_BEST = 3.0
 #: Models within that of the best that are put on equal terms with it, itself among them.

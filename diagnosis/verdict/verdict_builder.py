@@ -515,7 +515,7 @@ def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
         models,
         weights,
         error=found.tried_models.error,
-        widened=not explained,
+        widened=not explained or decision.final.adequacy.p_combined < found.options.still_failing,
     )
     return quoted_part(mixed, models[()].fit)
 
