@@ -5,8 +5,8 @@ slide that runs on strengths that vanish somewhere is noisier than one of even s
 cells move it otherwise. A model that is compared with others is therefore measured as the base
 model was: runs with other jitters, with the second transfer scheme and with finer cells, at its fit
 (`with_own_error`). Its predictions are then corrected by what its own cells take, and its misfit
-weighed by its own C, whose determinant counts in the evidence: what is noisy forgives more and is
-believed less.
+weighed by its own C, which grants it no less than the base model is granted. The determinant counts
+in the evidence: what is noisy forgives more and is believed less.
 
 A model that was not measured so is judged with the change of these differences against the base
 model as error, the whole of it doubted (`doubting`):
@@ -29,7 +29,7 @@ import numpy as np
 from diagnosis.adequacy.calibration import Base, errors_at, paired, replicates_at
 from diagnosis.options import Options
 from diagnosis.selection.refit import FittedModel, RefitContext, around, judge, weighed
-from inversion.estimation.covariance import covariance, mean_of
+from inversion.estimation.covariance import covariance, mean_of, not_less
 from inversion.estimation.misfit import total_of
 from inversion.estimation.response_surface import Surface, Surrogate, spreads
 from inversion.estimation.surface_search import SEEN, settled
@@ -70,7 +70,8 @@ def with_own_error(
     cov, missing = errors_at(context.runs, base.cells.targets, state, replicates, options)
     amplitudes = {name: a for name, a in state.effects if name in acting}
     base.cells.models[tuple(sorted(amplitudes))] = (amplitudes, missing - base.cells.missing)
-    own = replace(context, data=replace(context.data, covariance=cov.total))
+    granted = not_less(cov, base.covariance)
+    own = replace(context, data=replace(context.data, covariance=granted))
     own = replace(context, data=own.data_for(fit), share=0.0)
     anchored = mean_of(replicates_at(context.runs, fit.space, fit.x, options))
     surface = Surface(fit.space, fit.x, anchored, fit.derivative)

@@ -14,6 +14,7 @@ import numpy as np
 
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
+from diagnosis.selection.decide import explains
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
@@ -44,8 +45,9 @@ def run_rounds(selection: Selection) -> None:
         if now.adequacy.p_combined >= options.suspect:
             break
         runs.reserve = ERROR_RUNS + (kept if number == 0 else 0)
-        # What the cells make of a large effect asks for a second one: without C' none is added.
-        if now.model.names and not selection.doubt():
+        # What the cells make of a large effect asks for a second one: without its error none is
+        # added, nor where with it the effects so far explain.
+        if now.model.names and (not selection.doubt() or explains(tried_models, options)):
             break
         names = wanted_models(
             selection.comparison, selection.explanation, now, options, first=number == 0

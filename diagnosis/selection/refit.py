@@ -362,5 +362,10 @@ def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedMod
     surrogate = sloped_at(context, fit, fit.prediction, what, anchored_by=ANCHORED)
     if surrogate is None:
         return chosen
-    found = weighed(context, settled(context.data, surrogate, [fit.x]), surrogate.surface)
+    # The slope that a search has learnt by the way can leave it short in a long valley.
+    surrogate.recall(context.runs)
+    found = search(
+        context.runs, context.data, surrogate, [fit.x], first=[], turns=TURNS, what=what
+    ) or settled(context.data, surrogate, [fit.x])  # fmt: skip
+    found = weighed(context, found, around(found), surrogate)
     return replace(found, judged=True, sloped=True, own=chosen.own)
