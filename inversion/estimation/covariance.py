@@ -141,9 +141,7 @@ def not_less(own: Covariance, base: Covariance) -> np.ndarray:
     Each has shown its numerical error by few runs. Their correlations are the mean of both, the
     variance of every number is the larger one: nobody gains by a lucky lack of scatter.
     """
-    found, known = (
-        one.jitter + one.transfer + one.resolution + one.engine for one in (own, base)
-    )
+    found, known = (one.jitter + one.transfer + one.resolution + one.engine for one in (own, base))
     pooled = 0.5 * (found + known)
     larger = np.maximum(np.diag(found), np.diag(known))
     scale = np.sqrt(larger / np.maximum(np.diag(pooled), 1e-300))

@@ -9,6 +9,7 @@ from diagnosis.adequacy.calibration import Cells
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.verdict.verdict_builder import verdict_document
+from inversion.estimation.covariance import Covariance, covariance, not_less
 from inversion.problem.state import State
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, truth
 
@@ -69,6 +70,26 @@ def test_an_effect_that_makes_the_slide_noisy_is_granted_its_noise_and_pays_for_
     assert grown[acts].mean() > 2.0 and grown[~acts].mean() < 1.6
     assert own.ln_density_at_best < plain.ln_density_at_best, "what forgives more is believed less"
     assert found.decision.final.model.names == ("step",)
+
+
+def test_no_number_is_granted_less_than_the_base_model_is():
+    draw = np.random.default_rng(3)
+    survey = np.diag(draw.uniform(0.5, 2.0, 6))
+
+    def error(size: float) -> Covariance:
+        runs = size * draw.standard_normal((5, 6)) * np.array([3.0, 1.0, 1.0, 0.2, 0.2, 0.2])
+        return covariance(survey, replicates=runs, finer=0.1 * runs[0])
+
+    for sizes in ((1.0, 1.0), (0.1, 1.0), (4.0, 1.0)):
+        own, base = map(error, sizes)
+        granted = not_less(own, base)
+        assert np.all(np.linalg.eigvalsh(granted - survey) > -1e-12)
+        assert np.diag(granted) == pytest.approx(
+            np.maximum(np.diag(own.total), np.diag(base.total))
+        )
+    assert not_less(base, base) == pytest.approx(base.total)
+    nothing = covariance(survey)
+    assert not_less(nothing, nothing) == pytest.approx(survey)
 
 
 def test_cells_of_the_largest_model_in_proportion_to_its_amplitudes():
