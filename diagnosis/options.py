@@ -75,7 +75,7 @@ class Options:
     forbidden: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    allowance: int = 1000
+    allowance: int = 1400
     replicates: int = 8
     second_scheme: bool = True
     finer_share: float = 1.0
