@@ -7,6 +7,7 @@ nothing to show is left out.
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
@@ -21,6 +22,8 @@ from report.tables import checklist
 from report.two_strengths import two_strengths
 
 PAGE = "report.html"
+MOST_LINES = 40
+"""Numbers of one measurement that a terminal lists."""
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone but scrolls sideways."""
 
@@ -58,10 +61,14 @@ def summary(data: BackAnalysisData) -> str:
     )
     strengths = data.strengths or answer.parameters
     lines = [m for m in result.measurements if m.role != "constructed"]
+    counts = Counter(m.group for m in lines)
+    maps = {name for name, count in counts.items() if count > MOST_LINES}
+    lines = [m for m in lines if m.group not in maps]
     # A terminal is narrower than a page: what the page alone shows is left out.
     narrow = [
         (tables.answer_table(data), ["σ'_v0 (kPa)", "equally good", "first guess (bounds)"]),
         (tables.measured_table(data, lines), ["by eye", "before the slide"]),
+        (tables.whole_series_table(data, maps), []),
         (tables.engine_table(data), []),
         *((table, []) for table in tables.method_tables(data)),
         *((table, ["scatter"]) for table in tables.relation_tables(data)),

@@ -14,8 +14,8 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Document, checked_document
-from geometry.survey.measured import Confidence
 from geometry.survey.measurements import Measurements
+from geometry.survey.quantity import Confidence
 from geometry.survey.toe import Side
 from inversion.classical.kinetics import EndSlope, Stages
 from inversion.classical.morph import BaseStrength

@@ -12,10 +12,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
+from inversion.estimation.derivatives import LOG_STEPS
 from inversion.estimation.forward import Forward
 from inversion.estimation.search import Evaluation, Search
 
-#: Places on either side, in half-widths; half-width of a strength's logarithm, of an angle [deg].
+#: Places on either side, in half-widths; half-width of a strength's logarithm (more where steps may
+#: be wider than usual), of an angle [deg].
 PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
 #: The places move with the bottom, so often at most.
 MOST_MOVES = 3
@@ -32,7 +34,8 @@ def smoothed(search: Search, best: Evaluation, engine: Forward) -> Evaluation | 
         engine: is run across the valley.
     """
     parameters = search.objective.parameters
-    half = np.where(parameters.logarithmic, HALF_LOG, HALF_DEGREES) / parameters.prior_std
+    half_log = HALF_LOG * search.steps.widest_log / LOG_STEPS[2]
+    half = np.where(parameters.logarithmic, half_log, HALF_DEGREES) / parameters.prior_std
     bottom, centre = parameters.to_fitted(best.values), None
     for _ in range(MOST_MOVES):
         rounded = half * np.round(bottom / half)

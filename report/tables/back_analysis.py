@@ -5,13 +5,22 @@ In: a `BackAnalysisData`. Out: `report.table.Table`s, without rows where there i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, RelationAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from report.data.back_analysis import BackAnalysisData, Series
 from report.data.methods import slides
-from report.numbers import fixed, limited, plus_minus, signed, span, unit_of, with_unit
+from report.numbers import (
+    fixed,
+    limited,
+    plus_minus,
+    root_mean_square,
+    signed,
+    span,
+    unit_of,
+    with_unit,
+)
 from report.sentences.back_analysis import answer_words
 from report.table import Table
 
@@ -194,6 +203,27 @@ def _series_table(one: Series) -> Table:
               "role"]  # fmt: skip
     caption = f"{one.name} ({first.type.replace('_', ' ')}, {first.confidence}): {first.source}"
     return Table(header, rows, caption)
+
+
+def whole_series_table(data: BackAnalysisData, names: Collection[str]) -> Table:
+    """Measurements of many numbers, a row for each that is named."""
+    rows = []
+    for one in data.series:
+        if one.name not in names:
+            continue
+        first, off = one.lines[0], [m.difference_in_std or 0.0 for m in one.lines]
+        square = sum((m.predicted - (m.measured or 0.0)) ** 2 for m in one.lines)
+        worst = max(range(len(off)), key=lambda place: abs(off[place]))
+        rows.append(
+            [one.name, first.type.replace("_", " "), str(len(off)),
+             with_unit(fixed(root_mean_square(square, len(off))), first.unit),
+             fixed(root_mean_square(sum(d * d for d in off), len(off))),
+             f"{signed(off[worst])} {one.lines[worst].name.removeprefix(one.name).strip()}",
+             one.role]
+        )  # fmt: skip
+    header = ["measurement", "type", "numbers", "off by (rms)", "in std (rms)", "worst, in std",
+              "role"]  # fmt: skip
+    return Table(header, rows)
 
 
 def variant_table(data: BackAnalysisData) -> Table:
