@@ -12,7 +12,7 @@ from pathlib import Path
 
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
 from inversion.engines.registry import engine_named
-from report.data.back_analysis import BackAnalysisData
+from report.data.back_analysis import MANY, BackAnalysisData
 from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
 from report.pictures.answer_film import known_film, save_film
 from report.sentences import back_analysis as words
@@ -22,8 +22,6 @@ from report.tables import checklist
 from report.two_strengths import two_strengths
 
 PAGE = "report.html"
-MOST_LINES = 40
-"""Numbers of one measurement that a terminal lists."""
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone but scrolls sideways."""
 
@@ -62,7 +60,7 @@ def summary(data: BackAnalysisData) -> str:
     strengths = data.strengths or answer.parameters
     lines = [m for m in result.measurements if m.role != "constructed"]
     counts = Counter(m.group for m in lines)
-    maps = {name for name, count in counts.items() if count > MOST_LINES}
+    maps = {name for name, count in counts.items() if count > MANY}
     lines = [m for m in lines if m.group not in maps]
     # A terminal is narrower than a page: what the page alone shows is left out.
     narrow = [

@@ -53,9 +53,8 @@ class MeasuredGround(OnGround):
         step = 0.5 * self.jitter * problem.spacing
         drawn = np.random.default_rng(self.seed).uniform(-step, step, problem.position.shape)
         position = problem.position + drawn
-        ground = problem.base.at(position[:, 0], position[:, 1])
-        # A point that would sink into the ground stays at its height.
-        position[:, 2] = np.where(position[:, 2] > ground, position[:, 2], problem.position[:, 2])
+        sunk = position[:, 2] <= problem.base.at(position[:, 0], position[:, 1])
+        position[sunk] = problem.position[sunk]  # it would lie in the ground and stays in place
         return scene, replace(problem, position=position)
 
     def prediction(self, values: np.ndarray, kept: KeptMaps) -> Prediction:

@@ -123,7 +123,7 @@ def _doubts(row: RelationAnswer) -> str:
 
 def engine_table(data: BackAnalysisData) -> Table:
     """The engines side by side, and under them the classical methods; empty: one engine alone."""
-    parameters, fitted = _unknowns(data), data.fitted[:MOST_FITTED]
+    parameters, fitted = _unknowns(data), data.few_fitted(MOST_FITTED)
     header = ["engine", *_columns(parameters),
               *(f"{m.name}: measured {limited(m.measured, m.censored)} {m.unit}" for m in fitted),
               "loss",
@@ -321,7 +321,7 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
 
 def equally_good_table(data: BackAnalysisData) -> Table:
     """Equally good answers with what they predict; the answer itself first."""
-    answer, fitted = data.result.answer, data.fitted[:MOST_FITTED]
+    answer, fitted = data.result.answer, data.few_fitted(MOST_FITTED)
     parameters = answer.parameters
     header = ["", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted), "loss",
               *_spacing(data), ""]  # fmt: skip
@@ -340,7 +340,7 @@ def equally_good_table(data: BackAnalysisData) -> Table:
 
 def history_table(data: BackAnalysisData) -> Table:
     """Every evaluation of the engine."""
-    parameters, fitted = _unknowns(data), data.fitted[:MOST_FITTED]
+    parameters, fitted = _unknowns(data), data.few_fitted(MOST_FITTED)
     rows = [
         [line.iteration,
          SEARCHES.get(line.kind, line.kind) + ("" if line.accepted else ", rejected"),
