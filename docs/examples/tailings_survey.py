@@ -28,6 +28,7 @@ from pipeline.config import load_config
 from pipeline.files import write_text, yaml_text
 
 TRUE_KPA, SEED, ERROR_M = 2.5, 7, 0.3
+SURVEYED = [[100.0, 20.0], [480.0, 20.0], [480.0, 220.0], [100.0, 220.0]]
 QUESTION = {
     "parameters": [
         {
@@ -57,11 +58,11 @@ def write_survey(folder: Path) -> None:
     surface = deposit.surface_at(places).reshape(len(x), len(y))
     errors = ERROR_M * np.random.default_rng(SEED).standard_normal(surface.shape)
     write_raster(Raster(deposit.before.origin, pixel, surface + errors), folder / "after.tif")
-    trusted = {"confidence": "constructed", "source": "simulated with the strength to be found"}
+    trusted = {"confidence": "assumed", "source": "simulated with the strength to be found"}
     entries = [
         {
-            "name": "surface", "type": "surface_after", "file": "after.tif", "every_m": 12.0,
-            "std_m": ERROR_M, "correlation_length_m": 10.0,
+            "name": "surface", "type": "surface_after", "file": "after.tif", "every_m": 20.0,
+            "std_m": ERROR_M, "correlation_length_m": 20.0, "plan": SURVEYED,
         },
         {
             "name": "road", "type": "crossed_volume", "line": "road", "std_m3": 3000.0,
@@ -72,7 +73,7 @@ def write_survey(folder: Path) -> None:
             "value_m": round(kept.readings["runout_valley_m"], 1), "held_out": True,
         },
     ]  # fmt: skip
-    survey = [{**one, **trusted, "confidence": "assumed"} for one in entries]
+    survey = [{**one, **trusted} for one in entries]
     document = {"case": scene.name, "default_set": "survey", "sets": {"survey": survey}}
     write_text(folder / "measurements3d.yaml", yaml_text(document))
 

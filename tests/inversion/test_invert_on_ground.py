@@ -99,7 +99,7 @@ def test_the_strength_of_a_twin_is_found_from_its_map(tmp_path, capsys):
     command = ["invert", str(folder), "--out", str(out), "--quick", *FEW]
     main(command)
     said = capsys.readouterr().out
-    assert "surface after" in said and "numbers" in said and "at (4, 4)" not in said
+    assert "surface after" in said and said.count("surface at (") == 0
     result = load_result(out)
     (found,) = result.answer.parameters
     assert abs(found.value - TRUTH) < 2.0 * found.std_total < 0.5 * TRUTH
