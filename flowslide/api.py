@@ -418,6 +418,7 @@ def back_analyse_3d(
     spacing_m: float | None = None,
     measurement_set: str | None = None,
     use_constructed: bool = False,
+    report: bool = True,
     settings: Config | None = None,
     threads: int | None = None,
     progress: Report | None = None,
@@ -434,6 +435,7 @@ def back_analyse_3d(
         spacing_m: see above.
         measurement_set: see `back_analyse`.
         use_constructed: see `back_analyse`.
+        report: write page, pictures and rasters to `out`.
         settings: see above.
         threads: see above.
         progress: see above.
@@ -463,7 +465,8 @@ def back_analyse_3d(
         )
         analysis = on_ground(asked, folder, watch, threads=threads)
         result = answered_on_ground(analysis, folder)
-        write_page(analysis, result, folder)
+        if report:
+            write_page(analysis, result, folder)
         return result
 
 

@@ -22,6 +22,8 @@ from report.tables import checklist
 from report.two_strengths import two_strengths
 
 PAGE = "report.html"
+CHANGE_PICTURE, MAP_PICTURE = "change.png", "map.png"
+"""Of a slide in plan (`report.back_analysis3d`)."""
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone but scrolls sideways."""
 
@@ -129,7 +131,7 @@ def _answer(data: BackAnalysisData) -> Section:
 def _section(data: BackAnalysisData) -> Section:
     title = "The section before and after"
     if data.case is None or data.run is None:
-        return Section(title)
+        return _map(data)
     from mpm_taichi.comparison import read_deposit
     from report.pictures.case_history import save_case_picture
 
@@ -147,6 +149,28 @@ def _section(data: BackAnalysisData) -> Section:
             caption="Dotted: constructed, not surveyed. White bar: stated range of the toe.",
             least_width_px=WIDE_PX,
         ),
+    )
+
+
+def _map(data: BackAnalysisData) -> Section:
+    """What a slide left in plan, where that was fitted; the pictures are there."""
+    pictures = [data.folder / name for name in (CHANGE_PICTURE, MAP_PICTURE)]
+    if not all(path.is_file() for path in pictures):
+        return Section("The map, measured and simulated")
+    return Section(
+        "The map, measured and simulated",
+        [
+            *shown(
+                pictures[0],
+                "Plans of the change of the surface: measured, simulated, and the difference",
+                "Blue sank, red rose. Blue line: edge of the simulated deposit, dashed before the "
+                "slide; orange: edge as measured, and lines of the scene.",
+            ),
+            *shown(
+                pictures[1],
+                "Plan with the thickness of the simulated deposit, and sections along the paths",
+            ),
+        ],
     )
 
 

@@ -51,6 +51,8 @@ SEEN, WAY = 1.0, 30.0
 #: A level that slopes stays where it was in three dimensions; a run is dear, so there are no seeds.
 SETTINGS = ("simulation.water_face=fixed", "inversion.step_seeds=0")
 
+READ = ("upstream toe", "freeboard", "crest", "edge", "scarp")
+
 Record = dict[str, Any]
 
 
@@ -128,7 +130,8 @@ def keep(spacing: float, found: Record) -> None:
 
 def page(record: Record) -> str:
     """The table of the page."""
-    rows = []
+    measured = {m.name: f"{m.values[0]:g} ± {m.std:g}" for m in load_case(CASE).measured}
+    rows = [["", "measured", "", *(measured.get(name, "-") for name in READ)]]
     for spacing, one in sorted(record.items(), key=lambda pair: -float(pair[0])):
         for width, found in one["found"].items():
             own = found["own"]
@@ -141,8 +144,7 @@ def page(record: Record) -> str:
                 )  # fmt: skip
                 rows.append([
                     spacing, width if width == PLANE else f"{width} m", strength,
-                    *(f"{readings[name]:.1f}" for name in
-                      ("upstream toe", "freeboard", "crest", "edge", "scarp")),
+                    *(f"{readings[name]:.1f}" for name in READ),
                 ])  # fmt: skip
     header = [
         "spacing (m)", "width", "S_r (kPa)", "toe (m)", "freeboard (m)", "drop of the crest (m)",

@@ -98,7 +98,8 @@ def _run_3d(arguments: argparse.Namespace) -> None:
     from flowslide import api
     from pipeline.config import load_config
     from pipeline.progress import Progress
-    from report.back_analysis3d import summary
+    from report.back_analysis import summary
+    from report.data.back_analysis import BackAnalysisData
 
     refused = {
         f"--engine {arguments.engine}": arguments.engine not in (None, "mpm3d"),
@@ -117,9 +118,10 @@ def _run_3d(arguments: argparse.Namespace) -> None:
             spacing_m=arguments.spacing,
             measurement_set=arguments.set_of_measurements,
             use_constructed=arguments.use_constructed,
+            report=arguments.report != "none",
             settings=settings,
             threads=arguments.threads,
             progress=bar.report,
         )
         bar.say(f"wrote {folder}")
-    print(summary(result, folder))
+    print(summary(BackAnalysisData(folder, result)))

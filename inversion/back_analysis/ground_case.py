@@ -216,7 +216,7 @@ class GroundCase:
     def _other_level(self, entry: WaterLevel, sense: float, where: str) -> Changed:
         level = self.scene.soil.water_level
         if level is None or self.scene.section is not None:
-            raise InputError(f"{where}: the terrain has no water_level")
+            raise InputError(f"{where}: only of a terrain with a water_level")
         level += sense * entry.std_m
         soil = self.scene.soil.model_copy(update={"water_level": level})
         changed = replace(self.setup, scene=self.scene.with_soil(soil))
@@ -300,6 +300,10 @@ def _check_question(question: Question, source: str) -> None:
             f"{source}: engine: {question.engine}: not in three dimensions; only {ENGINE}"
         )
     for spec in question.parameters:
+        if spec.property == "water_level":
+            raise InputError(
+                f"{source}: parameters: {spec.name}: property: water_level: {LEFT_OUT}"
+            )
         if spec.prior is not None and spec.prior.relation is not None:
             raise InputError(
                 f"{source}: parameters: {spec.name}: prior.relation: {LEFT_OUT}; give mean and std"

@@ -49,6 +49,14 @@ class AnalysisOnGround(BackAnalysis):
         """The engine, with no runs counted."""
         return self.make_engine()
 
+    def tell_doubts(self) -> None:
+        """Remarks on the answer, also where its soil has reached a wall."""
+        super().tell_doubts()
+        kept = self.make_engine().kept_maps(self.case.setup.at(self.found.values))
+        if kept.walls:
+            walls = ", ".join(kept.walls)
+            self.remark(f"soil reached the wall at {walls}: the domain is too small for its map")
+
     def known_variants(self) -> tuple[list[Variant], list[str]]:
         """Those that three dimensions have."""
         return self.case.variants
