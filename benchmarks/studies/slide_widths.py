@@ -375,8 +375,8 @@ def page(done: list[Record]) -> str:
         *(f"`{name}`, S_r known" for name in FLANKS),
     ]  # fmt: skip
     return "\n\n".join([
-        f"{len(done)} slides. Medians, with the smallest and the largest; shares with their 95 % "
-        "intervals.",
+        f"{len(done)} slides, the truth of {sum('sealed' in one for one in done)} sealed. Medians, "
+        "with the smallest and the largest; shares with their 95 % intervals.",
         figures(done),
         "![H over B of the effects over the true one; toe and S_r over those of plane twins]"
         f"(../images/{PICTURE.name})",
