@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import runpy
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from inversion.engines.ground_engine import GroundEngine
 from inversion.engines.measured_ground import MeasuredGround
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.question import Question
+from inversion.problem.question import Question, load_question
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import write_text, yaml_text
@@ -215,6 +217,18 @@ def test_options_that_cannot_be_are_refused(tmp_path, options, words):
     with pytest.raises(InputError, match=words):
         main(["invert", str(folder), *options, "--out", str(tmp_path / "out"), "--quiet"])
     assert not (tmp_path / "out").exists()
+
+
+def test_the_question_of_the_example_is_one_of_its_dam(root, tmp_path):
+    pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    valley, survey = (
+        runpy.run_path(str(root / f"docs/examples/tailings_{name}.py"))
+        for name in ("valley", "survey")
+    )
+    valley["write_example"](tmp_path)
+    write_text(tmp_path / "inversion.yaml", yaml_text(survey["QUESTION"]))
+    (spec,) = load_question(tmp_path, load_scene_3d(tmp_path).soil).parameters
+    assert spec.zones == ["slimes"] and spec.low < survey["TRUE_KPA"] < spec.high
 
 
 def test_without_a_survey_there_is_nothing_to_fit(tmp_path):
