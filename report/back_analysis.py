@@ -164,7 +164,7 @@ def _map(data: BackAnalysisData) -> Section:
                 pictures[0],
                 "Plans of the change of the surface: measured, simulated, and the difference",
                 "Blue sank, red rose. Blue line: edge of the simulated deposit, dashed before the "
-                "slide; orange: edge as measured, and lines of the scene.",
+                "slide; orange: places on the measured edge, and lines of the scene.",
             ),
             *shown(
                 pictures[1],

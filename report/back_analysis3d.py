@@ -41,7 +41,7 @@ def draw_maps(analysis: AnalysisOnGround, folder: Path) -> None:
     maps = Maps(deposit.base, deposit.before, deposit.after, None, deposit.least)
     save_measured_map(
         folder / back_analysis.CHANGE_PICTURE, scene.name, deposit, measured=measured, lines=lines,
-        edges={one.name: np.asarray(one.edge) for one in entries if isinstance(one, DepositEdge)},
+        edges={one.name: one.places for one in entries if isinstance(one, DepositEdge)},
     )  # fmt: skip
     save_map(
         folder / back_analysis.MAP_PICTURE, scene.name, maps, paths=paths_of(scene, maps),

@@ -1,17 +1,18 @@
-"""`deposit_edge`: the outline of the inundated area, or a part of it, as a line in plan."""
+"""`deposit_edge`: the outline of the inundated area, or a part of it, as a line or a raster."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
-from pydantic import Field, PrivateAttr
+from pydantic import Field, PrivateAttr, model_validator
 from scipy.ndimage import distance_transform_edt
 
 from geometry.scenes.scene import Point
-from geometry.survey3d.deposit import samples_along
+from geometry.survey3d.deposit import LEAST_M, samples_along
 from geometry.survey3d.measured import DepositMap, MapLength, correlation_in_plan
-from geometry.terrain.raster import Raster
+from geometry.terrain.raster import Raster, read_raster
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
@@ -40,27 +41,81 @@ def distance_inside(deposit: Raster, least: float) -> Raster:
     return Raster(deposit.origin, step, step * np.where(inside, within, -beyond))
 
 
-class DepositEdge(MapLength):
-    """A line in plan up to which soil came: how far the simulated deposit reaches beyond it.
+def edge_of(inundated: Raster, every_m: float) -> np.ndarray:
+    """Places (m, 2) [m] on the edge of what is inundated, at least `every_m` apart.
 
-    Only where a deposit ends, not where it joins the soil that stayed.
+    Args:
+        inundated: more than 0.5 where it is.
+        every_m: [m].
+    """
+    x, y = np.meshgrid(*inundated.axes, indexing="ij")
+    inside = inundated.values > 0.5
+    found = []
+    for axis in (0, 1):
+        change = np.diff(inside.astype(int), axis=axis) != 0
+        first, last = (
+            np.take(np.stack([x, y], axis=-1), range(k, x.shape[axis] - 1 + k), axis=axis)
+            for k in (0, 1)
+        )
+        found.append(0.5 * (first + last)[change])
+    places = np.concatenate(found)
+    kept: list[np.ndarray] = []
+    for place in places[np.lexsort(places.T)]:
+        if all(np.hypot(*(place - other)) >= every_m for other in kept):
+            kept.append(place)
+    return np.array(kept).reshape(-1, 2)
+
+
+class DepositEdge(MapLength):
+    """The line in plan up to which soil came: how far the simulated deposit reaches beyond it.
+
+    Only where a deposit ends, not where it joins the soil that stayed: of a raster the edge that
+    lies on soil is left out.
     """
 
     as_one = True
 
     type: Literal["deposit_edge"]
-    edge: list[Point] = Field(min_length=2, description="(x, y) along the edge, in order [m]")
+    edge: list[Point] | None = Field(
+        None, min_length=2, description="(x, y) along the edge, in order [m]; null: that of `file`"
+    )
+    file: str | None = Field(
+        None, description="raster next to this document, more than 0.5 where soil came to lie"
+    )
     every_m: float = Field(gt=0, description="distance of the places that are compared [m]")
     correlation_length_m: float | None = Field(
         None, gt=0, description="of the errors in plan [m]; null: independent"
     )
 
     _moved: np.ndarray | None = PrivateAttr(None)
+    _places: np.ndarray | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.edge is None) == (self.file is None):
+            raise ValueError("give either edge or file")
+        return self
+
+    def read_files(self, folder: Path, scene: Scene3d, where: str) -> None:
+        """The edge of the raster, where no soil lay before the slide."""
+        if self.file is None:
+            return
+        if scene.ground is None:
+            raise InputError(f"{where}: file: needs a scene with terrain")
+        places = edge_of(read_raster(folder / self.file, origin=scene.origin), self.every_m)
+        soil = scene.ground.surface.at(*places.T) - scene.ground.base.at(*places.T)
+        self._places = places[soil < LEAST_M]
+        if not len(self._places):
+            raise InputError(f"{where}: file: {self.file} has no edge where no soil lay before")
 
     @property
     def places(self) -> np.ndarray:
         """Where the edge is compared, (m, 2) [m]."""
-        return samples_along(np.asarray(self.edge, float), self.every_m)[1]
+        if self.edge is not None:
+            return samples_along(np.asarray(self.edge, float), self.every_m)[1]
+        if self._places is None:
+            raise RuntimeError(f"{self.name}: its raster has not been read; see load_survey")
+        return self._places
 
     @property
     def values(self) -> np.ndarray:
@@ -84,7 +139,7 @@ class DepositEdge(MapLength):
 
     def check_in(self, scene: Scene3d, where: str) -> None:
         """All of the edge lies on the ground."""
-        check_on_ground(self.edge, scene, f"{where}: edge")
+        check_on_ground(self.edge or [], scene, f"{where}: edge")
 
     def read(self, deposit: DepositMap) -> np.ndarray:
         """How far each place lies inside the simulated deposit, (m,) [m]; outside negative."""

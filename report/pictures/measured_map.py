@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from geometry.survey3d.measured import DepositMap
 from geometry.terrain.raster import Raster, hillshade
@@ -35,7 +36,7 @@ def save_measured_map(
         title: above the first plan.
         deposit: as simulated.
         measured: elevation of the surface after the slide [m]; None: the simulated alone.
-        edges: measured edges of the deposit, name -> (P, 2) [m].
+        edges: measured edges of the deposit, name -> places on them (P, 2) [m].
         lines: name -> (2, 2) [m].
     """
     (x, y), d = deposit.before.axes, deposit.before.spacing
@@ -79,7 +80,7 @@ def save_measured_map(
     return style.save_figure(figure, path)
 
 
-def _draw_edges(plan, deposit: DepositMap, edges: Sequence[np.ndarray]) -> None:
+def _draw_edges(plan: Axes, deposit: DepositMap, edges: Iterable[np.ndarray]) -> None:
     """Edge of the soil before (dashed) and after the slide, and as measured."""
     x, y = deposit.before.axes
     for thickness, colour, dashes in (
@@ -92,4 +93,4 @@ def _draw_edges(plan, deposit: DepositMap, edges: Sequence[np.ndarray]) -> None:
                 x, y, values.T, [deposit.least], colors=colour, linewidths=1.3, linestyles=dashes
             )
     for edge in edges:
-        plan.plot(*np.asarray(edge).T, color=style.HELD_OUT, lw=1.4)
+        plan.plot(*np.asarray(edge).T, "o", color=style.HELD_OUT, markersize=3)

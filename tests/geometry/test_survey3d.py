@@ -102,6 +102,22 @@ def test_an_edge_reads_how_far_the_deposit_lies_beyond_it(tmp_path):
     assert entry.with_values(np.ones(3)).values == pytest.approx(1.0)
 
 
+def test_the_edge_of_a_raster_counts_where_no_soil_lay(tmp_path):
+    scene = valley(tmp_path, EDGE | {"edge": None, "file": "inundated.tif", "every_m": 3.0})
+    x, y = np.meshgrid(np.arange(0.0, 41.0, 2.0), np.arange(0.0, 17.0, 2.0), indexing="ij")
+    covered = (x > 5.0) & (x < 25.0) & (y > 3.0) & (y < 13.0)
+    write_raster(Raster((0.0, 0.0), 2.0, covered.astype(float)), tmp_path / "inundated.tif")
+    (entry,) = load_survey(tmp_path, scene).chosen()
+    places = entry.places
+    on_end = np.isclose(places[:, 0], 25.0)
+    on_side = np.isclose(places[:, 1], 3.0) | np.isclose(places[:, 1], 13.0)
+    assert np.all(on_end | on_side) and on_end.any() and on_side.any()
+    assert places[:, 0].min() >= 11.0  # the block of soil begins at 12 m and is not an edge
+    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    assert apart[~np.eye(len(places), dtype=bool)].min() >= 3.0
+    assert len(entry.values) == len(places) and not entry.values.any()
+
+
 def test_numbers_are_readings_of_the_simulation(tmp_path):
     scene = valley(tmp_path, ROAD, PATH, AREA)
     road, path, area = load_survey(tmp_path, scene).chosen()
@@ -124,6 +140,8 @@ def test_errors_without_a_length_are_independent():
         (SURFACE | {"every_m": 100.0}, "gives 0 squares"),
         (SURFACE | {"every_m": 0.1}, "1 to 2000 are allowed"),
         (EDGE | {"edge": [[20, 4], [20, 99]]}, "(20, 99) lies outside the rasters, y 0 to 16 m"),
+        (EDGE | {"file": "after.tif"}, "give either edge or file"),
+        (EDGE | {"edge": None, "file": "base.tif"}, "has no edge where no soil lay before"),
         (ROAD | {"line": "rail"}, "no line 'rail'; the scene has road"),
         (PATH | {"path": "hill"}, "no path 'hill'; the scene has valley"),
         (PATH | {"low_m": 6.0, "high_m": 7.0}, "lies outside low_m to high_m"),
