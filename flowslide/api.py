@@ -69,6 +69,7 @@ __all__ = [
     "Simulation3d",
     "WorkFailed",
     "back_analyse",
+    "back_analyse_3d",
     "classical",
     "compare",
     "diagnose",
@@ -390,14 +391,79 @@ def answer(
         return answered(analysis, folder)
 
 
+def back_analyse_3d(
+    scene: str | os.PathLike[str],
+    *,
+    out: str | os.PathLike[str] | None = None,
+    method: Literal["gauss_newton", "lbfgsb"] | None = None,
+    quick: bool = False,
+    spacing_m: float | None = None,
+    measurement_set: str | None = None,
+    use_constructed: bool = False,
+    report: bool = True,
+    settings: Config | None = None,
+    threads: int | None = None,
+    progress: Report | None = None,
+    evaluated: Evaluated | None = None,
+    cancel: Cancel | None = None,
+) -> Result:
+    """Find the strengths with which a slide in three dimensions leaves what was measured in plan.
+
+    Args:
+        scene: `scene3d.yaml` or its folder, with `measurements3d.yaml` and `inversion.yaml` in it.
+        out: see above; `result.json`, `history.csv`, pictures, rasters and page are written there.
+        method: see `back_analyse`.
+        quick: see `back_analyse`.
+        spacing_m: see above.
+        measurement_set: see `back_analyse`.
+        use_constructed: see `back_analyse`.
+        report: write page, pictures and rasters to `out`.
+        settings: see above.
+        threads: see above.
+        progress: see above.
+        evaluated: see `back_analyse`.
+        cancel: asked at every frame.
+
+    Returns:
+        what `result.json` holds; strengths in kPa.
+
+    Raises:
+        InputError: bad input.
+        WorkFailed: no simulation of the scene can be read.
+        Cancelled: the caller asked for it.
+    """
+    from inversion.back_analysis.ground_case import ground_case
+    from inversion.back_analysis.on_ground import answered_on_ground, on_ground
+    from report.back_analysis3d import write_report as write_page
+
+    watch = Watch(progress, cancel, evaluated)
+    with _folder(out) as folder:
+        asked = ground_case(
+            os.fspath(scene),
+            _chosen(settings or load_settings(None), method, quick),
+            measurement_set=measurement_set,
+            spacing_m=spacing_m,
+            use_constructed=use_constructed,
+        )
+        analysis = on_ground(asked, folder, watch, threads=threads)
+        result = answered_on_ground(analysis, folder)
+        if report:
+            write_page(analysis, result, folder)
+        return result
+
+
 def with_choices(case: Case, method: str | None, quick: bool) -> Case:
     """The case with the settings of a back-analysis that arguments replace."""
+    return replace(case, config=_chosen(case.config, method, quick))
+
+
+def _chosen(config: Config, method: str | None, quick: bool) -> Config:
     changes: dict[str, Any] = {} if method is None else {"method": method}
     if quick:
         left_out = dict.fromkeys(("variants", "sensitivities", "waterfall"), False)
         changes |= {"starts": 1, "noise_seeds": 0, **left_out}
-    chosen = case.config.inversion.model_copy(update=changes)
-    return replace(case, config=case.config.model_copy(update={"inversion": chosen}))
+    chosen = config.inversion.model_copy(update=changes)
+    return config.model_copy(update={"inversion": chosen})
 
 
 def posterior(

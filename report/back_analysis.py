@@ -7,12 +7,13 @@ nothing to show is left out.
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
 from inversion.engines.registry import engine_named
 from pipeline.cli import InputError
-from report.data.back_analysis import BackAnalysisData
+from report.data.back_analysis import MANY, BackAnalysisData
 from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
 from report.sentences import back_analysis as words
 from report.table import plain
@@ -21,6 +22,8 @@ from report.tables import checklist
 from report.two_strengths import two_strengths
 
 PAGE, FILM = "report.html", "runout"
+CHANGE_PICTURE, MAP_PICTURE = "change.png", "map.png"
+"""Of a slide in plan (`report.back_analysis3d`)."""
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone but scrolls sideways."""
 
@@ -58,10 +61,14 @@ def summary(data: BackAnalysisData) -> str:
     )
     strengths = data.strengths or answer.parameters
     lines = [m for m in result.measurements if m.role != "constructed"]
+    counts = Counter(m.group for m in lines)
+    maps = {name for name, count in counts.items() if count > MANY}
+    lines = [m for m in lines if m.group not in maps]
     # A terminal is narrower than a page: what the page alone shows is left out.
     narrow = [
         (tables.answer_table(data), ["σ'_v0 (kPa)", "equally good", "first guess (bounds)"]),
         (tables.measured_table(data, lines), ["by eye", "before the slide"]),
+        (tables.whole_series_table(data, maps), []),
         (tables.engine_table(data), []),
         *((table, []) for table in tables.method_tables(data)),
         *((table, ["scatter"]) for table in tables.relation_tables(data)),
@@ -124,7 +131,7 @@ def _answer(data: BackAnalysisData) -> Section:
 def _section(data: BackAnalysisData) -> Section:
     title = "The section before and after"
     if data.case is None or data.run is None:
-        return Section(title)
+        return _map(data)
     from mpm_taichi.comparison import read_deposit
     from report.pictures.case_history import save_case_picture
 
@@ -142,6 +149,28 @@ def _section(data: BackAnalysisData) -> Section:
             caption="Dotted: constructed, not surveyed. White bar: stated range of the toe.",
             least_width_px=WIDE_PX,
         ),
+    )
+
+
+def _map(data: BackAnalysisData) -> Section:
+    """What a slide left in plan, where that was fitted; the pictures are there."""
+    pictures = [data.folder / name for name in (CHANGE_PICTURE, MAP_PICTURE)]
+    if not all(path.is_file() for path in pictures):
+        return Section("The map, measured and simulated")
+    return Section(
+        "The map, measured and simulated",
+        [
+            *shown(
+                pictures[0],
+                "Plans of the change of the surface: measured, simulated, and the difference",
+                "Blue sank, red rose. Blue line: edge of the simulated deposit, dashed before the "
+                "slide; orange: places on the measured edge, and lines of the scene.",
+            ),
+            *shown(
+                pictures[1],
+                "Plan with the thickness of the simulated deposit, and sections along the paths",
+            ),
+        ],
     )
 
 

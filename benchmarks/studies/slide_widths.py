@@ -10,6 +10,9 @@ Afterwards `side_shear` and `side_friction` are fitted, whatever was named: thei
 for H / B. A twin of each slide has the same strengths, cells and survey errors in plane strain:
 what the judge finds of both differs by the width alone.
 
+A truth is sealed: until the judge has spoken the record has its hash alone, and it is opened only
+if it is what was sealed.
+
 What is done is kept in `slide_widths.json`, slide by slide, and runs in
 `results/benchmarks/slide_widths`, so that a study that was stopped resumes. At the end the page
 `docs/records/slide-widths.md` and its picture are renewed; `--page` does only that.
@@ -31,6 +34,7 @@ from benchmarks.hidden_effects.making import surveys
 from benchmarks.hidden_effects.making.benchmark import Places
 from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.plan import Planned
+from benchmarks.hidden_effects.making.seal import SALT, is_sealed, salt_of, seal
 from benchmarks.hidden_effects.making.sections import Section, load_section, normal
 from benchmarks.hidden_effects.making.sight import is_slide
 from benchmarks.hidden_effects.making.truth import Made
@@ -146,7 +150,7 @@ def drawn(number: int, section: Section) -> Iterator[tuple[np.ndarray, Scene]]:
 
 
 def make(number: int, config: Config) -> Record:
-    """Simulate a slide and its twin, and write both as cases.
+    """Simulate a slide and its twin, write both as cases, and seal what is true of them.
 
     Raises:
         WorkFailed: no drawing gave a slide that can be surveyed.
@@ -178,12 +182,27 @@ def make(number: int, config: Config) -> Record:
         profile = np.column_stack([where, measured[: len(where)]])
         planned = Planned(f"{name}_{number:02d}", "single", (), section.name, survey, 0)
         write_case(section, planned, Made({}, documents, profile), Places(FOLDER), DURATION_S)
-    return {
+    truth = {
         "section": section.name, "survey": survey, "width_m": width,
         "width": round(width / height, 3), "toe_m": toes,
         "true": dict(zip(section.parameters.names, true, strict=True)),
         "points": len(run.zone) * round(width / scene.spacing), "seconds": round(run.wall_time_s),
+        SALT: salt_of(SEED, f"{number:02d}"),
     }  # fmt: skip
+    write_json(Places(FOLDER).truth(f"{number:02d}"), truth)
+    return {"sealed": seal(truth)}
+
+
+def opened(number: int, sealed: str) -> Record:
+    """The truth of a slide that has been judged.
+
+    Raises:
+        WorkFailed: it is not what was sealed.
+    """
+    truth: Record = read_json(Places(FOLDER).truth(f"{number:02d}"))
+    if not is_sealed(truth, sealed):
+        raise WorkFailed(f"slide {number}: its truth is not the one that was sealed")
+    return truth
 
 
 def imitated(number: int, one: Record, config: Config) -> Record:
@@ -356,8 +375,8 @@ def page(done: list[Record]) -> str:
         *(f"`{name}`, S_r known" for name in FLANKS),
     ]  # fmt: skip
     return "\n\n".join([
-        f"{len(done)} slides. Medians, with the smallest and the largest; shares with their 95 % "
-        "intervals.",
+        f"{len(done)} slides, the truth of {sum('sealed' in one for one in done)} sealed. Medians, "
+        "with the smallest and the largest; shares with their 95 % intervals.",
         figures(done),
         "![H over B of the effects over the true one; toe and S_r over those of plane twins]"
         f"(../images/{PICTURE.name})",
@@ -415,13 +434,16 @@ def main() -> None:
             write_json(RECORD, record)
         if "verdict" not in one:
             one |= judge(number, config)
-            record["code_version"] = code_version()
+            one["code_version"] = code_version()
+            write_json(RECORD, record)
+        if "true" not in one:
+            one |= opened(number, one["sealed"])
             write_json(RECORD, record)
         if "imitated" not in one:
             one["imitated"] = imitated(number, one, config)
             write_json(RECORD, record)
         print(f"{key}: {one['section']}, B / H {one['width']}: {one['verdict']}", flush=True)
-    done = [one for one in record["slides"].values() if "verdict" in one]
+    done = [one for one in record["slides"].values() if "true" in one and "imitated" in one]
     draw(done)
     renew(PAGE, slides=page(done))
 

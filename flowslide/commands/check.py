@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flowslide.commands import options
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from geometry.scenes.scene import Scene
     from geometry.survey.measurements import Measurements
+    from geometry.survey.sets import Sets
 
 DESCRIPTION = (
     "Check scene files, and in the folder of a case its measurements as well. The first one that "
@@ -77,14 +77,19 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _check_3d(text: str) -> None:
     from geometry.scenes3d.scene3d import load_scene_3d
+    from geometry.survey3d.survey import FILE_NAME, load_survey
     from mpm_taichi.solver3d.problem import problem_of
 
-    problem = problem_of(load_scene_3d(text))
+    scene = load_scene_3d(text)
+    problem = problem_of(scene)
     x_min, x_max, y_min, y_max, _ = problem.domain
     print(
         f"{problem.name}: three-dimensional, {len(problem.position)} points, "
         f"{problem.volume.sum():.4g} m3, {x_max - x_min:g} x {y_max - y_min:g} m in plan"
     )
+    folder = Path(text) if Path(text).is_dir() else Path(text).parent
+    if (folder / FILE_NAME).is_file():
+        _print_measurements(load_survey(folder, scene))
 
 
 def print_gaps(scene: Scene) -> None:
@@ -114,7 +119,7 @@ def _blow_counts_beside(path: Path, scene: Scene) -> list[str]:
     return list(load_blow_counts(path.parent, scene)) if path.name == "scene.yaml" else []
 
 
-def _print_measurements(measurements: Measurements) -> None:
+def _print_measurements(measurements: Sets) -> None:
     for name, entries in measurements.sets.items():
         numbers = sum(len(entry.values) for entry in entries)
         held = sum(int(entry.held_out_values.sum()) for entry in entries)

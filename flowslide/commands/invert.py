@@ -1,4 +1,4 @@
-"""`flowslide invert CASE`: the back-analysis of a case folder."""
+"""`flowslide invert CASE`: the back-analysis of a case, or of a scene in three dimensions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from flowslide.commands import options
 
 DESCRIPTION = (
     "Find the strengths that CASE/inversion.yaml asks for, how sure they are, and "
-    "what every other assumption does to them. Started again after a kill, it goes on where it "
-    "stopped."
+    "what every other assumption does to them. Of a scene3d.yaml: from the map of what the slide "
+    "left, CASE/measurements3d.yaml. Started again after a kill, it goes on where it stopped."
 )
 
 
@@ -62,6 +62,10 @@ def run(arguments: argparse.Namespace) -> None:
     from pipeline.config import load_config
     from pipeline.progress import Progress, Watch
 
+    # A section next to its scene3d.yaml is a section, unless the file is named.
+    if options.is_3d(arguments.case) and not (Path(arguments.case) / "scene.yaml").is_file():
+        _run_3d(arguments)
+        return
     settings = load_config(arguments.config, arguments.overrides)
     case = inversion_case(
         api.with_choices(
@@ -90,3 +94,36 @@ def run(arguments: argparse.Namespace) -> None:
             write_report(data, film=arguments.report == "film")
         bar.say(f"wrote {folder}")
     print(summary(data))
+
+
+def _run_3d(arguments: argparse.Namespace) -> None:
+    from flowslide import api
+    from pipeline.config import load_config
+    from pipeline.progress import Progress
+    from report.back_analysis import summary
+    from report.data.back_analysis import BackAnalysisData
+
+    refused = {
+        f"--engine {arguments.engine}": arguments.engine not in (None, "mpm3d"),
+        "--model": arguments.model is not None,
+    }
+    options.refuse_in_3d(arguments, refused)
+    settings = load_config(arguments.config, arguments.overrides)
+    name = options.name_3d(arguments.case)
+    folder = Path(arguments.out or Path(settings.results_folder) / name / "inversion_on_maps")
+    with Progress(0, name, quiet=arguments.quiet) as bar:
+        result = api.back_analyse_3d(
+            arguments.case,
+            out=folder,
+            method=arguments.method,
+            quick=arguments.quick,
+            spacing_m=arguments.spacing,
+            measurement_set=arguments.set_of_measurements,
+            use_constructed=arguments.use_constructed,
+            report=arguments.report != "none",
+            settings=settings,
+            threads=arguments.threads,
+            progress=bar.report,
+        )
+        bar.say(f"wrote {folder}")
+    print(summary(BackAnalysisData(folder, result)))

@@ -13,7 +13,7 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Document, Scene, checked_document
-from geometry.survey.measured import Confidence
+from geometry.survey.quantity import Confidence
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 

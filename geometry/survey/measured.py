@@ -18,15 +18,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from geometry.scenes.scene import Document, Scene
+from geometry.scenes.scene import Scene
 from geometry.survey.columns import Side
 from geometry.survey.marks import Mark
+from geometry.survey.quantity import OneNumber, Quantity
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:
     from geometry.survey.site import Site
-
-Confidence = Literal["published", "paper", "recalled", "assumed", "constructed"]
 
 
 @dataclass(frozen=True)
@@ -144,43 +143,20 @@ class Datum:
     line: bool
 
 
-class Measured(Document):
-    """Base of all types of measurement.
+class Measured(Quantity):
+    """Base of all types of measurement on a section.
 
     A type adds its fields, among them ``type: Literal["its_name"]``, and gives every member named
     in `REQUIRED`.
     """
 
-    unit: ClassVar[str]
-    """Of the values, such as "m"."""
     history: ClassVar[tuple[str, ...] | None]
     """Names of the fields that decide what is read on all frames of a run; None: the measurement is
     read on the last frame alone. Runs keep such a reading by these fields, not their frames."""
-    as_one: ClassVar[bool] = False
-    """In tables of a run, the root mean square of the differences stands for all values."""
-    censored: ClassVar[bool] = False
-    """The values are upper limits that were not exceeded; how far below them is not known."""
     code: ClassVar[str] = ""
     """Hash of the file of a user's own type."""
 
-    name: str = Field(min_length=1, description="unique in its set")
-    std_is: Literal["published", "assumed"] = Field(
-        "assumed", description="where the standard deviation comes from"
-    )
-    confidence: Confidence = Field(description="how far the value may be trusted")
-    source: str = Field(min_length=1, description="where the value is written")
-    held_out: bool = Field(False, description="true: never enters a fit; it checks the fit instead")
-
     # --- what a type must give ---
-
-    @property
-    @abstractmethod
-    def values(self) -> np.ndarray:
-        """The measured values, (m,), in `unit`."""
-
-    @abstractmethod
-    def with_values(self, values: np.ndarray) -> Self:
-        """The same measurement with other values, (m,), in `unit`."""
 
     @property
     @abstractmethod
@@ -231,24 +207,14 @@ class Measured(Document):
     # --- what a type may give ---
 
     @property
-    def parts(self) -> list[str]:
-        """A few words for each of the m values; empty where there is only one."""
-        return [""]
-
-    @property
-    def held_out_values(self) -> np.ndarray:
-        """Which of the values never enter a fit, (m,) bool."""
-        return np.full(len(self.values), self.held_out)
-
-    @property
-    def stated_range(self) -> tuple[float, float] | None:
-        """Lower and upper end of the range that the source states; None: it states none."""
-        return None
-
-    @property
     def toe_side(self) -> Side | None:
         """The side on which this is the runout of the toe; None: it is another quantity."""
         return None
+
+    @property
+    def is_runout(self) -> bool:
+        """It is the runout of the toe."""
+        return self.toe_side is not None
 
     @property
     def slid_to(self) -> Side | None:
@@ -279,31 +245,7 @@ class Measured(Document):
         """The same entry without its own statement of what is held out."""
         return self.model_copy(update={"held_out": False})
 
-    def correlation(self) -> np.ndarray:
-        """Correlation of the errors of the values, (m, m)."""
-        return np.eye(len(self.values))
-
     # --- what follows from it ---
-
-    @classmethod
-    def key(cls, word: str) -> str:
-        """Name of a field in the type's unit: `std` -> `std_m`, `std_m_per_s`."""
-        return f"{word}_{cls.unit.replace('/', '_per_')}"
-
-    @property
-    def std(self) -> float:
-        """Standard deviation of the survey, in `unit`."""
-        return getattr(self, self.key("std"))
-
-    @property
-    def model_std(self) -> float:
-        """Model error granted by the user in addition to the survey's error, in `unit`."""
-        return getattr(self, self.key("model_std"))
-
-    @property
-    def constructed(self) -> bool:
-        """True for data drawn by hand: shown, but in no fit and no score unless asked."""
-        return self.confidence == "constructed"
 
     @property
     def needs_history(self) -> bool:
@@ -325,15 +267,6 @@ class Measured(Document):
         if self.code:
             deciding["code"] = self.code
         return content_hash({"type": type(self).__name__, **deciding})
-
-    def covariance(self, *, model: bool = True) -> np.ndarray:
-        """Covariance of the values, (m, m): the variance times `correlation`.
-
-        Args:
-            model: with the variance granted to the model, whose errors correlate as the survey's.
-        """
-        variance = self.std**2 + (self.model_std**2 if model else 0.0)
-        return variance * self.correlation()
 
     def observe(self, deposit: Deposit) -> np.ndarray:
         """Read this measurement on a deposit, (m,), in `unit`.
@@ -381,17 +314,8 @@ class Length(Measured):
     )
 
 
-class Single(Measured):
+class Single(OneNumber, Measured):
     """A measurement that is one number, in a field `value` in its unit: `value_m`."""
-
-    @property
-    def values(self) -> np.ndarray:
-        """The measured value, (1,), in `unit`."""
-        return np.array([getattr(self, self.key("value"))])
-
-    def with_values(self, values: np.ndarray) -> Self:
-        """The same with another value, (1,), in `unit`."""
-        return self.model_copy(update={self.key("value"): float(values[0])})
 
 
 class SingleLength(Single, Length):

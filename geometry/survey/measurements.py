@@ -14,13 +14,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from geometry.scenes.limits import check_level
 from geometry.scenes.scene import Document, Scene, document_error
 from geometry.survey.columns import Side
-from geometry.survey.measured import Measured
 from geometry.survey.registry import Measurement, measurement_types
+from geometry.survey.sets import Sets
 from geometry.survey.site import check_in_domain, check_in_section
 from geometry.survey.surface_profile import SurfaceProfile
 from pipeline.cli import InputError
@@ -39,7 +39,7 @@ class InitialSection(Document):
     pool_y_m: float | None = Field(None, description="pool level [m]")
 
 
-class Measurements(Document):
+class Measurements(Sets):
     """The whole of `measurements.yaml`."""
 
     case: str = Field(description="name of the case")
@@ -54,32 +54,6 @@ class Measurements(Document):
     strength_published_kpa: dict[str, dict[str, Any]] = Field(
         default_factory=dict, description="residual strengths found by others; notes, no input"
     )
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Measurements:
-        if self.default_set not in self.sets:
-            raise ValueError(f"default_set: {self.default_set!r} is none of {', '.join(self.sets)}")
-        for group, entries in self.sets.items():
-            if not entries:
-                raise ValueError(f"sets.{group}: holds no measurement")
-            names = [entry.name for entry in entries]
-            for name in names:
-                if names.count(name) > 1:
-                    raise ValueError(f"sets.{group}: two measurements are called {name!r}")
-        return self
-
-    def chosen(self, name: str | None = None) -> list[Measured]:
-        """The measurements of a set; None: of the default one.
-
-        Raises:
-            InputError: there is no such set.
-        """
-        wanted = self.default_set if name is None else name
-        if wanted not in self.sets:
-            raise InputError(
-                f"{self.case}: no set of measurements {wanted!r}; there are {', '.join(self.sets)}"
-            )
-        return list(self.sets[wanted])
 
     @property
     def profiles(self) -> list[SurfaceProfile]:

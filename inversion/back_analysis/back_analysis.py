@@ -68,6 +68,8 @@ AFTER = "what moves the answer"
 
 #: A linear step shorter than this, in standard deviations from the survey, is as good as a run.
 SHORT = 1.0
+#: Fitted numbers that are told one by one as the search goes on.
+MOST_TOLD = 12
 
 
 @dataclass
@@ -538,9 +540,11 @@ class BackAnalysis:
         own.prediction = self.found.best.prediction
         return own.refined
 
+    def _seeds(self) -> dict[str, int]:
+        return {"jitter_of_the_answer": self.case.scene.seed}
+
     def _manifest(self) -> dict[str, Any]:
-        seeds = {"jitter_of_the_answer": self.case.scene.seed}
-        made = manifest(self.case.config, seeds)
+        made = manifest(self.case.config, self._seeds())
         versions = {
             "geometry": geometry.PHYSICS_VERSION,
             "mpm_taichi": mpm_taichi.PHYSICS_VERSION,
@@ -679,9 +683,13 @@ class BackAnalysis:
             f"{spec.name} {value:.4g} {spec.unit}"
             for spec, value in zip(parameters.specs, evaluation.values, strict=True)
         )
-        predicted = ", ".join(
-            f"{name} {value:.1f} m"
-            for name, value in targets.named(evaluation.prediction.values, targets.fitted).items()
+        named = targets.named(evaluation.prediction.values, targets.fitted)
+        units = {name: targets.entries[group].unit
+                 for name, group in zip(targets.names, targets.groups, strict=True)}  # fmt: skip
+        predicted = (
+            f"{len(named)} numbers"
+            if len(named) > MOST_TOLD
+            else ", ".join(f"{name} {value:.1f} {units[name]}" for name, value in named.items())
         )
         begins = evaluation.kind in ("scan", "start")
         name = evaluation.kind if begins else f"iteration {evaluation.iteration}"

@@ -1,4 +1,7 @@
-"""Slides in three dimensions as a forward engine: strengths in, readings of the deposit out.
+"""Slides in three dimensions as a forward engine: strengths in, what is read in plan out.
+
+A `GroundSetup` asks for the readings of a deposit; what was measured is asked for by a
+`inversion.engines.measured_ground.MeasuredGround`.
 
 A run is kept by content, as maps and readings: a prediction that was stopped goes on where it was,
 within a run from its last checkpoint.
@@ -9,9 +12,10 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,6 +33,7 @@ from pipeline.files import atomic_path
 if TYPE_CHECKING:
     from mpm_taichi.readings3d import Maps
     from mpm_taichi.solver3d.problem import Problem3d
+    from mpm_taichi.trajectory3d import Run3d
     from pipeline.config import SimulationSettings
 
 
@@ -43,6 +48,8 @@ class KeptMaps:
         at_rest: the slide came to rest.
         reason: why the run failed, else empty.
         wall_time_s: computing time [s].
+        stress_kpa: zone -> number of its points, mean vertical effective stress before failure, and
+            its standard deviation within the zone [kPa].
     """
 
     thickness: np.ndarray
@@ -51,34 +58,39 @@ class KeptMaps:
     at_rest: bool
     reason: str
     wall_time_s: float
+    stress_kpa: dict[str, list[float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class GroundSetup:
-    """A reading of the question "how far does it run?" on a three-dimensional scene.
+class OnGround(ABC):
+    """A reading of a question on a three-dimensional scene.
 
     Attributes:
         scene: before the slide.
         settings: of the simulations.
-        zones: of each strength.
     """
 
     scene: Scene3d
     settings: SimulationSettings
-    zones: tuple[tuple[str, ...], ...]
+
+    @abstractmethod
+    def scene_at(self, values: np.ndarray) -> Scene3d:
+        """The scene with values (p,) of the unknowns put in."""
+
+    @abstractmethod
+    def prediction(self, values: np.ndarray, kept: KeptMaps) -> Prediction:
+        """What is read of a run with these values."""
 
     def at(self, values: np.ndarray) -> Request:
-        """The run with these strengths [kPa]."""
-        return Request(self, values)
+        """The run with these values."""
+        return Request(self, np.asarray(values, dtype=float))
 
-    def scene_at(self, values: np.ndarray) -> Scene3d:
-        """The scene with these strengths [kPa] in their zones."""
-        changes = [
-            (zone, "cohesion_kpa", float(value))
-            for zones, value in zip(self.zones, values, strict=True)
-            for zone in zones
-        ]
-        return self.scene.with_soil(with_properties(self.scene.soil, changes))
+    def problem_at(self, values: np.ndarray) -> tuple[Scene3d, Problem3d]:
+        """What a run simulates: the scene with the values, and its points."""
+        from mpm_taichi.solver3d.problem import problem_of
+
+        scene = self.scene_at(values)
+        return scene, problem_of(scene)
 
     @cached_property
     def problem(self) -> Problem3d:
@@ -94,9 +106,29 @@ class GroundSetup:
 
         return maps_of(self.scene, self.problem)
 
+
+@dataclass(frozen=True)
+class GroundSetup(OnGround):
+    """The question "how far does it run?"; nothing has been measured.
+
+    Attributes:
+        zones: of each strength.
+    """
+
+    zones: tuple[tuple[str, ...], ...]
+
+    def scene_at(self, values: np.ndarray) -> Scene3d:
+        """The scene with these strengths [kPa] in their zones."""
+        changes = [
+            (zone, "cohesion_kpa", float(value))
+            for zones, value in zip(self.zones, values, strict=True)
+            for zone in zones
+        ]
+        return self.scene.with_soil(with_properties(self.scene.soil, changes))
+
     @cached_property
     def targets(self) -> Targets:
-        """The readings as numbers to predict; nothing has been measured."""
+        """The readings as numbers to predict."""
         document = self.scene.document
         paths = document.paths or ("middle",)
         names = [
@@ -107,11 +139,24 @@ class GroundSetup:
         count = len(names)
         return Targets([], names, np.zeros(count), np.eye(count), ["fitted"] * count)
 
+    def prediction(self, values: np.ndarray, kept: KeptMaps) -> Prediction:
+        """The readings of a run with these strengths."""
+        names = self.targets.names
+        found = np.array([kept.readings.get(name, np.nan) for name in names])
+        # A path on which nothing came to lie has been run zero metres along.
+        along = np.array([name.startswith("runout_") for name in names])
+        found[along & np.isnan(found) & (not kept.reason)] = 0.0
+        return Prediction(
+            found, np.zeros(len(found)), status="failed" if kept.reason else "finished",
+            reason=kept.reason, run_time_s=kept.wall_time_s, at_rest=kept.at_rest,
+            spacing_m=self.scene.spacing,
+        )  # fmt: skip
+
 
 class GroundEngine(Forward):
     """`inversion.estimation.forward.Forward` on three-dimensional scenes.
 
-    Requests are of a `GroundSetup`.
+    Requests are of an `OnGround`.
 
     Args:
         folder: of the kept runs.
@@ -139,29 +184,15 @@ class GroundEngine(Forward):
         found = []
         for done, request in enumerate(requests, start=1):
             kept = self.kept_maps(request)
-            names = request.setup.targets.names
-            values = np.array([kept.readings.get(name, np.nan) for name in names])
-            # A path on which nothing came to lie has been run zero metres along.
-            along = np.array([name.startswith("runout_") for name in names])
-            values[along & np.isnan(values) & (not kept.reason)] = 0.0
-            found.append(
-                Prediction(
-                    values, np.zeros(len(values)), status="failed" if kept.reason else "finished",
-                    reason=kept.reason, run_time_s=kept.wall_time_s, at_rest=kept.at_rest,
-                    spacing_m=request.setup.scene.spacing,
-                )
-            )  # fmt: skip
+            found.append(request.setup.prediction(request.values, kept))
             if self.on_run is not None:
                 self.on_run(done, len(requests))
         return found
 
     def kept_maps(self, request: Request) -> KeptMaps:
         """Maps and readings of a request, simulated unless they are kept."""
-        from mpm_taichi.solver3d.problem import problem_of
-
-        setup: GroundSetup = request.setup
-        scene = setup.scene_at(request.values)
-        problem = problem_of(scene)
+        setup: OnGround = request.setup
+        scene, problem = setup.problem_at(request.values)
         key = _key(scene, problem, setup.settings)
         path = self.folder / f"{key}.npz"
         if (kept := _load(path)) is None:
@@ -197,12 +228,25 @@ class GroundEngine(Forward):
             bool(run.time[-1] < settings.duration_s - 0.5 * frame),
             run.reason,
             run.wall_time_s,
+            _stress_by_zone(scene, run),
         )
         said = {"readings": kept.readings, "walls": kept.walls, "at_rest": kept.at_rest,
-                "reason": kept.reason, "wall_time_s": kept.wall_time_s}  # fmt: skip
+                "reason": kept.reason, "wall_time_s": kept.wall_time_s,
+                "stress_kpa": kept.stress_kpa}  # fmt: skip
         with atomic_path(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, thickness=kept.thickness, said=json.dumps(said))
         return kept
+
+
+def _stress_by_zone(scene: Scene3d, run: Run3d) -> dict[str, list[float]]:
+    """Zone -> number of points, mean and standard deviation of the vertical stress [kPa]."""
+    vertical = -1e-3 * run.initial_stress[:, 2].astype(float)
+    found = {}
+    for number, zone in enumerate(scene.soil.zones):
+        own = vertical[run.zone == number]
+        if len(own):
+            found[zone.name] = [float(len(own)), float(own.mean()), float(own.std())]
+    return found
 
 
 def _load(path: Path) -> KeptMaps | None:

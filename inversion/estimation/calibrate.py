@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import least_squares
 
+from inversion.estimation.derivatives import LOG_STEPS
 from inversion.estimation.flow_limit import flow_limit
 from inversion.estimation.forward import Forward
 from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
@@ -47,7 +48,8 @@ OTHER_STARTS = ((0.65, 0.25), (1.6, 0.75), (0.45, 0.6), (2.2, 0.4))
 RATIO, BATCH = 0.8, 2
 #: Ratio of the strengths that are tried when a search looks around, and how many at most.
 AROUND_RATIO, AROUND_MOST = 1.25, 24
-#: Smoothed are places on either side, in half-widths: of a log strength, of an angle [deg].
+#: Smoothed are places on either side, in half-widths: of a log strength (more where steps may be
+#: wider than usual), of an angle [deg].
 PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
 #: The places move with the bottom, so often at most.
 MOST_MOVES = 3
@@ -297,7 +299,8 @@ def smoothed(search: Search, best: Evaluation, engine: Forward) -> Evaluation | 
         engine: is run across the valley.
     """
     parameters = search.objective.parameters
-    half = np.where(parameters.logarithmic, HALF_LOG, HALF_DEGREES) / parameters.prior_std
+    half_log = HALF_LOG * search.steps.widest_log / LOG_STEPS[2]
+    half = np.where(parameters.logarithmic, half_log, HALF_DEGREES) / parameters.prior_std
     bottom, centre = parameters.to_fitted(best.values), None
     for _ in range(MOST_MOVES):
         rounded = half * np.round(bottom / half)

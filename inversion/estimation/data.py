@@ -242,7 +242,7 @@ def make_targets(
     names, roles = [], []
     for entry in entries:
         allowed = fit is None or entry.name in fit
-        allowed = allowed and (loss == "misfit" or entry.toe_side is not None)
+        allowed = allowed and (loss == "misfit" or entry.is_runout)
         for part, held in zip(entry.parts, entry.held_out_values, strict=True):
             names.append(f"{entry.name} {part}".strip())
             roles.append(_role(entry, bool(held), allowed, use_constructed))
@@ -303,7 +303,7 @@ def _check_may_enter(
         raise InputError(
             f"{source}: fit: {name!r} is constructed and enters no fit without --use-constructed"
         )
-    if loss == "runout" and entry.toe_side is None:
+    if loss == "runout" and not entry.is_runout:
         raise InputError(
             f"{source}: fit: {name!r} is not a toe_runout; the loss `runout` takes nothing else, "
             "use loss: misfit"

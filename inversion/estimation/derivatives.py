@@ -47,12 +47,14 @@ class FiniteSteps:
         factor: least effect of a step, in units of the noise.
         whitener: (k, k), makes the errors of the fitted numbers independent, of variance 1; None:
             the most sensitive number decides.
+        widest_log: widest step of a logarithm.
     """
 
     parameters: Parameters
     noise: np.ndarray
     factor: float = FACTOR
     whitener: np.ndarray | None = None
+    widest_log: float = LOG_STEPS[2]
     _size: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -125,7 +127,7 @@ class FiniteSteps:
         width = parameters.fitted_high - parameters.fitted_low
         return tuple(
             np.where(parameters.logarithmic, log / parameters.prior_std, share * width)
-            for log, share in zip(LOG_STEPS, SHARE_STEPS, strict=True)
+            for log, share in zip((*LOG_STEPS[:2], self.widest_log), SHARE_STEPS, strict=True)
         )
 
 

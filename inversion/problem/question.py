@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import Document, Point, Scene, checked_document
+from geometry.scenes3d.scene3d import Terrain
 from inversion.catalogue.correlations import RelationName
 from inversion.problem.changes import Changes, Waterfall, check_simulation
 from pipeline.cli import InputError, say_once
@@ -307,7 +308,7 @@ class Question(Document):
         return self
 
 
-def load_question(folder: str | Path, scene: Scene) -> Question:
+def load_question(folder: str | Path, scene: Scene | Terrain) -> Question:
     """Read `inversion.yaml` of a case folder and check its zones against the scene.
 
     Raises:
@@ -323,7 +324,7 @@ def load_question(folder: str | Path, scene: Scene) -> Question:
     return _residual_strengths_named(question, scene, str(path))
 
 
-def _residual_strengths_named(question: Question, scene: Scene, source: str) -> Question:
+def _residual_strengths_named(question: Question, scene: Scene | Terrain, source: str) -> Question:
     """The question with S_r called so: older files call it the cohesion of a liquefied zone."""
     liquefied = {z.name for z in scene.zones if scene.materials[z.material].liquefied}
     renamed: list[str] = []
@@ -349,7 +350,7 @@ def _residual_strengths_named(question: Question, scene: Scene, source: str) -> 
     return question.model_copy(update=update)
 
 
-def _check_bounds(parameter: ParameterSpec, scene: Scene, where: str) -> None:
+def _check_bounds(parameter: ParameterSpec, scene: Scene | Terrain, where: str) -> None:
     """The scene must hold together at both bounds, wherever the search goes."""
     for name, value in (("low", parameter.low), ("high", parameter.high)):
         try:
@@ -365,7 +366,7 @@ def _place(zone: str) -> str:
     return zone if zone == POOL else f"zone {zone!r}"
 
 
-def check_zones(question: Question, scene: Scene, source: str) -> None:
+def check_zones(question: Question, scene: Scene | Terrain, source: str) -> None:
     """Every zone that is named must be one of the scene; an unknown level must be there.
 
     Raises:
@@ -376,6 +377,10 @@ def check_zones(question: Question, scene: Scene, source: str) -> None:
             raise InputError(
                 f"{source}: parameters: {parameter.name}: property: water_level: the scene has no "
                 "water_level"
+            )
+        if parameter.property == "water_level" and isinstance(scene, Terrain):
+            raise InputError(
+                f"{source}: parameters: {parameter.name}: property: water_level: only of a section"
             )
         _check_bounds(parameter, scene, f"{source}: parameters: {parameter.name}")
     known = [zone.name for zone in scene.zones]

@@ -24,6 +24,9 @@ from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
 from pipeline.places import CASES, resolve
 
+MANY = 40
+"""Fitted numbers from which on they are those of a map, which are not named one by one."""
+
 
 @dataclass(frozen=True)
 class Sections:
@@ -100,6 +103,19 @@ class BackAnalysisData:
     def fitted(self) -> list[MeasurementAnswer]:
         """The measurements that were fitted."""
         return [m for m in self.result.measurements if m.role == "fitted"]
+
+    def few_fitted(self, most: int) -> list[MeasurementAnswer]:
+        """Fitted measurements that have a column or a line of their own, `most` at most.
+
+        Of a map those places that the slide has changed most.
+        """
+        fitted = self.fitted
+        if len(fitted) > MANY:
+            fitted = sorted(
+                fitted,
+                key=lambda m: -abs((m.measured or 0.0) - m.predicted_at_start) / (m.std or 1),
+            )
+        return fitted[:most]
 
     @property
     def series(self) -> list[Series]:

@@ -13,7 +13,7 @@ import numpy as np
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engines.registry import engine_named
 from inversion.problem.changes import WATER_WORDS
-from report.data.back_analysis import BackAnalysisData
+from report.data.back_analysis import MANY, BackAnalysisData
 from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit
 
 FAR, FAR_SHARE = 2.0, 0.1
@@ -92,7 +92,7 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
         return []
     differences = [
         f"{m.name} {signed(found.mean_difference[m.name], 2)} ± {found.std[m.name]:.2f} {m.unit}"
-        for m in data.fitted[:6]
+        for m in data.few_fitted(6)
         if m.name in found.mean_difference
     ]
     added = [
@@ -131,11 +131,16 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
     if ranges:
         said.append(f"95 % range: {'; '.join(ranges)}.")
     if data.fitted:
+        maps = [one for one in data.series if len(one.lines) > MANY]
+        single = [m for m in data.fitted if not any(m in one.lines for one in maps)]
         names = [
+            f"{one.name}, {len(one.lines)} numbers ({one.lines[0].confidence})"
+            for one in maps if one.role == "fitted"
+        ] + [
             f"{m.name} {'< ' * m.censored}{m.measured:g} {m.unit} ({m.confidence})"
-            for m in data.fitted[:6]
-        ]
-        more = f" and {len(data.fitted) - 6} more" if len(data.fitted) > 6 else ""
+            for m in single[:6]
+        ]  # fmt: skip
+        more = f" and {len(single) - 6} more" if len(single) > 6 else ""
         said.append(
             f"Fitted: {'; '.join(names)}{more}. Set of measurements: '{result.measurement_set}'."
         )

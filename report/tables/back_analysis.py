@@ -5,13 +5,22 @@ In: a `BackAnalysisData`. Out: `report.table.Table`s, without rows where there i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, RelationAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from report.data.back_analysis import BackAnalysisData, Series
 from report.data.methods import slides
-from report.numbers import fixed, limited, plus_minus, signed, span, unit_of, with_unit
+from report.numbers import (
+    fixed,
+    limited,
+    plus_minus,
+    root_mean_square,
+    signed,
+    span,
+    unit_of,
+    with_unit,
+)
 from report.sentences.back_analysis import answer_words
 from report.table import Table
 
@@ -114,7 +123,7 @@ def _doubts(row: RelationAnswer) -> str:
 
 def engine_table(data: BackAnalysisData) -> Table:
     """The engines side by side, and under them the classical methods; empty: one engine alone."""
-    parameters, fitted = _unknowns(data), data.fitted[:MOST_FITTED]
+    parameters, fitted = _unknowns(data), data.few_fitted(MOST_FITTED)
     header = ["engine", *_columns(parameters),
               *(f"{m.name}: measured {limited(m.measured, m.censored)} {m.unit}" for m in fitted),
               "loss",
@@ -194,6 +203,27 @@ def _series_table(one: Series) -> Table:
               "role"]  # fmt: skip
     caption = f"{one.name} ({first.type.replace('_', ' ')}, {first.confidence}): {first.source}"
     return Table(header, rows, caption)
+
+
+def whole_series_table(data: BackAnalysisData, names: Collection[str]) -> Table:
+    """Measurements of many numbers, a row for each that is named."""
+    rows = []
+    for one in data.series:
+        if one.name not in names:
+            continue
+        first, off = one.lines[0], [m.difference_in_std or 0.0 for m in one.lines]
+        square = sum((m.predicted - (m.measured or 0.0)) ** 2 for m in one.lines)
+        worst = max(range(len(off)), key=lambda place: abs(off[place]))
+        rows.append(
+            [one.name, first.type.replace("_", " "), str(len(off)),
+             with_unit(fixed(root_mean_square(square, len(off))), first.unit),
+             fixed(root_mean_square(sum(d * d for d in off), len(off))),
+             f"{signed(off[worst])} {one.lines[worst].name.removeprefix(one.name).strip()}",
+             one.role]
+        )  # fmt: skip
+    header = ["measurement", "type", "numbers", "off by (rms)", "in std (rms)", "worst, in std",
+              "role"]  # fmt: skip
+    return Table(header, rows)
 
 
 def variant_table(data: BackAnalysisData) -> Table:
@@ -291,7 +321,7 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
 
 def equally_good_table(data: BackAnalysisData) -> Table:
     """Equally good answers with what they predict; the answer itself first."""
-    answer, fitted = data.result.answer, data.fitted[:MOST_FITTED]
+    answer, fitted = data.result.answer, data.few_fitted(MOST_FITTED)
     parameters = answer.parameters
     header = ["", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted), "loss",
               *_spacing(data), ""]  # fmt: skip
@@ -310,7 +340,7 @@ def equally_good_table(data: BackAnalysisData) -> Table:
 
 def history_table(data: BackAnalysisData) -> Table:
     """Every evaluation of the engine."""
-    parameters, fitted = _unknowns(data), data.fitted[:MOST_FITTED]
+    parameters, fitted = _unknowns(data), data.few_fitted(MOST_FITTED)
     rows = [
         [line.iteration,
          SEARCHES.get(line.kind, line.kind) + ("" if line.accepted else ", rejected"),

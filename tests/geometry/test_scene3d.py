@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from geometry.scenes.scene import save_scene
 from geometry.scenes3d.fill3d import fill_terrain
 from geometry.scenes3d.scene3d import Scene3dDocument, load_scene_3d, plan_domain
+from geometry.survey3d.survey import LIBRARY, Survey3d
 from geometry.terrain.raster import Raster, write_raster
 from pipeline.cli import InputError
 from pipeline.files import parse_yaml, write_text, yaml_text
@@ -173,9 +175,12 @@ def test_a_zone_without_points_is_refused(terrain):
 
 def test_the_documents_of_the_page_are_valid(root):
     page = (root / "docs/how-to/three-dimensions.md").read_text("utf-8")
-    documents = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
-    kinds = [
-        Scene3dDocument.model_validate(parse_yaml(text, name="page")).terrain is not None
-        for text in documents
+    documents = [
+        parse_yaml(text, name="page") for text in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
     ]
+    survey = Survey3d.model_validate(documents.pop())
+    assert {entry.type for entry in survey.chosen()} == {
+        get_args(kind.model_fields["type"].annotation)[0] for kind in LIBRARY
+    }
+    kinds = [Scene3dDocument.model_validate(one).terrain is not None for one in documents]
     assert kinds == [False, True]

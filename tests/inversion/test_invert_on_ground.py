@@ -1,0 +1,238 @@
+"""Back-analysis from a map: a twin on real ground, the question's other readings, bad input."""
+
+from __future__ import annotations
+
+import runpy
+
+import numpy as np
+import pytest
+
+import flowslide
+from flowslide.command_line import main
+from geometry.scenes3d.scene3d import load_scene_3d
+from geometry.survey3d.survey import FILE_NAME
+from geometry.terrain.raster import Raster, read_raster, write_raster
+from inversion.back_analysis.ground_case import ground_case
+from inversion.back_analysis.on_ground import on_ground
+from inversion.back_analysis.result import load_result
+from inversion.engines.ground_engine import GroundEngine
+from inversion.engines.measured_ground import MeasuredGround
+from inversion.estimation.data import Targets
+from inversion.estimation.unknowns import Parameters
+from inversion.problem.question import Question, load_question
+from pipeline.cli import InputError
+from pipeline.config import load_config
+from pipeline.files import write_text, yaml_text
+from pipeline.progress import Watch
+
+TRUTH, DURATION = 2.6, 20.0
+SAID = {"confidence": "published", "source": "simulated"}
+STRENGTH = {"name": "S_r", "zones": ["slimes"], "property": "residual_strength_kpa",
+            "start": 5.0, "low": 1.0, "high": 12.0}  # fmt: skip
+FEW = ["--set", "inversion.step_seeds=2", "--threads", "1", "--quiet"]
+
+
+def slide(folder):
+    """A small tailings dam in a valley."""
+    pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    folder.mkdir(exist_ok=True)
+    x, y = np.meshgrid(np.arange(0.0, 101.0, 2.0), np.arange(0.0, 33.0, 2.0), indexing="ij")
+    base = -0.05 * x + 0.3 * np.maximum(np.abs(y - 16.0) - 8.0, 0.0)
+    dam = np.where(x >= 24.0, np.minimum(9.0, 9.0 - (x - 28.0) / 2.5), -99.0)
+    surface = np.maximum(base, np.maximum(dam, np.where(x < 24.0, 8.0, -99.0)))
+    for name, values in (("base", base), ("surface", surface)):
+        write_raster(Raster((0.0, 0.0), 2.0, values), folder / f"{name}.tif")
+    fill = {"friction_deg": 0, "cohesion_kpa": 14, "density": 1900}
+    slimes = {"friction_deg": 0, "cohesion_kpa": 3, "density": 1700, "liquefied": True}
+    box = [[24, 0], [100, 0], [100, 32], [24, 32]]
+    document = {
+        "name": "small_dam", "spacing": 2.0, "duration_s": DURATION,
+        "terrain": {
+            "surface": "surface.tif", "base": "base.tif",
+            "zones": [{"name": "dam", "material": "fill", "plan": box},
+                      {"name": "slimes", "material": "slimes"}],
+            "materials": {"fill": fill, "slimes": slimes},
+        },
+        "paths": {"valley": [[28, 16], [100, 16]]},
+        "lines": {"road": [[65, 0], [65, 32]]},
+    }  # fmt: skip
+    write_text(folder / "scene3d.yaml", yaml_text(document))
+    return folder
+
+
+def asked(folder, *entries, **question):
+    """The survey and the question of a slide."""
+    survey = {"case": "dam", "default_set": "all", "sets": {"all": list(entries)}}
+    write_text(folder / FILE_NAME, yaml_text(survey))
+    write_text(folder / "inversion.yaml", yaml_text({"parameters": [STRENGTH], **question}))
+    return folder
+
+
+def truth(folder, kpa: float):
+    """Readings of the slide with a strength, on other points, and its surface as a raster."""
+    scene = load_scene_3d(folder)
+    settings = load_config(None).simulation.model_copy(update={"duration_s": DURATION})
+    parameters = Parameters(Question(parameters=[STRENGTH]).parameters)
+    nothing = Targets([], [], np.zeros(0), np.zeros((0, 0)), [])
+    setup = MeasuredGround(scene, settings, parameters, nothing, jitter=0.5, seed=99)
+    kept = GroundEngine(folder / "truth", threads=1).kept_maps(setup.at(np.array([kpa])))
+    deposit = setup.deposit_map(np.array([kpa]), kept)
+    (x, y), pixel = deposit.before.axes, deposit.before.spacing
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    surface = deposit.surface_at(places).reshape(len(x), len(y))
+    surface += 0.3 * np.random.default_rng(1).standard_normal(surface.shape)
+    return kept.readings, Raster(deposit.before.origin, pixel, surface)
+
+
+SURFACE = {"name": "surface", "type": "surface_after", "file": "after.tif", "every_m": 6.0,
+           "std_m": 0.4, "correlation_length_m": 10.0} | SAID  # fmt: skip
+RUNOUT = {"name": "toe", "type": "path_runout", "path": "valley", "value_m": 20.0,
+          "std_m": 2.0} | SAID  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_strength_of_a_twin_is_found_from_its_map(tmp_path, capsys):
+    folder, out = slide(tmp_path / "dam"), tmp_path / "out"
+    readings, surface = truth(folder, TRUTH)
+    write_raster(surface, folder / "after.tif")
+    road = {"name": "road", "type": "crossed_volume", "line": "road", "std_m3": 150.0,
+            "value_m3": readings["volume_across_road_m3"], "held_out": True} | SAID  # fmt: skip
+    asked(folder, SURFACE, road, loss="misfit")
+    command = ["invert", str(folder), "--out", str(out), "--quick", *FEW]
+    main(command)
+    said = capsys.readouterr().out
+    assert "surface after" in said and said.count("surface at (") == 0
+    result = load_result(out)
+    (found,) = result.answer.parameters
+    assert abs(found.value - TRUTH) < 2.0 * found.std_total < 0.5 * TRUTH
+    assert found.determined and found.ratio == pytest.approx(found.value / found.sigma_v0_kpa)
+    checked = {m.group: m for m in result.measurements if m.role == "held out"}
+    assert abs(checked["road"].difference_in_std) < 3.0
+    page = (out / "report.html").read_text()
+    assert "The map, measured and simulated" in page and page.count("data:image/png") >= 2
+    assert read_raster(out / "surface_after.tif").values.shape == (25, 8)
+    # What was run is kept: the same question again simulates nothing.
+    stamps = {path: path.stat().st_mtime_ns for path in (out / "runs").glob("*.npz")}
+    again = flowslide.back_analyse_3d(
+        folder, out=out, quick=True, threads=1,
+        settings=load_config(None, ["inversion.step_seeds=2"]),
+    )  # fmt: skip
+    assert again.answer.parameters[0].value == found.value
+    assert {path: path.stat().st_mtime_ns for path in (out / "runs").glob("*.npz")} == stamps
+
+
+def test_a_question_has_the_readings_that_three_dimensions_have(tmp_path):
+    wall = {"name": "wall", "kind": "zone_boundary", "vertices": [{"at": [0, 0], "move": [1, 0]}]}
+    sensitivities = [
+        {"name": "fill", "kind": "property", "zones": ["dam"], "property": "cohesion_kpa",
+         "std": 3.0},
+        {"name": "cells", "kind": "cell_size", "factor": 1.25},
+        {"name": "step", "kind": "time_step", "factor": 0.5},
+        {"name": "toe", "kind": "target", "measurement": "toe"},
+        wall,
+    ]  # fmt: skip
+    variants = [
+        {"name": "dry", "contact": "no_slip"},
+        {"name": "farther", "targets": {"toe": 25.0}},
+    ]
+    folder = asked(slide(tmp_path / "dam"), RUNOUT, sensitivities=sensitivities, variants=variants)
+    case = ground_case(folder, load_config(None))
+    known, left_out = case.sensitivities
+    assert [entry.name for entry, _ in known] == ["fill", "cells", "step", "toe"]
+    assert left_out == ["wall: kind zone_boundary: not available in three dimensions"]
+    stronger, weaker = (one.setup.scene.soil.materials for one in known[0][1])
+    assert (stronger["fill"].cohesion_kpa, weaker["fill"].cohesion_kpa) == (17.0, 11.0)
+    assert known[1][1][0].setup.scene.spacing == 2.5
+    assert [one.setup.targets.measured[0] for one in known[3][1]] == [22.0, 18.0]
+    kept, lines = case.variants
+    assert [one.name for one in kept] == ["farther"] and lines[0].startswith("dry: contact")
+    assert case.variant(kept[0]).setup.targets.measured[0] == 25.0
+    analysis = on_ground(case, tmp_path / "out", Watch(), threads=1)
+    assert analysis.known_variants() == case.variants
+    assert analysis.coarse_spacing_m is None  # too few points for coarse runs
+
+
+def test_coarse_runs_are_of_the_same_question(tmp_path):
+    folder = asked(slide(tmp_path / "dam"), RUNOUT)
+    case = ground_case(folder, load_config(None, ["inversion.coarse_points=50"]), spacing_m=1.0)
+    assert case.coarse_spacing_m is None  # 4 m, twice the spacing of the folder: 150 points
+    config = load_config(None, ["inversion.coarse_points=50", "inversion.coarse_factor=1.5"])
+    case = ground_case(folder, config, spacing_m=1.0)
+    assert case.coarse_spacing_m == 3.0
+    coarse = case.coarsened(case.setup)
+    assert coarse is not None and coarse.scene.spacing == 3.0
+    assert coarse.targets is case.setup.targets
+    assert len(coarse.problem.position) < len(case.setup.problem.position) / 20
+
+
+def test_jitter_moves_points_and_keeps_them_above_the_ground(tmp_path):
+    case = ground_case(asked(slide(tmp_path / "dam"), RUNOUT), load_config(None))
+    values = np.array([3.0])
+    plain = case.setup.problem_at(values)[1].position
+    first, again, other = (
+        case.jittered(case.setup, seed).problem_at(values)[1] for seed in (1, 1, 2)
+    )
+    assert np.array_equal(first.position, again.position)
+    assert not np.array_equal(first.position, other.position)
+    assert np.abs(first.position - plain).max() <= 0.5 * case.config.inversion.noise_jitter * 2.0
+    assert np.all(first.position[:, 2] > first.base.at(*first.position[:, :2].T))
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"parameters": [STRENGTH | {"zones": ["mud"]}]}, "no zone 'mud' in the scene"),
+        ({"engine": "gns"}, "engine: gns: not in three dimensions; only mpm3d"),
+        ({"fit": ["nose"]}, "no measurement 'nose' in this set; it has toe"),
+        ({"parameters": [{"name": "level", "property": "water_level", "start": 5.0, "low": 4.0,
+                          "high": 6.0}]}, "the scene has no water_level"),
+        ({"parameters": [STRENGTH | {"prior": {"relation": "weber_2015", "n1_60": 8}}]},
+         "prior.relation: not available in three dimensions"),
+        ({"sensitivities": [{"name": "s", "kind": "property", "zones": ["slimes"], "std": 1.0,
+                             "property": "cohesion_kpa"}]}, "calibrated by 'S_r'"),
+        ({"sensitivities": [{"name": "w", "kind": "water_level", "std_m": 1.0}]},
+         "only of a terrain with a water_level"),
+        ({"sensitivities": [{"name": "c", "kind": "cell_size", "factor": 4.9}], "spacing_m": 5.0},
+         "holds no point"),
+    ],
+)  # fmt: skip
+def test_a_question_that_cannot_be_asked_is_one_line(tmp_path, change, words):
+    folder = asked(slide(tmp_path / "dam"), RUNOUT, **change)
+    with pytest.raises(InputError) as raised:
+        ground_case(folder, load_config(None))
+    assert words in str(raised.value) and "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--engine", "gns"], "--engine gns: not in three dimensions"),
+        (["--model", "small"], "--model: not in three dimensions"),
+        (["--set-of-measurements", "old"], "no set of measurements 'old'; there are all"),
+        (["--spacing", "-1"], "-1"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(tmp_path, options, words):
+    folder = asked(slide(tmp_path / "dam"), RUNOUT)
+    with pytest.raises(InputError, match=words):
+        main(["invert", str(folder), *options, "--out", str(tmp_path / "out"), "--quiet"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_question_of_the_example_is_one_of_its_dam(root, tmp_path):
+    pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    valley, survey = (
+        runpy.run_path(str(root / f"docs/examples/tailings_{name}.py"))
+        for name in ("valley", "survey")
+    )
+    valley["write_example"](tmp_path)
+    write_text(tmp_path / "inversion.yaml", yaml_text(survey["QUESTION"]))
+    (spec,) = load_question(tmp_path, load_scene_3d(tmp_path).soil).parameters
+    assert spec.zones == ["slimes"] and spec.low < survey["TRUE_KPA"] < spec.high
+
+
+def test_without_a_survey_there_is_nothing_to_fit(tmp_path):
+    folder = asked(slide(tmp_path / "dam"), RUNOUT)
+    (folder / FILE_NAME).unlink()
+    with pytest.raises(InputError, match=FILE_NAME):
+        main(["invert", str(folder), "--out", str(tmp_path / "out"), "--quiet"])
