@@ -19,9 +19,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.marks import Mark
 from geometry.survey.quantity import OneNumber, Quantity
-from geometry.survey.toe import Side
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:

@@ -19,9 +19,9 @@ from geometry.scenes3d.scene3d import FILE_NAME as SCENE_FILE
 from geometry.scenes3d.scene3d import Scene3d, load_scene_3d
 from geometry.survey.blow_counts import BlowCount
 from geometry.survey3d.survey import Survey3d, load_survey
+from inversion.back_analysis.case import Reading
 from inversion.back_analysis.deviations import property_changes, with_changes
 from inversion.back_analysis.variants import Changed, sides, vary
-from inversion.back_analysis.waterfall import Reading
 from inversion.engines.measured_ground import MeasuredGround
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.misfit import Objective
