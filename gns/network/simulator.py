@@ -30,7 +30,7 @@ from gns.network.features import (
     edge_features,
     fading_of,
     height_on_line,
-    point_feature_count,
+    point_feature_names,
     point_features,
 )
 from gns.network.graph import Graph, joined, radius_graph
@@ -64,6 +64,8 @@ class SimulatorConfig(StrictDocument):
     thrust: bool = Field(
         False, description="points feel the horizontal force of the water; from the data"
     )
+    density: bool = Field(False, description="points know their density; from the data")
+    stiffness: bool = Field(False, description="points know Young's modulus; from the data")
     grid_cell: float = Field(
         0.0, ge=0, description="cell of a coarse grid in addition to the edges [d]; 0: none (paper)"
     )
@@ -92,9 +94,7 @@ class Simulator(nn.Module):
         super().__init__()
         self.config = config
         self.network = Network(
-            point_features=point_feature_count(
-                config.history, overburden=config.overburden, thrust=config.thrust
-            ),
+            point_features=len(feature_names(config)),
             width=config.width,
             message_passing_steps=config.message_passing_steps,
             grid_cell=config.grid_cell,
@@ -129,7 +129,7 @@ class Simulator(nn.Module):
         if graphs is None:
             graphs = [self.graph(window[-1]) for window in windows]
         for window, scene, graph in zip(windows, scenes, graphs, strict=True):
-            points.append(self.point_features(window, scene))
+            points.append(self.point_features(window, scene.at(window[-1])))
             edges.append(edge_features(window[-1], graph, self.config.radius))
         features = torch.cat(edges)
         fading = fading_of(features) if self.config.cutoff == "smooth" else None
@@ -139,7 +139,7 @@ class Simulator(nn.Module):
         )
 
     def point_features(self, window: Tensor, scene: ScaledScene) -> Tensor:
-        """Input features of the points of a scene, (N, features)."""
+        """Input features of the points of a scene whose water is `at` them, (N, features)."""
         return point_features(
             window,
             scene,
@@ -149,6 +149,8 @@ class Simulator(nn.Module):
             strength=self.config.strength,
             overburden=self.config.overburden,
             thrust=self.config.thrust,
+            density=self.config.density,
+            stiffness=self.config.stiffness,
         )
 
     def advance(self, window: Tensor, scene: ScaledScene, graph: Graph | None = None) -> Tensor:
@@ -301,6 +303,17 @@ class Simulator(nn.Module):
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise InputError(f"{source}: is not a model of this program: {error}") from None
         return simulator
+
+
+def feature_names(config: SimulatorConfig) -> list[str]:
+    """Names of the input features of the points, in their order."""
+    return point_feature_names(
+        config.history,
+        overburden=config.overburden,
+        thrust=config.thrust,
+        density=config.density,
+        stiffness=config.stiffness,
+    )
 
 
 def _check_weights(weights: Any, source: str) -> None:

@@ -55,7 +55,7 @@ def test_the_layout_is_plain_arrays_stored_as_they_are(packed, batches):
                 assert kinds == {zipfile.ZIP_STORED}
             with np.load(path, allow_pickle=False) as arrays:
                 assert arrays["run_numbers"].tolist() == [run.run for run in entry.runs]
-                assert arrays["layout_version"] == 2 and str(arrays["key"]) == entry.key
+                assert arrays["layout_version"] == 3 and str(arrays["key"]) == entry.key
                 assert tuple(arrays["number_names"]) == NUMBERS
                 assert tuple(arrays["property_names"]) == PROPERTIES
                 for run in entry.runs:
