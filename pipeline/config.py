@@ -540,12 +540,6 @@ class ScaleSettings(Settings):
     """One family of random scenes and its simulations (paper, Table 1)."""
 
     number_of_scenes: int = Field(gt=0, le=99_999, description="scenes to draw and simulate")
-    dams_from: int | None = Field(
-        None,
-        ge=0,
-        description="scenes from this number on are free-standing dams, most with a pool; "
-        "null: none",
-    )
     spacing_m: float = Field(gt=0, description="distance between material points, m")
     scale_factor: float = Field(gt=0, description="size of the templates; 1: Table A.1 as it is")
     domain_width_m: float = Field(gt=0, description="distance between the side walls, m")
@@ -565,6 +559,12 @@ class ScaleSettings(Settings):
     water: Literal["buoyant", "pore_pressure"] = Field(
         "buoyant",
         description="as simulation.water; the paper's runs are without the thrust of water",
+    )
+    dams_from: int | None = Field(
+        None,
+        ge=0,
+        description="scenes from this number on are free-standing dams, most with a pool; "
+        "null: none",
     )
     runs_per_batch: int = Field(100, gt=0, description="runs simulated by one job")
 

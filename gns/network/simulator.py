@@ -22,6 +22,7 @@ import torch
 from pydantic import Field, ValidationError
 from torch import Tensor, nn
 
+from gns.data.distance import KnownScenes
 from gns.data.metadata import Metadata
 from gns.data.ranges import MEANINGS, scene_ranges
 from gns.data.scene_facts import CONTACTS, SceneFacts
@@ -93,6 +94,7 @@ class Simulator(nn.Module):
     def __init__(self, config: SimulatorConfig) -> None:
         super().__init__()
         self.config = config
+        self.known: KnownScenes | None = None  # what it has learned from; None: it does not say
         self.network = Network(
             point_features=len(feature_names(config)),
             width=config.width,
@@ -266,6 +268,15 @@ class Simulator(nn.Module):
             warnings.append("walls that hold the soil: the training had smooth ones")
         return warnings
 
+    def distance(self, positions: np.ndarray, facts: SceneFacts) -> float | None:
+        """Of a scene to those learned from, `KnownScenes.distance`; None: the model has no list.
+
+        Args:
+            positions: at t = 0, (N, 2) [m].
+            facts: of the scene.
+        """
+        return None if self.known is None else self.known.distance(positions, facts)
+
     # -- files ---------------------------------------------------------------------------------
 
     def save(self, path: str | Path, **more: Any) -> None:
@@ -276,6 +287,12 @@ class Simulator(nn.Module):
             "weights": self.state_dict(),
             **more,
         }
+        if self.known is not None:
+            document["known"] = {
+                "features": torch.as_tensor(self.known.features, dtype=torch.float32),
+                "spread": torch.as_tensor(self.known.spread, dtype=torch.float32),
+                "unit": self.known.unit,
+            }
         with atomic_path(path) as temporary:
             torch.save(document, temporary)
 
@@ -296,6 +313,7 @@ class Simulator(nn.Module):
             simulator = cls(config)
             _check_weights(document["weights"], source)
             simulator.load_state_dict(document["weights"])
+            simulator.known = _known(document.get("known"))
         except ValidationError as error:
             raise InputError(f"{source}: {describe_error(error, SimulatorConfig)}") from None
         except InputError:
@@ -314,6 +332,14 @@ def feature_names(config: SimulatorConfig) -> list[str]:
         density=config.density,
         stiffness=config.stiffness,
     )
+
+
+def _known(stored: Mapping[str, Any] | None) -> KnownScenes | None:
+    """The scenes of a file's training; files of earlier versions have none."""
+    if stored is None:
+        return None
+    features, spread = (stored[name].cpu().numpy().astype(float) for name in ("features", "spread"))
+    return KnownScenes(features, spread, float(stored["unit"]))
 
 
 def _check_weights(weights: Any, source: str) -> None:

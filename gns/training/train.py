@@ -22,6 +22,7 @@ from torch import Tensor
 
 from gns import PHYSICS_VERSION
 from gns.data.dataset import Windows
+from gns.data.distance import KnownScenes, described
 from gns.data.metadata import Metadata, Statistics
 from gns.data.scene_facts import CONTACTS
 from gns.data.statistics import merge, run_moments
@@ -270,6 +271,7 @@ def _begin(
     simulator = _first_simulator(learned, settings, start).to(group.device)
     if settings.precision == "bfloat16":
         simulator.network.edge_precision = torch.bfloat16
+    simulator.known = _known_scenes(learned)
     optimizer = Optimizers(list(simulator.parameters()), settings)
     made_from = _made_from(learned, settings, group, start)
     training = _Training(
@@ -323,6 +325,15 @@ def _first_simulator(
     contacts = sorted({*start.config.contacts, *config.contacts})
     start.config = start.config.model_copy(update={"ranges": ranges, "contacts": contacts})
     return start
+
+
+def _known_scenes(learned: Windows) -> KnownScenes:
+    """What the model will have learned from."""
+    scenes = []
+    for run in map(int, learned.runs):
+        start = learned.positions(run, 0, 1)[0]
+        scenes.append(described(start, learned.facts(run)))
+    return KnownScenes.of(scenes)
 
 
 def _contacts(learned: Windows) -> list[str]:
