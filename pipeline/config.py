@@ -225,7 +225,7 @@ class InversionSettings(Settings):
     )
     outside_training: bool = Field(
         False,
-        description="of the engines gns, direct and corrected: answer also for a section far outside "
+        description="of gns, direct and corrected: answer also for a section far outside "
         "what the model has learned from",
     )
     surrogate_pairs: int = Field(
