@@ -602,12 +602,10 @@ def _default_scales() -> dict[str, ScaleSettings]:
     )
     coarse = large.model_copy(
         update={
-            "number_of_scenes": 1300,
-            "dams_from": 700,
+            "number_of_scenes": 700,
             "spacing_m": 2.0,
             "material_ranges": "any",
             "enlarged_share": 0.2,
-            "water": "pore_pressure",
         }
     )
     return {"large": large, "small": small, "coarse": coarse}

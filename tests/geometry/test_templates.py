@@ -322,10 +322,10 @@ def test_random_numbers_are_even():
     assert np.abs(directions.mean(axis=0)).max() < 0.15
 
 
-def test_a_scale_may_go_on_with_free_standing_dams(config):
+def test_a_scale_may_go_on_with_free_standing_dams(root):
     """They leave the scenes before them as they are, and have a pool and their own density."""
-    assert config.scale("coarse").dams_from == 700
-    alone = load_config(None, ["scales.coarse.dams_from=null"])
+    alone, config = load_config(None), load_config(root / "config" / "thrust.yaml")
+    assert config.scale("coarse").dams_from == 700 and alone.scale("coarse").dams_from is None
     assert draw_scene(config, "coarse", 699) == draw_scene(alone, "coarse", 699)
     dams = [draw_scene(config, "coarse", number) for number in range(700, 712)]
     assert {dam.origin.template for dam in dams} == {"f"}
