@@ -96,7 +96,6 @@ class GNSEngine(Forward):
         model: the simulator.
         mode: of the derivative: the cheaper, or one of them.
         on_frame: called for each frame of a rollout: its number, and of how many at most.
-        anywhere: answer also far outside what the model has learned from.
     """
 
     def __init__(
@@ -106,12 +105,10 @@ class GNSEngine(Forward):
         *,
         mode: Mode = "cheaper",
         on_frame: Callable[[int, int], None] | None = None,
-        anywhere: bool = False,
     ) -> None:
         super().__init__()
         self.store = store
         self.model = model
-        self.anywhere = anywhere
         self.mode = mode
         self.on_frame = on_frame
 
@@ -131,17 +128,32 @@ class GNSEngine(Forward):
         slide = self._slide(request)
         return self.model.simulator.outside(slide.start, slide.facts)
 
-    def distance(self, request: Request) -> float | None:
-        """Of a section to those learned from (`Simulator.distance`); None: not known."""
+    def distance(self, request: Request, *, anywhere: bool = False) -> float | None:
+        """Of a section to those learned from (`Simulator.distance`); None: not known.
+
+        Args:
+            request: the question.
+            anywhere: answer also far outside what the model has learned from.
+
+        Raises:
+            InputError: the section lies beyond FARTHEST.
+        """
         slide = self._slide(request)
-        return self.model.simulator.distance(slide.start, slide.facts)
+        away = self.model.simulator.distance(slide.start, slide.facts)
+        if away is not None and away > FARTHEST and not anywhere:
+            raise InputError(
+                f"{slide.scene.name}: lies at {away:.1f} from the training of the model "
+                f"{self.model.name} (1: as far as its outermost scenes from each other); beyond "
+                f"{FARTHEST:g} it answers with inversion.outside_training: true alone; ask the "
+                "engine mpm"
+            )
+        return away
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction]:
         """Predictions of all requests, one rollout after the other.
 
         Raises:
-            InputError: a scene or its settings hold what no learned simulator has been shown, or
-                the scene lies far outside the training.
+            InputError: a scene or its settings hold what no learned simulator has been shown.
         """
         found = []
         for request in requests:
@@ -185,14 +197,6 @@ class GNSEngine(Forward):
         simulator, scene = self.model.simulator, request.scene
         settings = simulator.settings(request.setup.settings)
         facts, start = start_of(scene, settings)
-        away = simulator.distance(start, facts)
-        if away is not None and away > FARTHEST and not self.anywhere:
-            raise InputError(
-                f"{scene.name}: lies at {away:.1f} from the training of the model "
-                f"{self.model.name} (1: as far as its outermost scenes from each other); beyond "
-                f"{FARTHEST:g} it answers a back-analysis with inversion.outside_training: true "
-                "alone; ask the engine mpm"
-            )
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)
         return Slide(
             setup=request.setup,
