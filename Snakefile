@@ -12,7 +12,7 @@
 #   snakemake diagnose_lsfd          which physical effect its model lacks; any folder with a question
 #   snakemake hidden_effects         the blind benchmark of the diagnosis: hours, or a cluster
 #   snakemake verify                 the verification suite, with its pictures
-#   snakemake everything --configfile config/test.yaml       all of it in about a minute
+#   snakemake everything --configfile config/test.yaml       all of it in a few minutes
 #   snakemake --report report.html simulate_coarse           a page about what was made
 #
 # profiles/default is used by itself (all cores of this machine); on a cluster add

@@ -125,12 +125,12 @@ def diagnosed(session: Session) -> Verdict:
 
 def _keep_models(session: Session, found: Diagnosis) -> None:
     """Write the models of the loop next to a person's, replacing those of an earlier loop."""
-    data, way = found.comparison.base.data, found.tried_models.way
+    way, context = found.tried_models.way, found.explanation.context
     parent = session.hypothesis_name
     words = {c.name: (c.unit, c.words) for c in found.model.candidates}
     there = list(hypothesis_files(session.folder))
     for number, adopted in enumerate(way):
-        name, model = parent, Hypothesis(by="run")
+        name, model, data = parent, Hypothesis(by="run"), context.of(adopted.model).data
         if number:
             effects = {
                 answer.name: HypothesisEffect(

@@ -25,12 +25,12 @@ from geometry.survey.measurements import Measurements, check_places
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
 from inversion.estimation.data import Targets, make_targets
+from inversion.estimation.forward import Setup
 from inversion.estimation.hold_out import split
-from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
+from inversion.problem.layers import with_relation_priors
 from inversion.problem.question import FILE_NAME as INVERSION_FILE
 from inversion.problem.question import Question, check_zones, load_question
-from inversion.problem.relation_priors import with_relation_priors
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
 

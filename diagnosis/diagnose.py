@@ -92,8 +92,9 @@ def diagnose(
     found = Diagnosis(model, options, comparison, explanation, tried_models, decision)
     if decision.verdict == "unknown_effect" and model.curves:
         say("nothing in the list explains it: seeking a strength curve that would")
-        found = replace(found, curve=find_curve(explanation.context, decision.final.model,
-                                                model.curves))  # fmt: skip
+        final = decision.final.model
+        curve = find_curve(explanation.context.of(final), final, model.curves)
+        found = replace(found, curve=curve)
     return replace(found, next_measurement=next_measurements(found, count))
 
 

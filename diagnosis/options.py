@@ -45,6 +45,9 @@ class Options:
         suspect: combined p below which it is suspect.
         still_failing: combined p of an accepted model, with the error of its effects, below which
             its answer does not stand.
+        nearly_all: share of the base model's excess misfit that such a model may leave all the
+            same, while its combined p is at least
+        nearly_failing: this.
         left_over: share of the base model's excess misfit that such a model may leave, where only
             that error lets it pass.
         held_out_left: share of the base model's excess misfit on held-out data that an answer may
@@ -72,7 +75,7 @@ class Options:
     forbidden: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    allowance: int = 1000
+    allowance: int = 1400
     replicates: int = 8
     second_scheme: bool = True
     finer_share: float = 1.0
@@ -88,6 +91,8 @@ class Options:
     alarm: float = 0.05
     suspect: float = 0.20
     still_failing: float = 0.05
+    nearly_all: float = 0.05
+    nearly_failing: float = 0.001
     left_over: float = 0.2
     held_out_left: float = 0.5
     held_out_failing: float = 0.01

@@ -12,6 +12,10 @@ documents. Nothing is printed here. The functions share these arguments:
 `case`: what `load_case` returns; or a folder, or the name of a case that ships with the program.
 `settings`: of all stages (`flowslide.load_settings`); None: those that the case was loaded with, or
     the defaults.
+`measurement_set`: name of a set in `measurements.yaml`; None: the one that the file names.
+`use_constructed`: let constructed data enter the fit.
+`engine`: what predicts, a name of `inversion.engines.registry`, without a trained model unless
+    stated otherwise.
 `spacing_m`: distance between material points [m]; None: the case's own.
 `device`, `threads`: "cpu" or "cuda"; CPU threads, None: all.
 `out`: folder of the results, made where it is missing. Finished simulations are kept there, so that
@@ -20,6 +24,7 @@ documents. Nothing is printed here. The functions share these arguments:
     They are executed, and known for the length of the call only.
 `progress`: called as `progress(done, total, message)` after every simulation and at every stage;
     `total` is an estimate where the number of simulations is not known beforehand.
+`hypothesis`: of a diagnosis, to go on from: a file, or its name in `out`; None: the base model.
 `cancel`: a function that returns True, or a `threading.Event` that is set, to stop. It is asked
     between simulations and raises `Cancelled`.
 
@@ -46,8 +51,8 @@ if TYPE_CHECKING:
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
     from geometry.case import Case
     from geometry.scenes3d.scene3d import Scene3d
+    from inversion.back_analysis.by_engine import Choice
     from inversion.back_analysis.case import InversionCase
-    from inversion.back_analysis.engine_choice import Choice
     from inversion.back_analysis.result import Result
     from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
@@ -99,9 +104,6 @@ def load_case(
         case: folder with `scene.yaml`, and `measurements.yaml` where something was measured; or the
             name of a case that ships with the program.
         settings: of all stages; None: the defaults.
-        measurement_set: name of a set in `measurements.yaml`; None: the one that the file names.
-        effect_files: see above.
-        measurement_files: see above.
 
     Raises:
         InputError: file, field, value and what is allowed.
@@ -156,13 +158,6 @@ def simulate(
         film: what kind of film is written to `out`.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
         water: False takes the reservoir and the groundwater away.
-        spacing_m: see above.
-        measurement_set: name of a set; None: the default one.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
         progress: called with the seconds of motion simulated.
         cancel: asked every few time steps.
 
@@ -258,9 +253,6 @@ def simulate_3d(
         film: what kind of film is written to `out`, from above and in perspective.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
         water: False takes pool and groundwater away.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
         progress: called with the seconds of motion simulated.
         cancel: asked at every frame.
 
@@ -344,7 +336,7 @@ def back_analyse(
 
     Args:
         case: with a section, measurements and a question (`inversion.yaml`).
-        out: see above; `result.json`, `history.csv`, `sections.npz` and `run.h5` are written there.
+        out: `result.json`, `history.csv`, `sections.npz` and `run.h5` are written there.
         engine: "mpm", the material point method, "gns", a learned simulator, or "mpm3d", the
             material point method over the width of the case's `scene3d.yaml`; None: the question's,
             else the settings'.
@@ -352,18 +344,8 @@ def back_analyse(
         method: of the search; None: the settings'.
         quick: the answer alone: one start, no variants, no seeds, no sensitivities,
             no waterfall.
-        spacing_m: see above.
-        measurement_set: name of a set; None: the default one.
-        use_constructed: let constructed data enter the fit.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
         evaluated: called as `evaluated(simulations, values, loss)` with the values by name that
             the search for the answer has tried, in outside units, after each of them.
-        cancel: see above.
 
     Returns:
         what `result.json` holds; strengths in kPa, lengths in m.
@@ -373,8 +355,8 @@ def back_analyse(
         WorkFailed: no simulation of the case can be read.
         Cancelled: the caller asked for it.
     """
+    from inversion.back_analysis.by_engine import chosen_engine
     from inversion.back_analysis.case import inversion_case
-    from inversion.back_analysis.engine_choice import chosen_engine
 
     watch = Watch(progress, cancel, evaluated)
     with own_code(effect_files, measurement_files), _folder(out) as folder:
@@ -438,20 +420,11 @@ def posterior(
 
     Args:
         case: with a section, measurements and a question (`inversion.yaml`).
-        out: see above; `posterior.json`, the draws `posterior.nc` (ArviZ) and `report.html` are
+        out: `posterior.json`, the draws `posterior.nc` (ArviZ) and `report.html` are
             written there.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model;
             "mpm3d": over the width of the case's `scene3d.yaml`.
-        spacing_m: see above.
-        measurement_set: name of a set; None: the default one.
-        use_constructed: let constructed data enter the fit.
         settings: see above; the group `posterior` says how many runs and draws.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
-        cancel: see above.
 
     Returns:
         what `posterior.json` holds; strengths in kPa, lengths in m.
@@ -521,21 +494,12 @@ def predict(
         strengths: mean and standard deviation [kPa] such as "18+-5", of some zones "1,6=4+-1".
             Empty: those of `posterior`.
         posterior: in place of strengths: `out` of a `posterior`, whose draws are the strengths.
-        out: see above; `prediction.json` and its page are written there.
+        out: `prediction.json` and its page are written there.
         zones: of a single strength; empty: those whose strength `inversion.yaml` seeks, else the
             liquefied ones.
         distribution: of strengths that are given as text.
         samples: drawn from the strengths, at least 100.
         seeds: jitter seeds that measure the numerical noise; 0: none.
-        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
-        cancel: see above.
 
     Returns:
         what `prediction.json` holds (docs/files.md).
@@ -603,16 +567,12 @@ def predict_3d(
         scene: `scene3d.yaml` or its folder.
         strengths: see `predict`; zones are those of the section or of the terrain.
         posterior: see `predict`.
-        out: see above; `prediction.json`, its page and the exceedance maps are written there.
+        out: `prediction.json`, its page and the exceedance maps are written there.
         zones: of a single strength; empty: the liquefied ones.
         distribution: of strengths that are given as text.
         thicker_than_m: thicknesses of the deposit [m] of which the probability is mapped; empty:
             that from which soil counts as a deposit.
         samples: drawn from the strengths, at least 100.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        progress: see above.
         cancel: asked at every frame.
 
     Raises:
@@ -667,8 +627,7 @@ def _strengths(
     distribution: Literal["lognormal", "normal"],
 ) -> Sequence[KnownStrength]:
     """The strengths of a prediction as they are given, or as a posterior has drawn them."""
-    from inversion.prediction.drawn_strength import drawn_strengths
-    from inversion.prediction.known_strength import OPTION, parse_strength
+    from inversion.prediction.known_strength import OPTION, drawn_strengths, parse_strength
 
     if bool(strengths) == (posterior is not None):
         raise InputError("predict: give strengths or a posterior, one of the two")
@@ -701,16 +660,7 @@ def predict_from_blow_counts(
     Args:
         case: with a section whose liquefied zones have blow counts (`blow_counts.yaml`).
         zones: that liquefy, those of the section among them; empty: these alone.
-        out: see above; `from_blow_counts.json` and its page are written there.
-        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        device: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
-        progress: see above.
-        cancel: see above.
+        out: `from_blow_counts.json` and its page are written there.
 
     Returns:
         what `from_blow_counts.json` holds (docs/method/prediction.md).
@@ -758,12 +708,10 @@ def classical(
 
     Args:
         case: with a section, a measured side, and a surface after the slide.
-        out: see above; `classical.json`, its page and a picture per slide are written there.
+        out: `classical.json`, its page and a picture per slide are written there.
         run: trajectory whose deposit is the section after the slide; None: as surveyed.
         slide: the only one; None: every slide of the case.
         judgement: calls that replace those of `classical.yaml`, by name (docs/method/classical.md).
-        settings: see above.
-        measurement_files: see above.
         progress: called for each slide.
         cancel: asked between slides.
 
@@ -805,16 +753,8 @@ def diagnose(
 
     Args:
         case: with a section, measurements and a question.
-        out: see above; `verdict.json`, `sections.npz` and the hypotheses are written there.
-        hypothesis: to go on from: a file, or its name in `out`; None: the base model.
-        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
+        out: `verdict.json`, `sections.npz` and the hypotheses are written there.
         progress: called for each run; the total is the budget, which is rarely used up.
-        cancel: see above.
 
     Returns:
         what `verdict.json` holds.
@@ -854,16 +794,8 @@ def compare(
 
     Args:
         case: with a section, measurements and a question.
-        out: see above; `compare.json`, `sections.npz` and the hypothesis are written there.
-        hypothesis: to go on from: a file, or its name in `out`; None: the base model.
-        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
+        out: `compare.json`, `sections.npz` and the hypothesis are written there.
         progress: called for each run; the total is the budget, which is rarely used up.
-        cancel: see above.
 
     Returns:
         what `compare.json` holds.
@@ -903,16 +835,8 @@ def explain(
 
     Args:
         case: with a section, measurements and a question.
-        out: see above; `explain.json` and `sections.npz` are written there.
-        hypothesis: to go on from: a file, or its name in `out`; None: the base model.
-        engine: what predicts, a name of `inversion.engines.registry`, without a trained model.
-        spacing_m: see above.
-        settings: see above.
-        threads: see above.
-        effect_files: see above.
-        measurement_files: see above.
+        out: `explain.json` and `sections.npz` are written there.
         progress: called for each run; the total is the budget, which is rarely used up.
-        cancel: see above.
 
     Returns:
         what `explain.json` holds.

@@ -16,11 +16,11 @@ from typing import Any, Protocol, TypeVar
 
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 from geometry.survey.blow_counts import BlowCount, load_blow_counts
+from geometry.survey.columns import Side
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, load_measurements
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 from pipeline.config import Config, SimulationSettings
 from pipeline.places import CASES, resolve

@@ -315,7 +315,7 @@ class DiagnosisSettings(Settings):
     spacing_factor: float = Field(
         1.0, gt=0, description="multiplies the spacing of every case, as for the back-analysis"
     )
-    max_runs: int = Field(1000, ge=20, description="forward runs of one diagnosis")
+    max_runs: int = Field(1400, ge=20, description="forward runs of one diagnosis")
     replicates: int = Field(
         8, ge=2, description="jitter seeds that measure the numerical noise at the fit"
     )

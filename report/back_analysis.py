@@ -11,16 +11,16 @@ from pathlib import Path
 
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
 from inversion.engines.registry import engine_named
+from pipeline.cli import InputError
 from report.data.back_analysis import BackAnalysisData
 from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
-from report.pictures.answer_film import known_film, save_film
 from report.sentences import back_analysis as words
 from report.table import plain
 from report.tables import back_analysis as tables
 from report.tables import checklist
 from report.two_strengths import two_strengths
 
-PAGE = "report.html"
+PAGE, FILM = "report.html", "runout"
 WIDE_PX = 820
 """Width below which a section is not shrunk on a phone but scrolls sideways."""
 
@@ -199,8 +199,7 @@ def _measured(data: BackAnalysisData) -> Section:
 
 
 def _not_determined(data: BackAnalysisData) -> Section:
-    from report.charts.equivalent_answers import draw_equally_good, papers_answer
-    from report.charts.uncertainty import draw_before_after
+    from report.charts.uncertainty import draw_before_after, draw_equally_good, papers_answer
 
     parts = shown(
         draw_before_after(data, data.folder / "before_after.svg"),
@@ -321,3 +320,28 @@ def _made(data: BackAnalysisData) -> Section:
     return Section(
         "How this was made", [*remarks, *tabulated(tables.timing_table(data)), *settings]
     )
+
+
+def save_film(data: BackAnalysisData) -> Path | None:
+    """Save the film of the answer next to the page; None where there is no trajectory or case."""
+    if data.run is None or data.case is None:
+        return None
+    from report.pictures.case_history import save_case_film
+    from report.pictures.video import check_video
+
+    path = data.folder / f"{FILM}.mp4"
+    try:
+        check_video(path)
+    except InputError:  # no ffmpeg here: what needs nothing more
+        path = path.with_suffix(".gif")
+    save_case_film(data.case, data.run, path)
+    return path
+
+
+def known_film(folder: Path) -> Path | None:
+    """The film an earlier report has left in a folder."""
+    for suffix in (".mp4", ".gif"):
+        path = folder / f"{FILM}{suffix}"
+        if path.is_file():
+            return path
+    return None

@@ -145,7 +145,6 @@ def test_rooms_load_only_rooms_to_their_left(path):
 # A form and what checks it, a thing and what is made of it: two files that are read as one.
 READ_AS_ONE = [
     {"geometry/survey/measured.py", "geometry/survey/site.py"},
-    {"inversion/back_analysis/case.py", "inversion/back_analysis/waterfall.py"},
     {"inversion/back_analysis/result.py", "inversion/back_analysis/result_checks.py"},
     {"mpm_taichi/effects/__init__.py", "mpm_taichi/effects/framework/registry.py"},
 ]

@@ -27,7 +27,7 @@ from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 from pipeline.cli import CommandParser, base_parser, main_exit

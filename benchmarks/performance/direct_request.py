@@ -18,7 +18,7 @@ from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.direct_engine import DirectEngine, shipped
 from inversion.engines.run_store import RunStore
-from inversion.estimation.setup import Request
+from inversion.estimation.forward import Request
 
 CASE = Path("case_histories/lower_san_fernando")
 PAIRS = 40

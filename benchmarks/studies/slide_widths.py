@@ -47,7 +47,7 @@ from geometry.scenes3d.scene3d import Section as Width
 from geometry.survey.measured import Deposit
 from inversion.engines.run_store import RunStore
 from inversion.engines.run_store_3d import RunStore3d
-from inversion.estimation.history_reader import deposit_of_run
+from inversion.estimation.forward import deposit_of_run
 from mpm_taichi.effects import effect as effect_of
 from mpm_taichi.trajectory import Run
 from pipeline.cli import WorkFailed

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.survey.columns import toe
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import toe
 from mpm_taichi.trajectory import Run
 from pipeline.files import read_yaml
 
@@ -80,7 +80,7 @@ def surface(
 
 
 def front(position: np.ndarray, *, spacing: float, volume: float = 1.0) -> float:
-    """Toe of the deposit [m]: where it is one spacing thick (`geometry.survey.toe.toe`).
+    """Toe of the deposit [m]: where it is one spacing thick (`geometry.survey.columns.toe`).
 
     For another thickness, give it as `spacing`, and the points' volume in its square.
     """

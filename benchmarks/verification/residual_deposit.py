@@ -35,8 +35,8 @@ from scipy.optimize import brentq
 
 from benchmarks.verification.lab import Lab
 from benchmarks.verification.rows import Row
+from geometry.survey.columns import naked_eye_toe
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import naked_eye_toe
 
 TITLE = "S_r deposit on a rough base"
 TOLERANCE = 0.05

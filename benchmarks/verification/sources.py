@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from functools import cache
 from pathlib import Path
 
 from benchmarks.generated_pages import ROOT
@@ -41,8 +42,9 @@ def sources(program: Path) -> list[Path]:
     return sorted(found)
 
 
+@cache
 def imported_files(path: Path) -> list[Path]:
-    """Files of `PACKAGES` that a file imports by name."""
+    """Files of `PACKAGES` that a file imports by name; read once, though many programs share it."""
     names = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

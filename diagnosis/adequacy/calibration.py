@@ -2,13 +2,14 @@
 
 A scan over the strengths finds where the slide moves at all; searches from the best of it, and from
 others, find the least misfit. There the replicates, the second transfer scheme and the finer cells
-are run. What finer cells change is added to every prediction from there on; C is put together and
-frozen (misfits must be comparable), and the fit is settled on the mean of the replicates.
+are run. What finer cells change is added to every prediction from there on (`Cells`); C is put
+together, and the fit is settled on the mean of the replicates.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -43,8 +44,44 @@ TIMES_ANEW = 3
 #: farther than this.
 TIMES_CORRECTED = 2
 FAR = 0.1
+#: Amplitude, as a share of that at which cells were measured, up to which they do more.
+MOST_SHARE = 1.5
 #: Variance of a run's noise as a share of the survey's, until it is measured.
 ASSUMED_NOISE = 0.2
+
+
+@dataclass
+class Cells:
+    """What is added to predictions for the size of the cells.
+
+    Attributes:
+        targets: the measurements.
+        missing: of the base model, (m,).
+        models: effects -> their amplitudes at a fit, and what is missing there beyond that, (m,).
+    """
+
+    targets: Targets
+    missing: np.ndarray
+    models: dict[tuple[str, ...], tuple[Mapping[str, float], np.ndarray]] = field(
+        default_factory=dict
+    )
+
+    def __call__(self, state: State, row: np.ndarray) -> np.ndarray:
+        """The prediction (m,) of a state, corrected."""
+        return self.targets.counted(row + self.of(state))
+
+    def of(self, state: State) -> np.ndarray:
+        """What a state's cells take from its prediction, (m,).
+
+        Of the largest model measured whose effects it has, in proportion to the amplitudes.
+        """
+        there = dict(state.effects)
+        known = [names for names in self.models if names and there.keys() >= set(names)]
+        if not known:
+            return self.missing
+        amplitudes, more = self.models[max(known, key=len)]
+        shares = [there[name] / amplitude for name, amplitude in amplitudes.items()]
+        return self.missing + float(np.clip(min(shares), 0.0, MOST_SHARE)) * more
 
 
 @dataclass(frozen=True)
@@ -55,7 +92,7 @@ class Base:
         runs: the model with its memory.
         split: fitted and held-out measurements.
         covariance: C by its parts.
-        missing: what the cells take from a prediction; it has been added to all of them, (m,).
+        cells: what they take from a prediction; it is added to all of them.
         jitter: covariance of one run's numerical noise, (m, m).
         data: measurements with C.
         surface: response surface around the anchor; its prediction is the mean of the replicates.
@@ -66,7 +103,7 @@ class Base:
     runs: Runs
     split: Split
     covariance: Covariance
-    missing: np.ndarray
+    cells: Cells
     jitter: np.ndarray
     data: Data
     surface: Surface
@@ -110,11 +147,12 @@ def _with_errors(
     From here on every prediction of `runs` is corrected.
     """
     base = first.x
-    runs.corrected = lambda row: row
-    replicates = _replicates(runs, space, base, options)
-    cov, missing = _errors(runs, targets, space, base, replicates, options)
-    runs.corrected = lambda row: targets.counted(row + missing)
-    replicates = _replicates(runs, space, base, options)
+    runs.corrected = lambda state, row: row
+    replicates = replicates_at(runs, space, base, options)
+    cov, missing = errors_at(runs, targets, space.state(base), replicates, options)
+    cells = Cells(targets, missing)
+    runs.corrected = cells
+    replicates = replicates_at(runs, space, base, options)
     data = targets.data(cov.total, parts)
     data = replace(data, strength_error=options.source_strength)
     jitter = jitter_covariance(replicates)
@@ -132,7 +170,7 @@ def _with_errors(
             runs, data, surrogate, [base], first=[], turns=3, what="the fit with all errors"
         )
         fit = fit if found is None else found
-    return Base(runs, parts, cov, missing, jitter, data, surface, seeds, fit)
+    return Base(runs, parts, cov, cells, jitter, data, surface, seeds, fit)
 
 
 def _first_fit(runs: Runs, data: Data, space: Unknowns, options: Options) -> Fit:
@@ -188,7 +226,7 @@ def _scan(space: Unknowns) -> list[np.ndarray]:
     return guesses
 
 
-def _replicates(runs: Runs, space: Unknowns, x: np.ndarray, options: Options) -> np.ndarray:
+def replicates_at(runs: Runs, space: Unknowns, x: np.ndarray, options: Options) -> np.ndarray:
     """Predictions at x with jitter seeds 0 to n, (n + 1, m)."""
     n = options.replicates if options.numerical_covariance else 0
     states = [space.state(x, seed=seed) for seed in range(n + 1)]
@@ -206,21 +244,23 @@ def paired(own: State, options: Options) -> dict[Numerics, State]:
     return {kind: replace(own, numerics=kind) for kind, asked in wanted.items() if asked}
 
 
-def _errors(
-    runs: Runs,
-    targets: Targets,
-    space: Unknowns,
-    x: np.ndarray,
-    replicates: np.ndarray,
-    options: Options,
+def errors_at(
+    runs: Runs, targets: Targets, own: State, replicates: np.ndarray, options: Options
 ) -> tuple[Covariance, np.ndarray]:
-    """C at the fit, and what the cells take from every prediction there, (m,)."""
+    """C of a model at a state, and what the cells take from every prediction there, (m,).
+
+    Args:
+        runs: the model.
+        targets: the measurements.
+        own: the state.
+        replicates: predictions there with other jitters, (n, m).
+        options: which parts there are.
+    """
     nothing = np.zeros(replicates.shape[1])
     source = source_covariance(targets.entries, options.source)
     survey = targets.covariance
     if not options.numerical_covariance:
         return covariance(survey, source=source), nothing
-    own = space.state(x)
     kinds = paired(own, options)
     transfer = fine = None
     finer_noise = 0.0

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.hypotheses.model import Candidate
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.problem.question import Sensitivity
 from pipeline.cli import InputError
 

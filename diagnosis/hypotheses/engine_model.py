@@ -26,7 +26,7 @@ from inversion.engines.finite_width import FiniteWidth
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.setup import Request, Setup
+from inversion.estimation.forward import Request, Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Sensitivity
 from inversion.problem.state import State

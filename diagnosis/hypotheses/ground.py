@@ -24,7 +24,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 
 Side = Literal["left", "right"]
 

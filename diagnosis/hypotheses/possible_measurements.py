@@ -12,7 +12,7 @@ from diagnosis.hypotheses.model import Proposal
 from geometry.survey.measured import Measured
 from geometry.survey.registry import measurement_types
 from geometry.survey.site import Site
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 
 
 def site_of(setup: Setup) -> Site:

@@ -14,7 +14,7 @@ from diagnosis.hypotheses import ground, section, soil, start, strength, water, 
 from diagnosis.hypotheses.assumption import Found, Sensitivities
 from diagnosis.hypotheses.survey import survey_errors
 from inversion.engines.registry import Engine
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from mpm_taichi.effects import effects
 from pipeline.cli import InputError
 

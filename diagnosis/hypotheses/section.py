@@ -15,7 +15,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate
 from inversion.back_analysis.deviations import deviating
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.problem.question import ZoneBoundary
 
 BOUNDARY = "boundary_"

@@ -18,7 +18,7 @@ from diagnosis.hypotheses.assumption import (
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Material, Scene
 from inversion.back_analysis.deviations import property_changes, with_changes
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.problem.question import FixedProperty, material_key
 
 #: One standard deviation where nothing is known: as shares of the value, and as it is.

@@ -16,7 +16,7 @@ from diagnosis.hypotheses.assumption import (
     with_setting,
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from mpm_taichi.effects import liquefied_zones
 from pipeline.cli import InputError
 

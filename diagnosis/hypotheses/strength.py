@@ -15,7 +15,7 @@ from shapely.ops import unary_union
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Scene
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from mpm_taichi.effects import effect, liquefied_zones
 from pipeline.cli import InputError
 

@@ -21,8 +21,8 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Scene, scene_from_mapping
-from inversion.estimation.setup import Setup
-from inversion.problem.water_level import SAME_PLACE_M
+from inversion.estimation.forward import Setup
+from inversion.problem.scene_changes import SAME_PLACE_M
 
 Side = Literal["left", "right"]
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
 from diagnosis.hypotheses.model import Candidate
 from inversion.engines.finite_width import RATIOS, refused
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 
 WIDTH = "finite_width"
 

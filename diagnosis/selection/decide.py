@@ -114,10 +114,12 @@ def not_enough(base: Adequacy, final: Adequacy, doubted: float | None, options: 
         options: settings of the diagnosis.
     """
     p = max(final.p_combined, doubted or 0.0)
-    if p < options.still_failing:
+    left = excess(final) / max(excess(base), 1e-9)
+    # No law is exact, and of a large misfit a little shows: what is left of it, not that it shows.
+    nearly = left <= options.nearly_all and p >= options.nearly_failing
+    if p < options.still_failing and not nearly:
         return f"its tests still fail (p {p:.2g})"
     # A large false effect would forgive itself, since its error grows with it.
-    left = excess(final) / max(excess(base), 1e-9)
     if final.p_combined < options.still_failing and left > options.left_over:
         return f"{100 * left:.0f} % of the misfit beyond noise is left"
     before, after = base.held_out, final.held_out

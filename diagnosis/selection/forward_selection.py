@@ -14,6 +14,7 @@ import numpy as np
 
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
+from diagnosis.selection.decide import explains
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
@@ -44,20 +45,21 @@ def run_rounds(selection: Selection) -> None:
         if now.adequacy.p_combined >= options.suspect:
             break
         runs.reserve = ERROR_RUNS + (kept if number == 0 else 0)
-        # What the cells make of a large effect asks for a second one: without C' none is added.
-        if now.model.names and not selection.doubt():
+        # What the cells make of a large effect asks for a second one: without its error none is
+        # added, nor where with it the effects so far explain.
+        if now.model.names and (not selection.doubt() or explains(tried_models, options)):
             break
         names = wanted_models(
             selection.comparison, selection.explanation, now, options, first=number == 0
         )
         tried = selection.refitted([key for key in names if selection.leaves_spare(key)])
         runs.reserve = ERROR_RUNS
-        tried = selection.judged_best(now.model, tried)
+        tried = selection.with_own_errors(now.model, selection.judged_best(now.model, tried))
         best = selection.accepted(now.model, tried)
         if best is not None and number == 0:
             doubles = untried_doubles(tried_models, selection.explanation, best, options)
             tried += selection.refitted(doubles)
-            tried = selection.judged_best(now.model, tried)
+            tried = selection.with_own_errors(now.model, selection.judged_best(now.model, tried))
         # A first effect has to pass by the slope that its search has learnt: its own comes on top,
         # so that what is faint stays unnamed. A further one is compared with a model that has one.
         if best is not None or now.model.names:
@@ -89,6 +91,7 @@ def _best_pair(selection: Selection) -> FittedModel | None:
     every = best_pairs(selection.comparison, selection.explanation, MOST_PAIRS)
     pairs = [key for key in every if selection.leaves_spare(key)]
     tried = selection.judged_best(now, selection.refitted(pairs[:PAIRS]))
+    tried = selection.with_own_errors(now, tried)
     if selection.accepted(now, tried) is None:
         return None
     return selection.accepted(now, selection.on_equal_terms(now, tried))

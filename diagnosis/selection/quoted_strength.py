@@ -2,6 +2,8 @@
 
 - Where the measurements are explained: the mixture of the explanations of the 90 % set, by their
   probability. Of a single one that is its own fit.
+  Where a little of a large misfit is left (`decide.not_enough`), its standard deviation is widened
+  as below.
 - Where they are not (suspect, unknown effect): nobody knows which model is wrong
   by how much. The mixture is then of the base model and of every model that was tried and lowers
   chi2 by as much as acceptance asks for, all of one weight. Each standard deviation is widened by
@@ -22,9 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.selection.decide import Verdicts
-from inversion.estimation.data import Data
+from diagnosis.selection.refit import FittedModel, RefitContext
 from inversion.estimation.misfit import system
-from inversion.estimation.surface_search import Fit
 
 EXPLAINED: tuple[Verdicts, ...] = ("adequate", "identified", "ambiguous")
 """Verdicts by which the measurements are explained."""
@@ -46,8 +47,8 @@ class Quoted:
 
 
 def quoted(
-    data: Data,
-    fits: Mapping[tuple[str, ...], Fit],
+    context: RefitContext,
+    models: Mapping[tuple[str, ...], FittedModel],
     weights: Mapping[tuple[str, ...], float],
     *,
     error: np.ndarray | None,
@@ -56,20 +57,21 @@ def quoted(
     """Mix models.
 
     Args:
-        data: measurements with C.
-        fits: every model that is mixed, by its effects.
+        context: measurements with C.
+        models: every model that is mixed, by its effects.
         weights: of the same; need not add up to 1.
-        error: C' - C at the answer, (m, m), for models with effects; None: none is known.
+        error: C' - C at the answer, (m, m), for models with effects and no error of their own;
+            None: none is known.
         widened: by the Birge ratio.
     """
     total = sum(weights.values())
     share = {names: weight / total for names, weight in weights.items()}
     means, variances = [], []
     for names in share:
-        fit = fits[names]
-        p = fit.space.p
-        linear = system(data, fit.space, fit.derivative, fit.x)
-        spread = linear.spread_with(error if names else None)[:p]
+        model = models[names]
+        fit, p = model.fit, model.fit.space.p
+        linear = system(context.of(model).data, fit.space, fit.derivative, fit.x)
+        spread = linear.spread_with(error if names and model.own is None else None)[:p]
         birge = max(fit.total / linear.dof, 1.0) if widened and linear.dof > 0 else 1.0
         means.append(fit.x[:p])
         variances.append(birge * spread**2)
@@ -79,9 +81,11 @@ def quoted(
 
 
 def unexplained(
-    fits: Mapping[tuple[str, ...], Fit], least_drop: float
+    models: Mapping[tuple[str, ...], FittedModel], least_drop: float
 ) -> dict[tuple[str, ...], float]:
     """Weights where nothing explains: the base model, and all that fit clearly better."""
-    base = fits[()]
-    better = [names for names, fit in fits.items() if base.total - fit.total >= least_drop]
+    base = models[()].fit
+    better = [
+        names for names, model in models.items() if base.total - model.fit.total >= least_drop
+    ]
     return dict.fromkeys([(), *better], 1.0)

@@ -79,6 +79,10 @@ class RefitContext:
         """Unknowns of a model with these effects."""
         return self.base.with_effects([self.amplitudes[name] for name in sorted(names)])
 
+    def of(self, model: FittedModel) -> RefitContext:
+        """The same with the errors that a model has of its own."""
+        return self if model.own is None else replace(self, data=model.own, share=0.0)
+
     def data_for(self, fit: Fit) -> Data:
         """The measurements with what the law of the model's effects may be off by in C.
 
@@ -114,6 +118,8 @@ class FittedModel:
         judged: by jitters that it was not fitted with.
         sloped: its derivative is its own, by central differences.
         unread: no run at its fit could be read, so that it explains nothing.
+        own: measurements with the model's own error as it was found at its fit, `share` included,
+            in place of that of the base model; None: it was not.
     """
 
     fit: Fit
@@ -124,6 +130,7 @@ class FittedModel:
     judged: bool = False
     sloped: bool = False
     unread: bool = False
+    own: Data | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -310,6 +317,7 @@ def judge(context: RefitContext, model: FittedModel) -> FittedModel:
     surrogate, fit = model.surrogate, model.fit
     if surrogate is None or model.judged:
         return model
+    context = context.of(model)
     for jitters in JUDGES:
         states = [fit.space.state(fit.x, seed=seed) for seed in jitters]
         if not context.runs.affords(states, f"fresh jitters for {' + '.join(fit.names)}"):
@@ -322,7 +330,7 @@ def judge(context: RefitContext, model: FittedModel) -> FittedModel:
         before, fit = fit.x, settled(context.data, surrogate, [fit.x, *surrogate.points])
         if np.max(np.abs(fit.x - before)) < SEEN:
             break
-    return replace(weighed(context, fit, around(fit), surrogate), judged=True)
+    return replace(weighed(context, fit, around(fit), surrogate), judged=True, own=model.own)
 
 
 def around(fit: Fit) -> Surface:
@@ -338,9 +346,7 @@ def weighed(
     linear = system(data, fit.space, fit.derivative, fit.x)
     held_out = held_out_misfit(fit, linear)
     evidence = ln_evidence(data, fit, context.count) + held_out.ln_density
-    if data is not context.data:  # what all models share is left out, but this they do not
-        evidence += data.ln_density_at_best - context.data.ln_density_at_best
-    return FittedModel(fit, evidence, held_out, surface, surrogate)
+    return FittedModel(fit, evidence + data.ln_density_at_best, held_out, surface, surrogate)
 
 
 def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedModel:
@@ -351,10 +357,15 @@ def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedMod
     """
     if chosen.sloped:
         return chosen
-    fit = chosen.fit
+    fit, context = chosen.fit, context.of(chosen)
     what = f"derivative of {' + '.join(fit.names)}"
     surrogate = sloped_at(context, fit, fit.prediction, what, anchored_by=ANCHORED)
     if surrogate is None:
         return chosen
-    found = weighed(context, settled(context.data, surrogate, [fit.x]), surrogate.surface)
-    return replace(found, judged=True, sloped=True)
+    # The slope that a search has learnt by the way can leave it short in a long valley.
+    surrogate.recall(context.runs)
+    found = search(
+        context.runs, context.data, surrogate, [fit.x], first=[], turns=TURNS, what=what
+    ) or settled(context.data, surrogate, [fit.x])  # fmt: skip
+    found = weighed(context, found, around(found), surrogate)
+    return replace(found, judged=True, sloped=True, own=chosen.own)

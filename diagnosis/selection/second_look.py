@@ -68,7 +68,8 @@ def look_again(selection: Selection) -> None:
         if model is not None:
             found.append(model)
     found = [tried.models[model.names] for model in found]
-    found = selection.on_equal_terms(base, selection.judged_best(base, found))
+    found = selection.with_own_errors(base, selection.judged_best(base, found))
+    found = selection.on_equal_terms(base, found)
     for after in found:
         if len(after.names) == 1:
             tried.first[after.names[0]] = (after, why_not(base, after, options))
@@ -146,7 +147,8 @@ def starts(selection: Selection) -> list[tuple[str, ...]]:
 def promises(selection: Selection, start: FittedModel) -> list[Promise]:
     """What every other candidate promises on top of a model, by one run of each at its fit."""
     explanation, options = selection.explanation, selection.options
-    found = judged(explanation.context.data, start.fit, draws=1, seed=options.seed)
+    data = explanation.context.of(start).data
+    found = judged(data, start.fit, draws=1, seed=options.seed)
     others = [
         one for one in explanation.candidates if one.name not in start.names and not one.by_chance
     ]

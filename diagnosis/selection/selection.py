@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.adequacy.adequacy import Test, assess, judged
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
-from diagnosis.selection.effect_error import doubting
+from diagnosis.selection.effect_error import doubting, with_own_error
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.refit import (
     ANCHORED,
@@ -31,6 +31,8 @@ from inversion.estimation.budget import Runs
 
 #: Runs that the error of an adopted model takes; they are kept for it.
 ERROR_RUNS = 3
+#: Refitted models of a step that are measured as the base model was, the best by their misfit.
+MEASURED = 4
 #: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
 NEAR_BEST = 3.0
 #: Models within that of the best that are put on equal terms with it, itself among them.
@@ -143,6 +145,23 @@ class Selection:
         self.tried.models[names] = found
         return found
 
+    def with_own_errors(self, before: FittedModel, models: list[FittedModel]) -> list[FittedModel]:
+        """Measure the errors of the models that fit best, each at its own fit.
+
+        By their misfit, not by their evidence: an effect that makes a slide noisy leaves much by
+        the error of the calm base model.
+        """
+        least = self.options.least_drop / 2.0
+        better = [m for m in models if before.fit.total - m.fit.total > least and not m.unread]
+        for model in sorted(better, key=lambda model: model.fit.total)[:MEASURED]:
+            found = model if model.judged else self.judged(model.names)
+            self.tried.models[found.names] = self._measured(found)
+        return [self.tried.models[model.names] for model in models]
+
+    def _measured(self, model: FittedModel) -> FittedModel:
+        """A judged model with its own error."""
+        return with_own_error(self.explanation.context, self.comparison.base, model, self.options)
+
     def on_equal_terms(self, before: FittedModel, models: list[FittedModel]) -> list[FittedModel]:
         """Give the best and what is near it derivatives of their own, the best first.
 
@@ -178,7 +197,8 @@ class Selection:
         options, comparison = self.options, self.comparison
         model = with_own_derivative(self.explanation.context, chosen)
         self.tried.models[model.names] = model
-        found = judged(comparison.base.data, model.fit, draws=options.draws, seed=options.seed)
+        data = self.explanation.context.of(model).data
+        found = judged(data, model.fit, draws=options.draws, seed=options.seed)
         others = [c for c in self.explanation.candidates if c.name not in model.names]
         known = {c.name: self.signatures[c.name] for c in others}
         scores = score_all(found, known, others, projection=options.projection)
@@ -233,9 +253,12 @@ class Selection:
         own = dict(zip(whole.fit.names, whole.fit.x[whole.fit.space.p :], strict=True))
         near = np.concatenate([whole.fit.x[: space.p], [own[name] for name in space.names]])
         found = refit(context, self.base.surface, key, seeds=ANCHORED, near=space.clipped(near))
+        if found is None:
+            return
+        found = self._measured(judge(context, found))
         known = self.tried.models.get(key)
-        if found is not None and (known is None or found.ln_evidence > known.ln_evidence):
-            self.tried.models[key] = judge(context, found)
+        if known is None or found.ln_evidence > known.ln_evidence:
+            self.tried.models[key] = found
 
     def doubt(self) -> bool:
         """Find C' of the current model and its combined p; False: the runs are not allowed."""

@@ -1,10 +1,10 @@
 """Fitted models as parts of a document, and the error of each kept next to its hypothesis.
 
 In: what `compare`, `explain` and the rounds found. Out: the parts of `diagnosis.verdict.verdict`;
-nothing is decided here. `hypotheses/NN_name.json` belongs to `hypotheses/NN_name.yaml`. Misfits can
-be compared only with one covariance, so every model is judged with that of the base model. What a
-step was made from is kept as a hash: a step of another survey, section or setting is reported as
-outdated.
+nothing is decided here. `hypotheses/NN_name.json` belongs to `hypotheses/NN_name.yaml`. A model is
+judged with the covariance that its fit was made with: that of the base model, or its own where the
+loop has found it. What a step was made from is kept as a hash: a step of another survey, section or
+setting is reported as outdated.
 """
 
 from __future__ import annotations

@@ -478,7 +478,7 @@ def _answer(found: Diagnosis) -> verdict.Answer:
     final = found.decision.final
     return verdict.Answer(
         effects=effect_answers(
-            found.comparison.base.data, final.model.fit, words, _error_of(found, final)
+            _data_of(found, final.model), final.model.fit, words, _error_of(found, final)
         ),
         set_90=[
             verdict.NamedSet(names=list(names), probability=share)
@@ -490,30 +490,39 @@ def _answer(found: Diagnosis) -> verdict.Answer:
     )
 
 
+def _data_of(found: Diagnosis, model: FittedModel) -> Data:
+    """The measurements with a model's own error, where it was found, else that of the base."""
+    return found.explanation.context.of(model).data
+
+
 def _error_of(found: Diagnosis, adopted: AdoptedModel) -> np.ndarray | None:
-    """The error that the effects of a model bring, C' - C; known of the last alone."""
-    return found.tried_models.error if adopted is found.tried_models.current else None
+    """The error that the effects of a model bring beyond C, C' - C; known of the last alone.
+
+    None where the model has errors of its own in place of C.
+    """
+    last = adopted is found.tried_models.current and adopted.model.own is None
+    return found.tried_models.error if last else None
 
 
 def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
     """What to use of each parameter."""
     decision = found.decision
-    fits = {names: model.fit for names, model in found.tried_models.models.items()}
+    models = found.tried_models.models
     explained = decision.verdict in EXPLAINED
-    weights = decision.sets if explained else unexplained(fits, found.options.least_drop)
+    weights = decision.sets if explained else unexplained(models, found.options.least_drop)
     mixed = quoted(
-        found.comparison.base.data,
-        fits,
+        found.explanation.context,
+        models,
         weights,
         error=found.tried_models.error,
-        widened=not explained,
+        widened=not explained or decision.final.adequacy.p_combined < found.options.still_failing,
     )
-    return quoted_part(mixed, fits[()])
+    return quoted_part(mixed, models[()].fit)
 
 
 def _stage_of(found: Diagnosis, adopted: AdoptedModel) -> verdict.FittedModelSummary:
     return stage(
-        found.comparison.base.data,
+        _data_of(found, adopted.model),
         adopted.model.fit,
         adopted.adequacy,
         worst_window(adopted.judged, found.comparison.places),
@@ -525,12 +534,12 @@ def _stage_of(found: Diagnosis, adopted: AdoptedModel) -> verdict.FittedModelSum
 
 def _steps(found: Diagnosis) -> list[verdict.WaterfallStep]:
     """Every model that was adopted, in order."""
-    data, way = found.comparison.base.data, found.tried_models.way
+    way = found.tried_models.way
     return [
         step_of(
             "_".join(adopted.model.names) or "base",
             number,
-            judge(data, adopted.model.fit),
+            judge(_data_of(found, adopted.model), adopted.model.fit),
             note=adopted.note,
             ln_evidence=adopted.model.ln_evidence - way[0].model.ln_evidence,
         )
@@ -540,10 +549,10 @@ def _steps(found: Diagnosis) -> list[verdict.WaterfallStep]:
 
 def _refits(found: Diagnosis) -> dict[str, verdict.Refit]:
     """Refits of the first round."""
-    data, before = found.comparison.base.data, found.tried_models.way[0].model
+    before = found.tried_models.way[0].model
     refits = {}
     for name, (after, why) in found.tried_models.first.items():
         if not why and name in found.explanation.by_chance:
             why = "one random pattern of many"
-        refits[name] = refit_part(name, data, before, after, why)
+        refits[name] = refit_part(name, _data_of(found, after), before, after, why)
     return refits

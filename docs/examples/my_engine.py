@@ -16,8 +16,7 @@ import numpy as np
 
 from inversion.engines.registry import Engine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.setup import Request
+from inversion.estimation.forward import Forward, Prediction, Request
 
 NOISE = 0.01
 

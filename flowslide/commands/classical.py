@@ -108,7 +108,6 @@ def run(arguments: argparse.Namespace) -> int:
     from inversion.classical.sections_of_case import case_sections
     from inversion.classical.slides import analyse_slides
     from pipeline.config import load_config
-    from report.classical import save_all
 
     config = load_config(arguments.config, arguments.overrides)
     case = case_sections(load_case(arguments.case, config), run=arguments.run)
@@ -118,6 +117,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")
     for reason in refused:
         print(f"Not analysed: {reason}")
+    from report.classical import save_all  # takes a second
+
     save_all(case, analyses, refused, out)
     print(f"wrote {out}")
     return 0

@@ -59,11 +59,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Find the answer, write it, print it."""
     from flowslide import api
     from inversion.back_analysis.case import inversion_case
-    from inversion.back_analysis.engine_choice import chosen_engine
     from pipeline.config import load_config
     from pipeline.progress import Progress, Watch
-    from report.back_analysis import summary, write_report
-    from report.data.back_analysis import load_back_analysis
 
     settings = load_config(arguments.config, arguments.overrides)
     case = inversion_case(
@@ -74,6 +71,11 @@ def run(arguments: argparse.Namespace) -> None:
         spacing_m=arguments.spacing,
         use_constructed=arguments.use_constructed,
     )
+    # What takes a second to import waits: a fault of the question is reported at once.
+    from inversion.back_analysis.by_engine import chosen_engine
+    from report.back_analysis import summary, write_report
+    from report.data.back_analysis import load_back_analysis
+
     choice = chosen_engine(case, arguments.engine, arguments.model)
     results = Path(case.config.results_folder) / case.name
     folder = Path(arguments.out or results / choice.engine.folder)

@@ -9,12 +9,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Scene
-from geometry.survey.checks import check_in_section
+from geometry.survey.columns import Side
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Datum, Deposit, SingleLength
-from geometry.survey.site import Site
+from geometry.survey.site import Site, check_in_section
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 
 

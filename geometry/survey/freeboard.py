@@ -14,11 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import connected, kernel, kernel_slope
+from geometry.survey.columns import Side, connected, kernel, kernel_slope
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Deposit, SingleLength
 from geometry.survey.site import NOT_MADE, Site
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 
 #: Soil fills this share of the space where the ground ends: 0.5 on a plain, 0.3 at a sharp peak.

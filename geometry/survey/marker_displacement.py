@@ -10,11 +10,10 @@ from pydantic import Field, model_validator
 from shapely.geometry import Point, Polygon
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import kernel
+from geometry.survey.columns import Side, kernel
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Along, Datum, Deposit, Length
 from geometry.survey.site import NOT_MADE, Site, places_within
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 
 #: Stakes that are proposed along a section.

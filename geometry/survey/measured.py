@@ -19,8 +19,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Document, Scene
+from geometry.survey.columns import Side
 from geometry.survey.marks import Mark
-from geometry.survey.toe import Side
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:

@@ -18,11 +18,11 @@ from pydantic import Field, ValidationError, model_validator
 
 from geometry.scenes.limits import check_level
 from geometry.scenes.scene import Document, Scene, document_error
-from geometry.survey.checks import check_in_domain, check_in_section
+from geometry.survey.columns import Side
 from geometry.survey.measured import Measured
 from geometry.survey.registry import Measurement, measurement_types
+from geometry.survey.site import check_in_domain, check_in_section
 from geometry.survey.surface_profile import SurfaceProfile
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 

@@ -14,11 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.checks import check_in_domain
+from geometry.survey.columns import Side, naked_eye_toe, outward_of, toe
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, Length
-from geometry.survey.site import Site
-from geometry.survey.toe import Side, naked_eye_toe, outward_of, toe
+from geometry.survey.site import Site, check_in_domain
 from geometry.survey.toe_runout import toe_runout
 
 

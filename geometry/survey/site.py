@@ -1,4 +1,4 @@
-"""A section on which more could be measured: what `Measured.could_be_made` is given."""
+"""A section under a survey: where it may be measured, and what `Measured.could_be_made` gets."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.measured import Measured
-from geometry.survey.toe import Side
+from pipeline.cli import InputError
 
 #: Source of a measurement that has not been made.
 NOT_MADE: dict[str, Any] = {"confidence": "assumed", "source": "not measured yet"}
@@ -84,3 +85,27 @@ def places_within(first: float, last: float, count: int) -> list[float]:
     """Evenly spaced places well within a stretch [m]."""
     ends = first + 0.04 * (last - first), last - 0.04 * (last - first)
     return [round(float(x), 1) for x in np.linspace(*ends, count)]
+
+
+def check_in_domain(x: float, scene: Scene, where: str) -> None:
+    """Refuse a place outside the domain.
+
+    Raises:
+        InputError: beginning with `where`; one line.
+    """
+    domain = scene.domain
+    if not domain.x_min <= x <= domain.x_max:
+        raise InputError(
+            f"{where}: {x:g} lies outside the domain, x {domain.x_min:g} to {domain.x_max:g} m"
+        )
+
+
+def check_in_section(x: float, scene: Scene, where: str) -> None:
+    """Refuse a place where there was no section before the slide.
+
+    Raises:
+        InputError: beginning with `where`; one line.
+    """
+    left, right = scene.foot("left"), scene.foot("right")
+    if not left <= x <= right:
+        raise InputError(f"{where} {x:g} lies outside the section, x {left:g} to {right:g} m")

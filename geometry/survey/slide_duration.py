@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.frames import frames_of
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Deposit, Single
 from geometry.survey.site import NOT_MADE, Site
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 
 #: Standard deviation of a duration that has not been measured, in falls from the section's height.

@@ -10,13 +10,11 @@ import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from geometry.scenes.scene import Scene
-from geometry.survey.checks import check_in_domain
-from geometry.survey.columns import column_height, connected, kernel_length
+from geometry.survey.columns import Side, column_height, connected, kernel_length
 from geometry.survey.marks import Line, Mark
 from geometry.survey.measured import Along, Datum, Deposit, Length, exponential_correlation
 from geometry.survey.profiles import WHOLE, Profile, load_profile
-from geometry.survey.site import NOT_MADE, Site, places_within
-from geometry.survey.toe import Side
+from geometry.survey.site import NOT_MADE, Site, check_in_domain, places_within
 from pipeline.cli import InputError
 
 #: Places along the surface that are proposed.

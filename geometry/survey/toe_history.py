@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.frames import check_end, frames_around, frames_of
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Along, Deposit, Length, exponential_correlation
 from geometry.survey.site import NOT_MADE, Site
-from geometry.survey.toe import Side
 from geometry.survey.toe_runout import toe_runout
 
 #: Times that are proposed, in falls from the section's height.

@@ -9,11 +9,10 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.checks import check_in_domain
+from geometry.survey.columns import Side, naked_eye_toe, outward_of, toe
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, SingleLength
-from geometry.survey.site import NOT_MADE, Site
-from geometry.survey.toe import Side, naked_eye_toe, outward_of, toe
+from geometry.survey.site import NOT_MADE, Site, check_in_domain
 
 
 def toe_runout(

@@ -9,13 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.checks import check_in_domain
-from geometry.survey.columns import connected, kernel, kernel_length, kernel_slope
+from geometry.survey.columns import Side, connected, kernel, kernel_length, kernel_slope
 from geometry.survey.frames import check_end, frames_around, frames_of
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Along, Deposit, Single
-from geometry.survey.site import Site
-from geometry.survey.toe import Side
+from geometry.survey.site import Site, check_in_domain
 
 
 class Velocity(Single):

@@ -17,8 +17,7 @@ import numpy as np
 import shapely
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import column_height, kernel_length
-from geometry.survey.toe import toe
+from geometry.survey.columns import column_height, kernel_length, toe
 from gns.data.scene_facts import check_base_physics
 from mpm_taichi.solver.water import WATER_DENSITY
 from pipeline.cli import InputError

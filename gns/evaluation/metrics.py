@@ -18,9 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.survey.columns import kernel_length
+from geometry.survey.columns import Side, kernel_length, toe
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import Side, toe
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.data.statistics import moving, velocities
 

@@ -22,7 +22,7 @@ import geometry
 import mpm_taichi
 from inversion import PHYSICS_VERSION
 from inversion.back_analysis import result_builder
-from inversion.back_analysis.case import InversionCase
+from inversion.back_analysis.case import InversionCase, Reading
 from inversion.back_analysis.changed_answers import (
     Here,
     Solved,
@@ -31,9 +31,13 @@ from inversion.back_analysis.changed_answers import (
     sensitivity_answer,
     variant_answer,
 )
-from inversion.back_analysis.equivalent_answers import EquivalentAnswer, walk
-from inversion.back_analysis.perturbed_answers import ROUNDS, Problem, resolve
-from inversion.back_analysis.relations import compared_relations
+from inversion.back_analysis.perturbed_answers import (
+    ROUNDS,
+    EquivalentAnswer,
+    Problem,
+    resolve,
+    walk,
+)
 from inversion.back_analysis.result import (
     Noise,
     Result,
@@ -41,20 +45,19 @@ from inversion.back_analysis.result import (
     SensitivityAnswer,
     Start,
     VariantAnswer,
+    WaterfallAnswer,
 )
+from inversion.back_analysis.result_builder import compared_relations
 from inversion.back_analysis.variants import Changed
-from inversion.back_analysis.waterfall import Reading, WaterfallAnswer
 from inversion.engines.registry import REFERENCE, engine_named
 from inversion.engines.run_store import RunStore
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.engines.workers import Job
 from inversion.estimation.calibrate import calibrate, further_starts, refine
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
-from inversion.estimation.forward import Forward
-from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import Posterior, posterior
+from inversion.estimation.forward import Forward, Setup
+from inversion.estimation.misfit import Objective, Posterior, posterior
 from inversion.estimation.search import Evaluation, Search, SearchResult
-from inversion.estimation.setup import Setup
 from inversion.problem.question import Sensitivity, Variant
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest

@@ -1,4 +1,4 @@
-"""The back-analysis by each engine: most have the usual one, a few their own.
+"""Which engine answers, and the back-analysis by it: most have the usual one, a few their own.
 
 An engine whose back-analysis is not the usual one registers it here by its name. Nothing heavy is
 imported before it is used.
@@ -7,15 +7,56 @@ imported before it is used.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.case import InversionCase
-from inversion.engines.registry import Engine
+from inversion.engines.registry import Engine, engine_named
 from inversion.engines.run_store import RunStore
+from pipeline.cli import InputError
+from pipeline.places import MODELS, names_of, resolve
 from pipeline.progress import Watch
+
+
+@dataclass(frozen=True)
+class Choice:
+    """An engine, and for one that was trained the folder of its model."""
+
+    engine: Engine
+    model: Path | None = None
+
+
+def chosen_engine(case: InversionCase, engine: str | None, model: str | None) -> Choice:
+    """The engine of a back-analysis: the command line's, else the question's, else the settings'.
+
+    Args:
+        case: with its question and settings.
+        engine: of the command line; None: not given.
+        model: the same.
+
+    Raises:
+        InputError: no such engine, a model for an engine without one, or a trained engine without a
+            model.
+    """
+    settings = case.config.inversion
+    chosen = engine_named(engine or case.question.engine or settings.engine, case.source)
+    if not chosen.trained:
+        if model is not None:
+            raise InputError(
+                f"--model {model}: goes with --engine gns; the engine is {chosen.name}"
+            )
+        return Choice(chosen)
+    text = model or case.question.model or settings.model
+    if not text:
+        known = ", ".join(names_of(MODELS, "model.pt")) or "none"
+        raise InputError(
+            f"{case.source}: engine: {chosen.name} needs a model: give --model DIR, model in this "
+            f"file, or inversion.model; models/ has {known}"
+        )
+    return Choice(chosen, resolve(text, MODELS))
+
 
 Make = Callable[[InversionCase, RunStore, Watch, Path | None, Path], BackAnalysis]
 """From a case, a store of runs, a watch, the model's folder and that of the results."""

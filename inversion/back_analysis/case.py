@@ -1,7 +1,8 @@
 """A case and the question of its back-analysis: `inversion.yaml` made into a problem.
 
-In: a `geometry.case.Case`. Out: an `InversionCase`. Whatever is wrong with the question is an
-`InputError` of one line.
+In: a `geometry.case.Case`. Out: an `InversionCase`, with a `Reading` for each step of a waterfall:
+the way from another reading to the question. Whatever is wrong with the question is an `InputError`
+of one line.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from geometry.case import Case, load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import scene_from_mapping
 from geometry.survey.measurements import Measurements
-from inversion.back_analysis.variants import Changed, sides, vary
-from inversion.back_analysis.waterfall import Reading, readings
+from inversion.back_analysis.variants import Changed, apply_changes, sides, vary
 from inversion.engines.registry import engine_named
 from inversion.estimation.data import Targets, make_targets
+from inversion.estimation.forward import Setup
 from inversion.estimation.misfit import Objective
-from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
+from inversion.problem.changes import Changes, on_top
+from inversion.problem.layers import with_relation_priors
 from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
-from inversion.problem.relation_priors import with_relation_priors
 from pipeline.cli import InputError
 
 
@@ -154,7 +155,7 @@ class InversionCase(Case):
             if name not in known:
                 place = self.folder / name
                 case = load_case(place if place.is_dir() else name, self.config)
-                known[name] = _asked(case, spacing_m=self.scene.spacing)
+                known[name] = inversion_case(case, spacing_m=self.scene.spacing, checked=False)
             return known[name]
 
         return readings(self, load)
@@ -184,6 +185,7 @@ def inversion_case(
     measurement_set: str | None = None,
     spacing_m: float | None = None,
     use_constructed: bool = False,
+    checked: bool = True,
 ) -> InversionCase:
     """A case with the question of its `inversion.yaml`.
 
@@ -193,28 +195,11 @@ def inversion_case(
         spacing_m: of material points; None: the question's, or the scene's, times
             `inversion.spacing_factor`.
         use_constructed: let constructed data enter the fit.
+        checked: build every other reading, too: a mistake should not show after an hour.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    asked = _asked(
-        case,
-        measurement_set=measurement_set,
-        spacing_m=spacing_m,
-        use_constructed=use_constructed,
-    )
-    _check_all(asked)
-    return asked
-
-
-def _asked(
-    case: Case,
-    *,
-    measurement_set: str | None = None,
-    spacing_m: float | None = None,
-    use_constructed: bool = False,
-) -> InversionCase:
-    """The same, with variants, sensitivities and waterfall not yet looked at."""
     measurements = case.measurements
     question = load_question(case.folder, case.drawn)
     if question.engine is not None:
@@ -231,9 +216,14 @@ def _asked(
         use_constructed=use_constructed,
     )
     setup = Setup(case.scene, case.simulation, Parameters(question.parameters), targets, case.feet)
-    return case.extended(
+    asked = case.extended(
         InversionCase, question=question, setup=setup, use_constructed=use_constructed
     )
+    if checked:
+        for variant in question.variants:
+            asked.variant(variant)
+        _ = asked.sensitivities, asked.waterfall
+    return asked
 
 
 def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list[str] | None:
@@ -245,8 +235,80 @@ def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list
     return kept or None
 
 
-def _check_all(case: InversionCase) -> None:
-    """Build every other reading now: a mistake should not show after an hour."""
-    for variant in case.question.variants:
-        case.variant(variant)
-    _ = case.sensitivities, case.waterfall
+@dataclass(frozen=True)
+class Reading:
+    """One step.
+
+    Attributes:
+        name: of the step.
+        words: all that differs from the case as it is.
+        case: with the section.
+        setup: with all unknowns of that case.
+        place: of the one that is solved for; the others keep the values they are given.
+    """
+
+    name: str
+    words: str
+    case: InversionCase
+    setup: Setup
+    place: int
+
+    def alone(self, values: np.ndarray) -> Setup:
+        """The setup with one unknown left, the others put in with their values (p,)."""
+        specs = self.setup.parameters.specs
+        others = [place for place in range(len(specs)) if place != self.place]
+        fixed = Parameters([specs[place] for place in others])
+        scene = fixed.scene(self.setup.scene, np.asarray(values)[others])
+        return replace(self.setup, scene=scene, parameters=Parameters([specs[self.place]]))
+
+
+def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[Reading]:
+    """The steps of a case's waterfall, at the coarse spacing where there is one; empty: none asked.
+
+    Args:
+        case: with the question.
+        load: the case with the section that a step names.
+
+    Raises:
+        InputError: a step that cannot be made, or whose case has no such unknown or measurement.
+    """
+    asked = case.question.waterfall
+    if asked is None:
+        return []
+    names = case.parameters.names
+    name = names[0] if asked.parameter is None else asked.parameter
+    if name not in names:
+        raise InputError(f"{case.source}: waterfall: no parameter {name!r} in the question")
+    wanted = case.parameters.specs[names.index(name)]
+    found, here, changes = [], case, Changes()
+    for step in asked.steps:
+        where = f"{case.source}: waterfall: {step.name}"
+        if step.case is not None:
+            here = case if step.case == "." else load(step.case)
+        changes = on_top(changes, step)
+        specs = here.parameters.specs
+        places = [number for number, spec in enumerate(specs) if spec.property == wanted.property]
+        if not places:
+            raise InputError(f"{where}: {here.name} has no unknown {wanted.property}")
+        changed = apply_changes(here.setup, changes, where)
+        place = names.index(name) if here is case else places[0]
+        setup = _same_targets(case, here, changed.setup, where)
+        found.append(Reading(step.name, changed.words, here, setup, place))
+    return found
+
+
+def _same_targets(case: InversionCase, here: InversionCase, setup: Setup, where: str) -> Setup:
+    """The setup fitted to what the question fits, at the coarse spacing where there is one."""
+    spacing = case.coarse_spacing_m or case.scene.spacing
+    coarse = here.at_spacing(spacing, setup)
+    if coarse is None:
+        raise InputError(f"{where}: the section is not available at {spacing:g} m spacing")
+    if here is case:
+        return coarse
+    own = case.setup.targets
+    fitted = own.named(own.measured, own.fitted)
+    try:
+        targets = here.fitted_to(list(fitted)).with_values(fitted)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return replace(coarse, targets=targets)

@@ -16,7 +16,7 @@ from inversion.back_analysis.result import SensitivityAnswer, Side, VariantAnswe
 from inversion.back_analysis.result_builder import bounded, ratios
 from inversion.back_analysis.variants import Changed
 from inversion.estimation.forward import Prediction
-from inversion.estimation.posterior import root_mean_square
+from inversion.estimation.misfit import root_mean_square
 from inversion.estimation.search import SearchResult
 from inversion.problem.question import CellSize, Sensitivity, Variant
 

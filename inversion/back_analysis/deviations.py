@@ -14,15 +14,14 @@ import numpy as np
 from pydantic import ValidationError
 
 from geometry.scenes.scene import Scene, document_error, scene_from_mapping
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.problem.question import (
     FixedProperty,
     WaterLevel,
     ZoneBoundary,
     material_key,
 )
-from inversion.problem.scene_changes import with_properties
-from inversion.problem.water_level import SAME_PLACE_M, pool_at
+from inversion.problem.scene_changes import SAME_PLACE_M, pool_at, with_properties
 from pipeline.cli import InputError
 
 Uncertain = ZoneBoundary | WaterLevel | FixedProperty

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from inversion.back_analysis.result_checks import check_whole
-from inversion.back_analysis.waterfall import WaterfallAnswer
 from inversion.estimation.data import Role, Targets
+from inversion.problem.changes import StatedValue
 from inversion.problem.question import Question
 from pipeline.config import validate_settings
 from pipeline.documents import StrictDocument, document_schema
@@ -364,6 +364,28 @@ class Surrogate(StrictDocument):
         description="parameter -> its standard deviation from that covariance"
     )
     runs_mpm: int = Field(description="runs of the material point method, cached ones included")
+
+
+class WaterfallBar(StrictDocument):
+    """The parameter under one reading."""
+
+    name: str = Field(description="what was changed, in words")
+    words: str = Field(description="all that differs from the case as it is")
+    case: str = Field(description="name of the folder with the section")
+    spacing_m: float = Field(description="between material points, m")
+    value: float = Field(description="with the linear step that would be next")
+    predicted: dict[str, float] = Field(description="measured quantities by name")
+    loss: float = Field(description="at `value`")
+    reached: bool = Field(description="the loss is below the tolerance")
+    at_bound: str | None = Field(description="the bound it rests on: low or high")
+
+
+class WaterfallAnswer(StrictDocument):
+    """How one parameter gets from another reading to the answer."""
+
+    parameter: str = Field(description="name in the question")
+    stated: StatedValue | None = Field(description="found by somebody else: the first bar")
+    bars: list[WaterfallBar] = Field(description="in order, the answer's last")
 
 
 class Result(StrictDocument):

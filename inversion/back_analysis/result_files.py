@@ -1,4 +1,8 @@
-"""The files of a back-analysis: result.json, history.csv, sections.npz, run.h5."""
+"""The files of a back-analysis: result.json, history.csv, sections.npz, run.h5.
+
+A result is written with what the classical methods and other engines have said to the same
+question, as far as their results lie next to its folder.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,15 @@ import numpy as np
 
 from geometry.scenes.fill import fill
 from inversion.back_analysis.back_analysis import BackAnalysis
-from inversion.back_analysis.engine_choice import side_by_side
-from inversion.back_analysis.result import Result, save_result
+from inversion.back_analysis.result import (
+    FILE_NAME,
+    EngineAnswer,
+    Result,
+    load_result,
+    save_result,
+)
 from inversion.back_analysis.result_checks import check_classical
+from inversion.engines.registry import REFERENCE, engine_named, engines
 from inversion.engines.run_store import write_arrays
 from pipeline.cli import InputError
 from pipeline.files import read_json, write_text
@@ -126,3 +136,56 @@ def classical_beside(folder: Path) -> list[dict]:
     except ValueError as error:
         raise InputError(f"{path}: {error}; write it by flowslide classical") from None
     return analyses
+
+
+def own_answer(result: Result) -> EngineAnswer:
+    """The answer of a result's own engine."""
+    engine, parameters = engine_named(result.engine), result.answer.parameters
+    return EngineAnswer(
+        name=engine.title,
+        engine=result.engine,
+        note="corrected by paired runs" if engine.trained else "its own answer",
+        spacing_m=result.spacing_m,
+        values={p.name: p.value for p in parameters},
+        std={p.name: p.std_total for p in parameters},
+        predicted={m.name: m.predicted for m in result.measurements if m.role != "constructed"},
+        loss=result.answer.loss,
+    )
+
+
+def side_by_side(result: Result, folder: Path) -> list[EngineAnswer]:
+    """The engines' answers to the same question, as far as they are there; empty: one alone.
+
+    Args:
+        result: of one engine, to be written into `folder`.
+        folder: the results of the others are looked for next to it.
+    """
+    if result.engine == REFERENCE:
+        others = [_other(result, folder, name) for name in engines() if name != REFERENCE]
+        rows = [row for other in others if other is not None for row in _rows(other)]
+        return [*rows, own_answer(result)] if rows else []
+    reference = _other(result, folder, REFERENCE)
+    if reference is not None:
+        return [*_rows(result), own_answer(reference)]
+    return _rows(result) if engine_named(result.engine).trained else []
+
+
+def _rows(result: Result) -> list[EngineAnswer]:
+    """Rows that an engine other than the reference reports about itself."""
+    rows = [row for row in result.engines if not (row.engine == REFERENCE and row.std)]
+    return rows or [own_answer(result)]
+
+
+def _other(result: Result, folder: Path, name: str) -> Result | None:
+    """The answer of another engine to the same question, if there is one."""
+    sibling = folder.resolve().parent / engine_named(name).folder
+    if sibling == folder.resolve() or not (sibling / FILE_NAME).is_file():
+        return None
+    found = load_result(sibling)
+    same = (
+        found.engine == name
+        and found.case == result.case
+        and found.measurement_set == result.measurement_set
+        and [p.name for p in found.answer.parameters] == [p.name for p in result.answer.parameters]
+    )
+    return found if same else None

@@ -20,7 +20,7 @@ from inversion.back_analysis.deviations import (
     with_changes,
 )
 from inversion.estimation.data import Targets
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import WATER_WORDS, Changes, OtherProperty
 from inversion.problem.question import (
@@ -35,7 +35,7 @@ from inversion.problem.question import (
     ZoneBoundary,
     material_key,
 )
-from inversion.problem.water_level import pool_at
+from inversion.problem.scene_changes import pool_at
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 

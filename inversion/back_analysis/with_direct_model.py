@@ -14,10 +14,8 @@ import numpy as np
 
 from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engines.direct_engine import DirectEngine, shipped
-from inversion.estimation.forward import Forward
-from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import posterior
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Forward, Setup
+from inversion.estimation.misfit import Objective, posterior
 
 #: Source of the model's error among the sources of uncertainty.
 SOURCE = "error of the direct model"

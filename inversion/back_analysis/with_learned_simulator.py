@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 import gns
-from inversion.back_analysis.engine_choice import own_answer
 from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
+from inversion.back_analysis.result_files import own_answer
 from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
@@ -26,11 +26,9 @@ from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.trained_model import Model
 from inversion.estimation.calibrate import calibrate
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import posterior
+from inversion.estimation.forward import Forward, Prediction, Setup
+from inversion.estimation.misfit import Objective, posterior
 from inversion.estimation.search import SearchResult
-from inversion.estimation.setup import Setup
 
 #: Source of the surrogate's error among the sources of uncertainty.
 SOURCE = "error of the learned simulator"

@@ -10,8 +10,8 @@ import numpy as np
 from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.variants import Changed
 from inversion.engines.workers import Job
+from inversion.estimation.forward import Setup
 from inversion.estimation.search import SearchResult
-from inversion.estimation.setup import Setup
 from inversion.problem.question import Sensitivity, Variant
 from pipeline.cli import InputError
 

@@ -14,9 +14,9 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Document, checked_document
+from geometry.survey.columns import Side
 from geometry.survey.measured import Confidence
 from geometry.survey.measurements import Measurements
-from geometry.survey.toe import Side
 from inversion.classical.kinetics import EndSlope, Stages
 from inversion.classical.morph import BaseStrength
 from pipeline.cli import InputError

@@ -13,9 +13,9 @@ import numpy as np
 
 from geometry.case import SCENE_FILE, Case
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.profiles import load_profile
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import Side
 from inversion.classical.judgement import SEARCH, Judgement
 from inversion.classical.morph import Slide
 from inversion.classical.search import critical_polyline

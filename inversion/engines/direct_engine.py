@@ -21,15 +21,13 @@ from pydantic import ValidationError
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import outward_of
 from geometry.survey.measured import Measured, Reading
-from geometry.survey.toe import outward_of
 from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
 from gns.direct.runs import COARSER
 from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of, with_strengths
-from inversion.engines.kept_readings import prediction_of
-from inversion.engines.run_store import KeptRun, RunStore
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.setup import Request, Setup
+from inversion.engines.run_store import KeptRun, RunStore, prediction_of
+from inversion.estimation.forward import Forward, Prediction, Request, Setup
 from inversion.problem.question import material_key
 from pipeline.cli import InputError
 from pipeline.places import MODELS, resolve

@@ -22,8 +22,7 @@ from geometry.scenes3d.scene3d import Section
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.run_store_3d import RunStore3d
-from inversion.estimation.forward import Forward, Prediction, WrappedEngine
-from inversion.estimation.setup import Request, Setup
+from inversion.estimation.forward import Forward, Prediction, Request, Setup, WrappedEngine
 from pipeline.cli import InputError
 
 #: Heights over widths H/B of the runs in three dimensions, nearly: widths are whole cells.

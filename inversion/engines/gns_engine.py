@@ -30,7 +30,6 @@ from gns.rollout.differentiate import REVERSE_COST, jacobian, reverse_jacobian
 from gns.rollout.rollout import Rest, RestWatch, frames_of, wrong_step
 from gns.rollout.traced_rollout import trace
 from gns.rollout.zone_parameters import UnknownProperty, scene_function
-from inversion.engines.kept_readings import prediction_of
 from inversion.engines.rollout_readings import RolledOut, RolloutReading
 from inversion.engines.rollout_store import (
     RolloutStore,
@@ -38,12 +37,11 @@ from inversion.engines.rollout_store import (
     entry_keys,
     rollout_key,
 )
-from inversion.engines.run_store import KeptRun
+from inversion.engines.run_store import KeptRun, prediction_of
 from inversion.engines.trained_model import Model
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.setup import Request, Setup
+from inversion.estimation.forward import Forward, Prediction, Request, Setup
 from inversion.problem.question import material_key
-from inversion.problem.water_level import moves_with_pool
+from inversion.problem.scene_changes import moves_with_pool
 from pipeline.cli import InputError, WorkFailed
 
 Mode = Literal["cheaper", "forward", "reverse"]

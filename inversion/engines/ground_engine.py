@@ -21,8 +21,7 @@ import numpy as np
 from geometry.scenes3d.scene3d import Scene3d
 from inversion.engines.run_store import DAMAGE, OnRun
 from inversion.estimation.data import Targets
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.setup import Request
+from inversion.estimation.forward import Forward, Prediction, Request
 from inversion.problem.scene_changes import with_properties
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import atomic_path

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inversion.estimation.data import Targets
-from inversion.estimation.forward import Forward, Prediction, WrappedEngine
-from inversion.estimation.setup import Request, Setup
+from inversion.estimation.forward import Forward, Prediction, Request, Setup, WrappedEngine
 from inversion.estimation.unknowns import Parameters
 from pipeline.cli import WorkFailed
 

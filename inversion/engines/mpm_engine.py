@@ -9,10 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inversion.engines.kept_readings import prediction_of, read_start
-from inversion.engines.run_store import KeptRun, RunStore
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.setup import Request
+from inversion.engines.run_store import KeptRun, RunStore, prediction_of, read_start
+from inversion.estimation.forward import Forward, Prediction, Request
 
 
 class MPMEngine(Forward):

@@ -20,8 +20,7 @@ from pipeline.cli import InputError
 if TYPE_CHECKING:
     from geometry.survey.measured import Measured
     from inversion.engines.run_store import RunStore
-    from inversion.estimation.forward import Forward
-    from inversion.estimation.setup import Setup
+    from inversion.estimation.forward import Forward, Setup
 
 #: The engine that judges the others.
 REFERENCE = "mpm"

@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Deposit
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import geometry
 import gns
 from inversion.engines.run_store import DAMAGE, KeptRun, load_kept, save_kept, write_arrays
 from inversion.estimation.data import Targets
-from inversion.estimation.history_reader import HistoryReader
+from inversion.estimation.forward import HistoryReader
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import material_key
 from pipeline.files import content_hash

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import FILE_NAME, Flanks, Section, read_document
 from inversion.engines.run_store import OnRun, RunStore, kept_run
-from inversion.estimation.history_reader import HistoryReader
+from inversion.estimation.forward import HistoryReader
 from mpm_taichi.batch import run_key
 from pipeline.cli import InputError
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:
-    from inversion.estimation.setup import Setup
+    from inversion.estimation.forward import Setup
     from mpm_taichi.middle_section import MiddleSection
     from pipeline.config import SimulationSettings
 

@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inversion.estimation.forward import Forward, Prediction, WrappedEngine
-from inversion.estimation.setup import Request, Setup
+from inversion.estimation.forward import Forward, Prediction, Request, Setup, WrappedEngine
 
 
 @dataclass

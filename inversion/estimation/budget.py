@@ -48,8 +48,9 @@ class Runs:
         free: effects whose runs cost nothing (errors of the survey that move the prediction).
         reserve: runs of the allowance that are kept for later.
         cut_short: what was left out because the allowance did not cover it.
-        corrected: what a prediction (m,) becomes for who asks, such as moved by what its cells are
-            known to do; may be set at any time, and holds for runs made before as well.
+        corrected: what the prediction (m,) of a state becomes for who asks, such as moved by what
+            its cells are known to do; may be set at any time, and holds for runs made before as
+            well.
     """
 
     model: Predictor
@@ -57,7 +58,7 @@ class Runs:
     free: Collection[str] = ()
     reserve: int = 0
     cut_short: list[str] = field(default_factory=list)
-    corrected: Callable[[np.ndarray], np.ndarray] = lambda row: row
+    corrected: Callable[[State, np.ndarray], np.ndarray] = lambda state, row: row
     _known: dict[State, np.ndarray] = field(default_factory=dict)
     _counted: set[State] = field(default_factory=set)
     _computed_before: int = field(init=False)
@@ -99,12 +100,12 @@ class Runs:
             self._counted |= {self._run(state) for state in new}
             for state, row in zip(new, self.model.predict(new), strict=True):
                 self._known[state] = np.asarray(row, dtype=float)
-        return np.array([self.corrected(self._known[state]) for state in states])
+        return np.array([self.corrected(state, self._known[state]) for state in states])
 
     @property
     def every(self) -> list[tuple[State, np.ndarray]]:
         """All states asked for so far with their predictions (m,), in their order."""
-        return [(state, self.corrected(row)) for state, row in self._known.items()]
+        return [(state, self.corrected(state, row)) for state, row in self._known.items()]
 
     def _run(self, state: State) -> State:
         """The forward run behind a state: itself without what costs nothing."""

@@ -1,9 +1,18 @@
 """Calibration: from a first guess to the answer, by the method asked for.
 
-In: a `Search` and first guesses. Out: `SearchResult`. A start at which nothing moves, or whose
-derivative says nothing, goes through the geometric scan first; a search that ends far from the data
-looks around once and goes on from the best place it sees; a misfit of many numbers is smoothed at
-last.
+In: a `Search` and first guesses. Out: `SearchResult`.
+
+On a slope that stands, the runout does not depend on the strength and its derivative says nothing.
+So the strengths are first multiplied by one factor after the other of a geometric series until the
+toes have moved by two spacings (`scan`, iteration 0). A search can also end in the wrong valley:
+below some strength the whole slope has gone, and weaker soil hardly changes where it lies. One that
+ends far from the data looks once over all strengths between the bounds (`look_around`).
+
+The misfit of many numbers is a smooth valley with ripples: where exactly the points lie moves each
+number a little, and a search ends in some ripple near the bottom. So at last some runs across the
+valley are taken together (`smoothed`): each number becomes a quadratic function of the parameters,
+and the bottom of the valley is that of these functions. The places are rounded, so that searches
+which ended near each other use the same runs.
 """
 
 from __future__ import annotations
@@ -13,15 +22,15 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from inversion.estimation.flow_limit import flow_limit
 from inversion.estimation.forward import Forward
 from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
-from inversion.estimation.geometric_scan import look_around, moved, scan
 from inversion.estimation.lbfgsb import lbfgsb
 from inversion.estimation.search import Evaluation, Search, SearchResult
-from inversion.estimation.smoothing import smoothed
 from inversion.estimation.unknowns import Parameters
+from pipeline.cli import WorkFailed
 
 Method = Literal["gauss_newton", "lbfgsb"]
 METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
@@ -34,6 +43,16 @@ FAR_OFF = 4.0
 MOST_WORSE = 3.0
 #: Further starts: strengths times this, and friction angles at this share of their bounds.
 OTHER_STARTS = ((0.65, 0.25), (1.6, 0.75), (0.45, 0.6), (2.2, 0.4))
+#: Ratio of the series of a scan, and runs of one batch: as many as processor cores usually.
+RATIO, BATCH = 0.8, 2
+#: Ratio of the strengths that are tried when a search looks around, and how many at most.
+AROUND_RATIO, AROUND_MOST = 1.25, 24
+#: Smoothed are places on either side, in half-widths: of a log strength, of an angle [deg].
+PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
+#: The places move with the bottom, so often at most.
+MOST_MOVES = 3
+#: Runs without which the functions are not known.
+LEAST_RUNS = 5
 
 
 def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: float) -> SearchResult:
@@ -165,3 +184,182 @@ def further_starts(parameters: Parameters, number: int) -> Sequence[np.ndarray]:
         values = np.where(parameters.logarithmic, scaled, inside)
         found.append(parameters.clipped(values))
     return found
+
+
+def moved(
+    search: Search, evaluation: Evaluation, least_m: float, since: np.ndarray | None = None
+) -> np.ndarray:
+    """Which fitted numbers differ by more than `least_m` from before the slide, (k,) bool.
+
+    Args:
+        search: the problem.
+        evaluation: where.
+        least_m: how much [m].
+        since: numbers (k,) to compare with instead, such as those of another evaluation.
+    """
+    mask = search.objective.targets.fitted
+    before = evaluation.prediction.at_start[mask] if since is None else since
+    with np.errstate(invalid="ignore"):
+        return np.abs(evaluation.prediction.values[mask] - before) > least_m
+
+
+def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
+    """Lower the strengths geometrically; the evaluation with the least loss, the first included.
+
+    The scan ends when every fitted number has moved, or when some have and a further batch makes
+    the loss no smaller.
+
+    Args:
+        search: keeps every run, as iteration 0.
+        first: where nothing moves, or the derivative says nothing.
+        least_m: how much must move [m].
+
+    Raises:
+        WorkFailed: no strength is unknown, or nothing moves, not even at the lowest bounds.
+    """
+    parameters = search.objective.parameters
+    strengths = parameters.strengths
+    if not strengths.any():
+        raise WorkFailed(
+            "nothing moves at the start, and no strength is calibrated that could be "
+            "lowered; give the parameters weaker starts"
+        )
+    still = first.prediction.values[search.objective.targets.fitted]
+    best, anything, factor = first, False, 1.0
+    while True:
+        trials = []
+        for _ in range(BATCH):
+            factor *= RATIO
+            lowered = np.where(strengths, first.values * factor, first.values)
+            trials.append(parameters.clipped(lowered))
+        improved = everything = False
+        for values, prediction in zip(trials, search.predict(trials), strict=True):
+            evaluation = search.record(values, "scan", 0, prediction)
+            changed = moved(search, evaluation, least_m, still)
+            anything, everything = anything or changed.any(), everything or changed.all()
+            if evaluation.loss < best.loss:
+                best, improved = evaluation, True
+        lowest = np.all(trials[-1][strengths] <= parameters.low[strengths])
+        if anything and (everything or not improved or lowest or search.exhausted):
+            return best
+        if lowest or search.exhausted:
+            if moved(search, first, least_m).any():
+                return best  # all has gone already: stronger soil is tried by looking around
+            weakest = ", ".join(
+                f"{name} {value:.3g}"
+                for name, value in zip(parameters.names, trials[-1], strict=True)
+            )
+            raise WorkFailed(
+                f"nothing moves by {least_m:g} m, not even at {weakest}; lower the bounds, or "
+                "check section and water"
+            )
+
+
+def look_around(search: Search, start: np.ndarray, best: Evaluation) -> Evaluation | None:
+    """Try strengths between the bounds, in the ratios of `start`; the best, if it is better.
+
+    The places do not depend on where the search ended, so that several searches of one question
+    share the runs.
+
+    Args:
+        search: keeps every run, as belonging to the iteration it has reached.
+        start: first guess of the question (p,).
+        best: where the search ended.
+    """
+    parameters = search.objective.parameters
+    strengths = parameters.strengths
+    if not strengths.any():
+        return None
+    half = AROUND_MOST // 2
+    factors = AROUND_RATIO ** np.arange(-half, half + 1.0)
+    inside = [
+        factor
+        for factor in factors
+        if np.all((factor * start >= parameters.low)[strengths])
+        and np.all((factor * start <= parameters.high)[strengths])
+    ]
+    trials = [np.where(strengths, factor * start, start) for factor in inside]
+    iteration = max(evaluation.iteration for evaluation in search.evaluations)
+    evaluations = [
+        search.record(values, "scan", iteration, prediction)
+        for values, prediction in zip(trials, search.predict(trials), strict=True)
+    ]
+    nearest = min(evaluations, key=lambda evaluation: evaluation.loss, default=best)
+    return nearest if nearest.loss < best.loss else None
+
+
+def smoothed(search: Search, best: Evaluation, engine: Forward) -> Evaluation | None:
+    """An evaluation at the bottom of the valley; None: not found, or outside the places tried.
+
+    Args:
+        search: of a fit with noise; given the evaluation.
+        best: where the search ended.
+        engine: is run across the valley.
+    """
+    parameters = search.objective.parameters
+    half = np.where(parameters.logarithmic, HALF_LOG, HALF_DEGREES) / parameters.prior_std
+    bottom, centre = parameters.to_fitted(best.values), None
+    for _ in range(MOST_MOVES):
+        rounded = half * np.round(bottom / half)
+        rounded = np.clip(rounded, parameters.fitted_low, parameters.fitted_high)
+        if centre is not None and np.array_equal(rounded, centre):
+            break
+        centre = rounded
+        found = _bottom(search, engine, centre, half)
+        if found is None:
+            return None
+        bottom = found
+    iteration = max(evaluation.iteration for evaluation in search.evaluations) + 1
+    return search.evaluate(parameters.to_values(bottom), best.kind, iteration)
+
+
+def _bottom(
+    search: Search, engine: Forward, centre: np.ndarray, half: np.ndarray
+) -> np.ndarray | None:
+    """The bottom seen from around `centre`, fitted (p,); None: too few runs, or at the rim."""
+    parameters = search.objective.parameters
+    offsets = [np.zeros(len(half))]
+    for axis in np.eye(len(half)):
+        offsets += [sign * place * axis for place in PLACES for sign in (1.0, -1.0)]
+    fitted = np.clip(
+        centre + half * np.array(offsets), parameters.fitted_low, parameters.fitted_high
+    )
+    values = [parameters.to_values(place) for place in fitted]
+    predictions = engine.predict([search.setup.at(one) for one in values])
+    mask = search.objective.targets.fitted
+    kept = np.array([np.all(np.isfinite(p.values[mask])) for p in predictions])
+    if kept.sum() < max(LEAST_RUNS, 2 * len(half) + 1):
+        return None
+    numbers = np.array(
+        [p.values[mask] for p, whole in zip(predictions, kept, strict=True) if whole]
+    )
+    return _least_squares(search, (fitted[kept] - centre) / half, numbers, centre, half)
+
+
+def _least_squares(
+    search: Search, places: np.ndarray, numbers: np.ndarray, centre: np.ndarray, half: np.ndarray
+) -> np.ndarray | None:
+    """Least squares of the smooth functions, fitted (p,); None where it lies at the rim."""
+    objective = search.objective
+    rows, constants = objective.prior
+    mask = objective.targets.fitted
+    goal, bounded = objective.targets.measured[mask], objective.targets.censored[mask]
+
+    def terms(place: np.ndarray) -> np.ndarray:
+        return np.concatenate([[1.0], place, place**2])
+
+    matrix = np.array([terms(place) for place in places])
+    coefficients = np.linalg.lstsq(matrix, numbers, rcond=None)[0]
+
+    def residuals(place: np.ndarray) -> np.ndarray:
+        smooth = terms(place) @ coefficients
+        kept = bounded & (smooth < goal)  # a limit that is kept costs nothing
+        data = objective.whitener @ np.where(kept, 0.0, smooth - goal)
+        return np.concatenate([data, rows @ (centre + half * place) - constants])
+
+    low, high = places.min(axis=0), places.max(axis=0)
+    found = least_squares(residuals, np.clip(np.zeros(len(half)), low, high),
+                          bounds=(low - 1e-9, high + 1e-9)).x  # fmt: skip
+    if np.any((found < low + 1e-3) | (found > high - 1e-3)):
+        return None
+    return centre + half * found

@@ -135,6 +135,19 @@ def covariance(
     )
 
 
+def not_less(own: Covariance, base: Covariance) -> np.ndarray:
+    """C of a model that is granted at least what another is granted, (m, m).
+
+    Each has shown its numerical error by few runs. Their correlations are the mean of both, the
+    variance of every number is the larger one: nobody gains by a lucky lack of scatter.
+    """
+    found, known = (one.jitter + one.transfer + one.resolution + one.engine for one in (own, base))
+    pooled = 0.5 * (found + known)
+    larger = np.maximum(np.diag(found), np.diag(known))
+    scale = np.sqrt(larger / np.maximum(np.diag(pooled), 1e-300))
+    return own.survey + own.source + scale[:, None] * pooled * scale
+
+
 def mean_of(rows: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """Mean of the predictions (n, m) that could be read, (m,); NaN of none."""
     rows = np.asarray(rows)

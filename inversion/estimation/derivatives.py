@@ -25,7 +25,7 @@ from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.unknowns import Parameters, Unknowns
 
 if TYPE_CHECKING:
-    from inversion.estimation.setup import Setup
+    from inversion.estimation.forward import Setup
 
 #: Least effect of a step, in units of the noise of one run.
 FACTOR = 5.0

@@ -1,4 +1,8 @@
-"""What a forward engine is: parameters in, predicted measurements out.
+"""What a forward engine is: a `Request` in, predicted measurements out.
+
+A request is one run of a `Setup`, which is one reading of the question.
+`inversion.back_analysis.variants` makes other readings, the diagnosis one for each state of its
+effects. What needs the history of a run is read as it ends (`HistoryReader`).
 
 The material point method is one engine (`inversion.engines.mpm_engine`), a learned simulator
 another, an analytic formula in the tests a third. Nothing above this file knows which of them runs.
@@ -7,12 +11,127 @@ another, an analytic formula in the tests a third. Nothing above this file knows
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from inversion.estimation.setup import Request
+from geometry.scenes.scene import Scene
+from geometry.survey.measured import Deposit, Measured, Reading
+from inversion.estimation.data import Targets
+from inversion.estimation.unknowns import Parameters
+from pipeline.config import SimulationSettings
+
+if TYPE_CHECKING:
+    from mpm_taichi.trajectory import Run
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One reading of the question.
+
+    Attributes:
+        scene: the section, before the values of the parameters are put in.
+        settings: of the simulation.
+        parameters: what is calibrated.
+        targets: what is predicted.
+        foot: where the section ended before the slide, x [m] by side.
+        also_read: further measurements that are read as a run ends, which keeps no history.
+        height_over_width: H/B of a slide between flanks, for `finite_width`; 0: plane strain.
+    """
+
+    scene: Scene
+    settings: SimulationSettings
+    parameters: Parameters
+    targets: Targets
+    foot: Mapping[str, float]
+    also_read: tuple[Measured, ...] = ()
+    height_over_width: float = 0.0
+
+    def at(self, values: np.ndarray) -> Request:
+        """One run of this reading, with values (p,) of its parameters."""
+        return Request(self, np.asarray(values, dtype=float))
+
+    def with_scene(self, scene: Scene) -> Setup:
+        """The setup of another section; where its foot moves, so does the zero of a runout."""
+        own = self.scene
+        foot = {
+            side: x if scene.foot(side) == own.foot(side) else x + scene.foot(side) - own.foot(side)
+            for side, x in self.foot.items()
+        }
+        return replace(self, scene=scene, foot=foot)
+
+    @cached_property
+    def reader(self) -> HistoryReader:
+        """Reads what needs the whole history of a run."""
+        return HistoryReader([*self.targets.entries, *self.also_read], self.foot)
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """One forward run that is asked for.
+
+    Attributes:
+        setup: the reading of the question: section, settings, measurements.
+        values: of its parameters in outside units (kPa, degrees, kg/m3), in their order, (p,).
+    """
+
+    setup: Setup
+    values: np.ndarray
+
+    @property
+    def scene(self) -> Scene:
+        """The section with the values put in."""
+        return self.setup.parameters.scene(self.setup.scene, self.values)
+
+
+@dataclass(frozen=True)
+class HistoryReader:
+    """Reads measurements on all frames of a run as it ends, so that no frames are kept.
+
+    Attributes:
+        entries: measurements; only those that need the history are read.
+        foot: where the section ended before the slide, x [m] by side.
+    """
+
+    entries: Sequence[Measured]
+    foot: Mapping[str, float]
+
+    @cached_property
+    def wanted(self) -> dict[str, Measured]:
+        """The measurements that are read, by the name of their reading."""
+        return {e.reading_key(self.foot): e for e in self.entries if e.needs_history}
+
+    def read(self, run: Run) -> dict[str, Reading]:
+        """Readings by name."""
+        if run.status == "failed":
+            return {
+                key: Reading(np.full(len(entry.values), np.nan), run.reason)
+                for key, entry in self.wanted.items()
+            }
+        deposit = deposit_of_run(run, self.foot)
+        return {key: entry.reading(deposit) for key, entry in self.wanted.items()}
+
+
+def deposit_of_run(run: Run, foot: Mapping[str, float]) -> Deposit:
+    """A whole run as a survey sees it.
+
+    Args:
+        run: with its frames.
+        foot: side -> x of the toe before the slide [m].
+    """
+    return Deposit.on(
+        run.scene,
+        foot,
+        run.positions[-1].astype(float),
+        run.positions[0].astype(float),
+        volume=run.bulk_volume,
+        positions=run.positions,
+        time=run.time,
+        at_rest=run.came_to_rest,
+    )
 
 
 @dataclass(frozen=True)

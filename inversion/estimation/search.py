@@ -18,7 +18,7 @@ from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.misfit import Objective
 
 if TYPE_CHECKING:
-    from inversion.estimation.setup import Setup
+    from inversion.estimation.forward import Setup
 
 Kind = Literal["start", "scan", "lbfgsb", "gauss_newton", "limit"]
 

@@ -29,9 +29,8 @@ from scipy.special import ndtr
 
 from geometry.scenes.scene import Scene
 from inversion.problem.question import LOGARITHMIC, ParameterSpec, material_key
-from inversion.problem.scene_changes import with_properties
+from inversion.problem.scene_changes import pool_at, with_properties
 from inversion.problem.state import State, state
-from inversion.problem.water_level import pool_at
 
 #: Spread of the logarithm of strength ratios that the preference for the first guesses allows.
 RATIO_STD = 1.0

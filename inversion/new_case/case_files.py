@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.profiles import Profile
-from geometry.survey.toe import Side
 from pipeline.cli import InputError
 from pipeline.files import yaml_text
 

@@ -22,8 +22,8 @@ from typing import Any
 from geometry.case import load_case
 from geometry.scenes.drawings import read_materials, read_section, section_scene
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import Side
 from geometry.survey.profiles import Profile, load_profile
-from geometry.survey.toe import Side
 from inversion.back_analysis.case import inversion_case
 from inversion.new_case.case_files import (
     PROFILE_FILE,

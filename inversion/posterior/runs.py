@@ -14,8 +14,7 @@ import numpy as np
 
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.forward import Prediction
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Prediction, Setup
 from inversion.posterior.unknown import Section, Unknown
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,

@@ -17,7 +17,7 @@ from scipy.special import ndtr, ndtri
 
 from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.deviations import Uncertain, deviating
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.problem.question import (
     LOGARITHMIC,
     UNITS,

@@ -24,8 +24,7 @@ from inversion import PHYSICS_VERSION
 from inversion.catalogue.correlations import RELATIONS, Relation
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Forward, Prediction, Setup
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.prediction_case import PredictionCase
 from inversion.prediction.response import Monotone

@@ -1,9 +1,12 @@
-"""A residual strength that is known as a mean and a standard deviation.
+"""A residual strength that is known: a mean and a standard deviation, or draws.
 
 `18+-5` or `18±5` is 18 kPa with a standard deviation of 5; `1,6=4+-1` is the strength that
 zones 1 and 6 share. Everything random is drawn as standard normal scores z; a strength is a rising
 function of its z. Lognormal: mean and standard deviation are those of the strength itself. Normal:
 cut at a tenth of the mean, since a strength is positive.
+
+A strength may also be known as the draws of a posterior. Several of one posterior keep what ties
+them: their draws are sampled together. Their normal scores are those of their ranks.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -18,6 +22,9 @@ from scipy.special import ndtr, ndtri
 
 from geometry.scenes.scene import Scene
 from geometry.scenes3d.scene3d import Terrain
+from inversion.posterior.document import load_posterior
+from inversion.posterior.draws import key, load_draws
+from inversion.problem.question import RESIDUAL_STRENGTH
 from pipeline.cli import InputError
 
 Kind = Literal["lognormal", "normal", "posterior"]
@@ -39,7 +46,7 @@ class KnownStrength:
         zones: names of the zones that share it; empty: not said yet.
         mean_kpa: mean.
         std_kpa: standard deviation.
-        kind: of the distribution; posterior: `inversion.prediction.drawn_strength`.
+        kind: of the distribution; posterior: `inversion.prediction.known_strength`.
     """
 
     zones: tuple[str, ...]
@@ -131,3 +138,59 @@ def _check_zone(name: str, scene: Scene | Terrain, taken: Sequence[str]) -> None
             f"zone {name!r}: its material has friction_deg {soils[name].friction_deg:g}; a "
             "residual strength belongs to a zone with friction_deg 0"
         )
+
+
+@dataclass(frozen=True)
+class DrawnStrength(KnownStrength):
+    """One strength; `draws` are s values [kPa] of equal weight."""
+
+    draws: tuple[float, ...] = ()
+
+    def at(self, score: np.ndarray | float) -> np.ndarray:
+        """Strength [kPa] of standard normal scores, any shape: the quantile of the draws."""
+        places = (np.arange(len(self.draws)) + 0.5) / len(self.draws)
+        return np.interp(ndtr(np.asarray(score, dtype=float)), places, np.sort(self.draws))
+
+    @property
+    def scores(self) -> np.ndarray:
+        """Normal scores of the draws, (s,)."""
+        ranks = np.argsort(np.argsort(self.draws, kind="stable"), kind="stable")
+        return ndtri((ranks + 0.5) / len(self.draws))
+
+
+def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
+    """The residual strengths of a posterior, with their zones.
+
+    Args:
+        path: folder of `posterior.json` and `posterior.nc`, or one of the two files.
+
+    Raises:
+        InputError: no posterior, or none of a residual strength.
+    """
+    path = Path(path)
+    folder = path if path.is_dir() else path.parent
+    document, draws = load_posterior(folder), load_draws(folder)
+    found = []
+    for one in document.parameters:
+        if one.property != RESIDUAL_STRENGTH:
+            continue
+        values = draws.posterior[:, draws.unknowns.index(key(one.name))]
+        found.append(
+            DrawnStrength(
+                tuple(one.zones), float(values.mean()), float(values.std()), "posterior",
+                tuple(map(float, values)),
+            )
+        )  # fmt: skip
+    if not found:
+        raise InputError(f"{folder}: a posterior without a residual strength")
+    return found
+
+
+def sampled_scores(
+    strengths: Sequence[KnownStrength], samples: int, random: np.random.Generator
+) -> np.ndarray:
+    """Standard normal scores (samples, p): of draws together, of anything else independent."""
+    if not all(isinstance(strength, DrawnStrength) for strength in strengths):
+        return random.standard_normal((samples, len(strengths)))
+    together = np.stack([strength.scores for strength in strengths], axis=1)
+    return together[random.integers(len(together), size=samples)]

@@ -14,10 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.survey.surface_profile import surface_profile
-from inversion.estimation.forward import Forward, Prediction
-from inversion.estimation.setup import Setup
-from inversion.prediction.drawn_strength import sampled_scores
-from inversion.prediction.known_strength import KnownStrength
+from inversion.estimation.forward import Forward, Prediction, Setup
+from inversion.prediction.known_strength import KnownStrength, sampled_scores
 from inversion.prediction.response import Response, Sections, design, response
 from pipeline.cli import WorkFailed
 

@@ -17,7 +17,7 @@ from geometry.scenes.scene import Scene
 from geometry.survey.measured import Measured, single_lengths
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.prediction.known_strength import KnownStrength
 from inversion.problem.question import FILE_NAME as QUESTION_FILE

@@ -1,4 +1,4 @@
-"""The inverse problem: the question, its unknowns, its data, and what a forward engine must do.
+"""The inverse problem: the question, and how it changes the section that is simulated.
 
 In: the YAML files of a case. Out: what engines and estimation work on.
 """

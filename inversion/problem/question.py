@@ -54,7 +54,7 @@ class Prior(Document):
 
     Either mean and standard deviation, or a published relation of residual strength with blow
     count, from which they follow once the stress before failure is known
-    (`inversion.problem.relation_priors`).
+    (`inversion.problem.layers`).
     """
 
     mean: float | None = Field(None, description="most likely value, in the parameter's unit")

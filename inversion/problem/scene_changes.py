@@ -1,9 +1,11 @@
-"""The same section with other properties of some zones."""
+"""The same section with other properties of some zones, or with its pool at another level."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
+
+import numpy as np
 
 from geometry.scenes.scene import Scene
 from geometry.scenes3d.scene3d import Terrain
@@ -40,3 +42,32 @@ def with_properties(base: Soil, changes: Sequence[tuple[str, str, float | bool]]
         zone["material"] = name
     document["materials"] = materials
     return type(base).model_validate(document)
+
+
+#: Two places nearer than this are one and the same [m].
+SAME_PLACE_M = 0.05
+
+
+def moves_with_pool(scene: Scene) -> np.ndarray:
+    """Which vertices of the phreatic line stand at pool level, (L,) bool.
+
+    A scene without a phreatic line of its own has one at pool level, with a vertex at either end.
+    """
+    if scene.phreatic_line is None:
+        return np.ones(2, dtype=bool)
+    heights = np.array([y for _, y in scene.phreatic_line])
+    return np.abs(heights - scene.water_level) <= SAME_PLACE_M
+
+
+def pool_at(scene: Scene, level: float) -> dict[str, Any]:
+    """The document of the scene with its pool at another level [m]; not checked yet.
+
+    The phreatic line moves where it stands at pool level.
+    """
+    line = scene.phreatic_line
+    if line is not None:
+        line = [
+            (x, level if moves else y)
+            for (x, y), moves in zip(line, moves_with_pool(scene), strict=True)
+        ]
+    return {**scene.model_dump(), "water_level": level, "phreatic_line": line}

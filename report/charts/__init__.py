@@ -1,4 +1,4 @@
-"""Charts of results, one kind a file.
+"""Charts of results, one question a file.
 
 In: numbers of a document. Out: matplotlib figures.
 """

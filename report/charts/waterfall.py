@@ -12,8 +12,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from inversion.back_analysis.result import MeasurementAnswer
-from inversion.back_analysis.waterfall import WaterfallAnswer
+from inversion.back_analysis.result import MeasurementAnswer, WaterfallAnswer
 from report import style
 from report.data.back_analysis import BackAnalysisData
 from report.numbers import signed, unit_of

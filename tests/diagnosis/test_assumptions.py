@@ -19,8 +19,8 @@ from diagnosis.hypotheses.registry import FAMILIES, assumed_otherwise, assumptio
 from diagnosis.options import Options
 from geometry.case import load_case
 from inversion.engines.registry import engine_named
+from inversion.estimation.forward import Setup
 from inversion.estimation.misfit import system
-from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Amplitude
 from inversion.problem.question import FixedProperty
 from pipeline.cli import InputError

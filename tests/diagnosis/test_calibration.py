@@ -22,7 +22,7 @@ def coarse(seed: int) -> Straight:
 
 def test_a_slide_without_cells_is_met_by_a_model_with_cells():
     found = [compare(coarse(seed), OPTIONS) for seed in range(6)]
-    assert all(np.allclose(one.base.missing, CELLS) for one in found)
+    assert all(np.allclose(one.base.cells.missing, CELLS) for one in found)
     exact = [compare(straight(seed, {}), OPTIONS) for seed in range(6)]
     for one, other in zip(found, exact, strict=True):
         std = np.sqrt(one.judged.system.posterior[0, 0])
@@ -51,7 +51,7 @@ def test_all_predictions_are_corrected_those_made_before_as_well():
 
 def test_without_the_models_error_nothing_is_corrected():
     plain = compare(coarse(3), replace(OPTIONS, numerical_covariance=False)).base
-    assert not plain.missing.any()
+    assert not plain.cells.missing.any()
 
 
 def test_what_an_engine_says_that_it_errs_by_is_in_the_covariance():

@@ -18,7 +18,7 @@ from geometry.case import load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from inversion.engines.run_store import RunStore
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.problem.state import State
 from mpm_taichi.solver.boundary import MARGIN, make_grid
 from pipeline.cli import InputError

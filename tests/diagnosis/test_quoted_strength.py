@@ -10,6 +10,7 @@ import pytest
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.selection.quoted_strength import quoted, unexplained
+from diagnosis.selection.refit import FittedModel, RefitContext
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.misfit import system
 from inversion.estimation.unknowns import Amplitude
@@ -42,13 +43,22 @@ def test_spread_with_an_error_that_the_weights_do_not_know():
 def models(seed: int = 0):
     case = straight(seed, {"late": 2.0})
     spaces = [case.space([Amplitude(n, -3.0, 3.0, 1.0)] if n else []) for n in ("", "late", "bend")]
-    return case, {space.names: fitted(case, space) for space in spaces}
+    fits = [fitted(case, space) for space in spaces]
+    return case, {fit.names: FittedModel(fit, 0.0, None, None) for fit in fits}
+
+
+def context(case: Straight) -> RefitContext:
+    return RefitContext(None, case.data, None, {}, np.zeros((SIZE, SIZE)), 1)
+
+
+def with_total(model: FittedModel, total: float) -> FittedModel:
+    return replace(model, fit=replace(model.fit, total=total))
 
 
 def test_one_explanation_is_quoted_as_it_is():
     case, fits = models()
-    found = quoted(case.data, fits, {("late",): 0.4}, error=None, widened=False)
-    fit = fits[("late",)]
+    found = quoted(context(case), fits, {("late",): 0.4}, error=None, widened=False)
+    fit = fits[("late",)].fit
     std = system(case.data, fit.space, fit.derivative, fit.x).spread_with(None)
     assert np.allclose(found.x, fit.x[:2]) and np.allclose(found.std, std[:2])
     assert found.models == {("late",): 1.0}
@@ -57,8 +67,8 @@ def test_one_explanation_is_quoted_as_it_is():
 def test_a_mixture_has_the_variance_of_its_members_and_between_them():
     case, fits = models()
     weights = {("late",): 0.75, ("bend",): 0.25}
-    found = quoted(case.data, fits, weights, error=None, widened=False)
-    alone = [quoted(case.data, fits, {n: 1.0}, error=None, widened=False) for n in weights]
+    found = quoted(context(case), fits, weights, error=None, widened=False)
+    alone = [quoted(context(case), fits, {n: 1.0}, error=None, widened=False) for n in weights]
     w = np.array([0.75, 0.25])
     x, s = np.array([a.x for a in alone]), np.array([a.std for a in alone])
     assert np.allclose(found.x, w @ x)
@@ -67,14 +77,14 @@ def test_a_mixture_has_the_variance_of_its_members_and_between_them():
 
 def test_what_does_not_explain_cannot_sharpen_a_strength():
     case, fits = models()
-    fits[()] = replace(fits[()], total=180.0)
-    fits[("late",)] = replace(fits[("late",)], total=100.0)
-    fits[("bend",)] = replace(fits[("bend",)], total=175.0)
+    fits[()] = with_total(fits[()], 180.0)
+    fits[("late",)] = with_total(fits[("late",)], 100.0)
+    fits[("bend",)] = with_total(fits[("bend",)], 175.0)
     weights = unexplained(fits, 6.0)
     assert weights == {(): 1.0, ("late",): 1.0}, "the other lowers chi2 by 5 only"
-    found = quoted(case.data, fits, weights, error=None, widened=True)
+    found = quoted(context(case), fits, weights, error=None, widened=True)
     for names in weights:
-        narrow = quoted(case.data, fits, {names: 1.0}, error=None, widened=False)
+        narrow = quoted(context(case), fits, {names: 1.0}, error=None, widened=False)
         assert found.std[0] > 1.5 * narrow.std[0]
 
 

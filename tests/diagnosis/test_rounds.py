@@ -153,6 +153,13 @@ def test_what_is_named_must_explain_and_not_only_improve():
     assert "tests still fail" in not_enough(base, found(40.0, 6.0, 1e-4), 0.01, Options())
 
 
+def test_of_a_large_misfit_a_little_may_be_left():
+    base = found(chi2=430.0, held_out=105.0, p=1e-20)  # 500 beyond the noise
+    assert not_enough(base, found(50.0, 9.0, 0.01), None, Options()) == "", "24 are left"
+    assert "tests still fail" in not_enough(base, found(52.0, 9.0, 0.01), None, Options())
+    assert "tests still fail" in not_enough(base, found(50.0, 9.0, 5e-4), None, Options())
+
+
 def test_a_large_false_effect_does_not_forgive_itself():
     base = found(chi2=120.0, held_out=15.0, p=1e-9)  # 100 beyond the noise
     assert not_enough(base, found(47.0, 7.0, 1e-4), 0.9, Options()) == "", "19 are left"

@@ -16,10 +16,10 @@ from diagnosis.verdict.verdict_builder import verdict_document
 from docs.examples.my_engine import FORMULA, FormulaEngine
 from flowslide.command_line import main
 from geometry.case import load_case
-from inversion.back_analysis.by_engine import back_analysis_by
+from inversion.back_analysis.by_engine import back_analysis_by, chosen_engine
 from inversion.back_analysis.case import inversion_case
-from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result
+from inversion.back_analysis.result_files import side_by_side
 from inversion.engines import registry
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward

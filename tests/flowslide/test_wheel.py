@@ -95,7 +95,7 @@ def test_a_small_back_analysis(run, tmp_path):
 
 def test_the_shipped_model_is_found(run):
     script = (
-        "import flowslide; from inversion.back_analysis.engine_choice import chosen_engine; "
+        "import flowslide; from inversion.back_analysis.by_engine import chosen_engine; "
         "from inversion.back_analysis.case import inversion_case; "
         "case = inversion_case(flowslide.load_case('lower_san_fernando')); "
         "print(chosen_engine(case, 'gns', 'coarse').model / 'model.pt')"

@@ -8,14 +8,21 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geometry.scenes.fill import fill
-from geometry.survey.columns import column_grid, column_height, connected, kernel, kernel_slope
+from geometry.survey.columns import (
+    column_grid,
+    column_height,
+    connected,
+    kernel,
+    kernel_slope,
+    naked_eye_toe,
+    toe,
+)
 from geometry.survey.crest_settlement import CrestSettlement
 from geometry.survey.frames import frames_around
 from geometry.survey.freeboard import freeboard
 from geometry.survey.marker_displacement import MarkerDisplacement
 from geometry.survey.measured import Deposit
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import naked_eye_toe, toe
 from geometry.survey.toe_history import ToeHistory
 from geometry.survey.toe_runout import toe_runout
 from geometry.survey.velocity import Velocity

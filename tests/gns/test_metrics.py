@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.survey.toe import toe
+from geometry.survey.columns import toe
 from gns.data.scene_facts import KINEMATIC, start_of
 from gns.evaluation.metrics import (
     energy_history,

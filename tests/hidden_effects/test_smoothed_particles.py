@@ -12,7 +12,7 @@ from benchmarks.hidden_effects.foreign.loading import Loading
 from benchmarks.hidden_effects.foreign.slide import source
 from benchmarks.hidden_effects.foreign.smoothed_particles import COURANT, Body
 from geometry.scenes.scene import scene_from_mapping
-from geometry.survey.toe import toe
+from geometry.survey.columns import toe
 
 GRAVITY, DENSITY = 9.81, 1800.0
 STRONG = {"friction_deg": 0.0, "cohesion_kpa": 1e5, "density": DENSITY}

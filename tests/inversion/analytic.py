@@ -10,10 +10,9 @@ import numpy as np
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.derivatives import FiniteSteps
-from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.forward import Forward, Prediction, Request
 from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Search
-from inversion.estimation.setup import Request
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 

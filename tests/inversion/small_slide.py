@@ -20,7 +20,7 @@ from gns.data.scene_facts import start_of
 from gns.network.simulator import Simulator, SimulatorConfig
 from inversion.engines.trained_model import Model
 from inversion.estimation.data import make_targets
-from inversion.estimation.setup import Setup
+from inversion.estimation.forward import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 from pipeline.config import SimulationSettings

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from geometry.case import load_case
-from inversion.back_analysis.by_engine import back_analysis_by
+from inversion.back_analysis.by_engine import back_analysis_by, chosen_engine
 from inversion.back_analysis.case import inversion_case
-from inversion.back_analysis.engine_choice import chosen_engine, side_by_side
 from inversion.back_analysis.result import Result, load_result, schema_text
-from inversion.back_analysis.result_files import answered
+from inversion.back_analysis.result_files import answered, side_by_side
 from inversion.back_analysis.with_learned_simulator import SOURCE, SurrogateAnalysis
 from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore

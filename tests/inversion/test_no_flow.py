@@ -16,8 +16,7 @@ from inversion.estimation.calibrate import calibrate
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.derivatives import FiniteSteps
 from inversion.estimation.forward import Prediction
-from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import lower_bound, posterior
+from inversion.estimation.misfit import Objective, lower_bound, posterior
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
 from inversion.posterior import likelihood

@@ -12,7 +12,7 @@ from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
-from inversion.problem.water_level import moves_with_pool, pool_at
+from inversion.problem.scene_changes import moves_with_pool, pool_at
 from pipeline.cli import InputError
 from tests.gns.scenes import small_scene
 

@@ -24,8 +24,7 @@ from inversion.posterior.infer import Inference, at_shares, design, sample
 from inversion.posterior.likelihood import Likelihood, log_likelihood
 from inversion.posterior.runs import SectionModel
 from inversion.posterior.sampling import resampled, spread_out, tempered
-from inversion.posterior.shares import shares
-from inversion.posterior.summary import coarse_remarks
+from inversion.posterior.summary import coarse_remarks, shares
 from inversion.posterior.unknown import Unknown, section_of, unknown_parameter
 from inversion.problem.question import Prior
 from pipeline.cli import InputError, WorkFailed

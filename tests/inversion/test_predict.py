@@ -15,8 +15,13 @@ from scipy.special import ndtr, ndtri
 from geometry.case import load_case
 from geometry.scenes.scene import load_scene
 from inversion.estimation.forward import Prediction
-from inversion.prediction.drawn_strength import DrawnStrength, sampled_scores
-from inversion.prediction.known_strength import KnownStrength, parse_strength, placed
+from inversion.prediction.known_strength import (
+    DrawnStrength,
+    KnownStrength,
+    parse_strength,
+    placed,
+    sampled_scores,
+)
 from inversion.prediction.predict import envelope, noise_at, predict
 from inversion.prediction.prediction_case import prediction_case
 from inversion.prediction.prediction_document import document_of

@@ -14,8 +14,7 @@ from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.toe_history import ToeHistory
 from inversion.back_analysis import result_builder
 from inversion.engines.run_store import KeptRun, RunStore, load_kept, save_kept
-from inversion.estimation.forward import Prediction
-from inversion.estimation.history_reader import HistoryReader
+from inversion.estimation.forward import HistoryReader, Prediction
 from pipeline.config import SimulationSettings
 
 

@@ -9,11 +9,10 @@ import pytest
 
 from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
 from inversion.estimation.derivatives import FiniteSteps
+from inversion.estimation.forward import Setup
 from inversion.estimation.gauss_newton import gauss_newton
-from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import posterior
+from inversion.estimation.misfit import Objective, posterior
 from inversion.estimation.search import Search
-from inversion.estimation.setup import Setup
 from inversion.estimation.unknowns import Parameters
 from pipeline.cli import WorkFailed
 from tests.inversion.analytic import Formula, angle, strength, targets

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inversion.back_analysis.equivalent_answers import walk
-from inversion.back_analysis.perturbed_answers import Problem, resolve
-from inversion.estimation.misfit import Objective
-from inversion.estimation.posterior import (
+from inversion.back_analysis.perturbed_answers import Problem, resolve, walk
+from inversion.estimation.misfit import (
+    Objective,
     direction_in_words,
     interval,
     posterior,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import select
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -124,11 +126,65 @@ print("identified")
 '''
 
 
+SERVER = '''
+"""Reads requests, runs `python -m snakemake` for each in a fork of itself, writes exit codes."""
+import json
+import os
+import sys
+from snakemake.cli import main
+for line in sys.stdin:
+    request = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        out = os.open(request["output"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(out, 1)
+        os.dup2(out, 2)
+        os.chdir(request["folder"])
+        sys.path[0] = request["folder"]
+        sys.argv = ["snakemake", *request["words"]]
+        main()
+        sys.exit()
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+'''
+
+
+class Snakemake:
+    """Snakemake, whose import takes longer than what it does here: it is imported once."""
+
+    def __init__(self, folder: Path) -> None:
+        self.output = folder / "output.txt"
+        self.server = subprocess.Popen(
+            [sys.executable, "-c", SERVER],
+            env={**os.environ, "COLUMNS": "200"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def run(self, words: Sequence[str], folder: Path) -> tuple[int, str]:
+        """The exit code and all that was said."""
+        request = {"words": words, "folder": str(folder), "output": str(self.output)}
+        self.server.stdin.write(json.dumps(request) + "\n")
+        self.server.stdin.flush()
+        assert select.select([self.server.stdout], [], [], 120.0)[0], "no end after 120 s"
+        code = int(self.server.stdout.readline())
+        return code, self.output.read_text()
+
+    def close(self) -> None:
+        """End it, with what it runs."""
+        self.server.stdin.close()
+        self.server.terminate()
+        self.server.wait()
+        self.server.stdout.close()
+
+
 class Workbench:
     """The folder with the copy, and Snakemake in it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, program: Snakemake) -> None:
         self.folder = folder
+        self.program = program
         for name in ("Snakefile", "rules", "profiles", "config", "report"):
             source = ROOT / name
             if source.is_dir():
@@ -164,27 +220,10 @@ class Workbench:
     def snakemake(self, *targets: str, options: Sequence[str] = (), expect: int = 0) -> str:
         """Run Snakemake; return all it said."""
         (self.folder / "my.yaml").write_text(yaml.safe_dump(self.settings))
-        done = subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "snakemake",
-                *options,
-                "--configfile",
-                "my.yaml",
-                "--",
-                *targets,
-            ],
-            cwd=self.folder,
-            env={**os.environ, "COLUMNS": "200"},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=120,
-        )
-        assert done.returncode == expect, done.stdout
-        return done.stdout
+        words = [*options, "--configfile", "my.yaml", "--", *targets]
+        code, said = self.program.run(words, self.folder)
+        assert code == expect, said
+        return said
 
     def planned(self, *targets: str) -> dict[str, int]:
         """Jobs by rule that Snakemake would run now; the collecting targets are left out."""
@@ -200,6 +239,13 @@ class Workbench:
         return self.folder / "results" / name
 
 
+@pytest.fixture(scope="session")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Snakemake]:
+    started = Snakemake(tmp_path_factory.mktemp("snakemake"))
+    yield started
+    started.close()
+
+
 @pytest.fixture
-def bench(tmp_path: Path) -> Workbench:
-    return Workbench(tmp_path)
+def bench(tmp_path: Path, program: Snakemake) -> Workbench:
+    return Workbench(tmp_path, program)

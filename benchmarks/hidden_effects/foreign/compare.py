@@ -21,8 +21,8 @@ from benchmarks.hidden_effects.foreign.hidden import Hidden, outward
 from benchmarks.hidden_effects.foreign.slide import SOURCES, Slide, source
 from benchmarks.hidden_effects.making.sections import load_section
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import toe
 from geometry.survey.surface_profile import surface_profile
-from geometry.survey.toe import toe
 from pipeline.cli import WorkFailed
 
 ROOT = Path(__file__).resolve().parents[3]
