@@ -9,6 +9,6 @@ Nothing heavy is imported here: torch starts only when a module that computes wi
 
 from __future__ import annotations
 
-PHYSICS_VERSION = 1
+PHYSICS_VERSION = 2
 """Raised whenever the same trajectories give other packed numbers or the same model and scene
 another rollout; part of every cache key."""

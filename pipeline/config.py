@@ -12,7 +12,14 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument, schema_file_text
@@ -27,7 +34,21 @@ def _in_order(limits: tuple[float, float]) -> tuple[float, float]:
     return limits
 
 
+def _listed(value: Any) -> Any:
+    """A single step as a list; 0 is none."""
+    return ([value] if value else []) if isinstance(value, int) else value
+
+
+def _ascending(steps: list[int]) -> list[int]:
+    if steps != sorted(set(steps)):
+        raise ValueError("allowed are steps in ascending order")
+    return steps
+
+
 NumberRange = Annotated[tuple[float, float], AfterValidator(_in_order)]
+Steps = Annotated[
+    list[Annotated[int, Field(gt=0)]], BeforeValidator(_listed), AfterValidator(_ascending)
+]
 CountRange = Annotated[tuple[int, int], AfterValidator(_in_order)]
 
 
@@ -204,7 +225,7 @@ class InversionSettings(Settings):
     )
     outside_training: bool = Field(
         False,
-        description="of the engines direct and corrected: answer also for a section far outside "
+        description="of gns, direct and corrected: answer also for a section far outside "
         "what the model has learned from",
     )
     surrogate_pairs: int = Field(
@@ -367,7 +388,7 @@ class PackSettings(Settings):
         return self
 
 
-def _default_training() -> dict[str, dict[str, int | float | bool | str]]:
+def _default_training() -> dict[str, dict[str, int | float | bool | str | list[int]]]:
     coarse: dict[str, int | float | bool | str] = {
         "width": 48,
         "message_passing_steps": 4,
@@ -378,7 +399,7 @@ def _default_training() -> dict[str, dict[str, int | float | bool | str]]:
         "overburden": True,
         "grid_cell": 4.0,
         "steps": 22_000,
-        "restart_at": 13_000,
+        "restart_at": [13_000],
         "optimizer": "muon",
         "learning_rate": 2e-3,
         "final_learning_rate": 0.0,
@@ -439,11 +460,10 @@ class TrainSettings(Settings):
         "exponential", description="how the learning rate gets from the first to the last"
     )
     warmup_steps: int = Field(0, ge=0, description="steps in which it first rises from zero")
-    restart_at: int = Field(
-        0,
-        ge=0,
-        description="step after which it rises and falls a second time: so a training that has "
-        "ended is made longer; 0, or none of the steps: it does not",
+    restart_at: Steps = Field(
+        default=[],
+        description="steps after each of which it rises and falls once more, ascending: so a "
+        "training that has ended is made longer; those beyond the last step do nothing",
     )
     restart_share: float = Field(
         0.5, gt=0, description="of the first rates, from which it then falls"
@@ -500,7 +520,7 @@ class GnsSettings(Settings):
     train: TrainSettings = Field(
         default_factory=TrainSettings, description="the network and how it learns"
     )
-    train_of_scale: dict[str, dict[str, int | float | bool | str]] = Field(
+    train_of_scale: dict[str, dict[str, int | float | bool | str | list[int]]] = Field(
         default_factory=_default_training, description="what of it differs for a scale, by name"
     )
 
@@ -538,8 +558,13 @@ class ScaleSettings(Settings):
     )
     water: Literal["buoyant", "pore_pressure"] = Field(
         "buoyant",
-        description="as simulation.water; what the features of a learned simulator express is "
-        "buoyant",
+        description="as simulation.water; the paper's runs are without the thrust of water",
+    )
+    dams_from: int | None = Field(
+        None,
+        ge=0,
+        description="scenes from this number on are free-standing dams, most with a pool; "
+        "null: none",
     )
     runs_per_batch: int = Field(100, gt=0, description="runs simulated by one job")
 

@@ -106,7 +106,8 @@ MODEL_AT_HAND = model_at_hand()
 
 
 # After the material point method's own answer, so that its page has all of them in one table. The answer
-# alone: what else moves it is asked of the material point method, above.
+# alone: what else moves it is asked of the material point method, above. It is asked for far outside the
+# training as well, since the material point method judges it; its remarks state the distance.
 rule invert_case_gns:
     input:
         case_files,
@@ -148,6 +149,7 @@ rule invert_case_gns:
     shell:
         "python -m inversion invert {params.case} --engine gns --model {params.model}"
         " --out {params.folder} --config {params.config} --threads {threads} --quick"
+        " --set inversion.outside_training=true"
         " > {output.summary} 2> {log}"
 
 

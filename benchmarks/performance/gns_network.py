@@ -26,12 +26,12 @@ import torch
 
 from benchmarks.performance.gns_textbook import TextbookNetwork, textbook_of
 from gns.network.edge_gradient import KEEP_BYTES
-from gns.network.features import EDGE_FEATURES, point_feature_count
+from gns.network.features import EDGE_FEATURES, point_feature_names
 from gns.network.graph import Graph, radius_graph
 from gns.network.network import Network
 from pipeline.cli import CommandParser, base_parser, main_exit
 
-POINT_FEATURES = point_feature_count(6)
+POINT_FEATURES = len(point_feature_names(6))
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from gns.data.metadata import read_metadata
 from gns.evaluation.evaluate import evaluate
 from gns.evaluation.score_tables import by_template
 from gns.network.simulator import Simulator
-from gns.training.checkpoints import ModelFolder
+from gns.training.checkpoints import MODEL_FILE, ModelFolder
 from inversion.back_analysis.case import inversion_case
 from pipeline.cli import CommandParser, base_parser, main_exit
 from pipeline.config import load_config
@@ -55,8 +55,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     case = inversion_case(load_case(options.case, config))
     scenes = write_variants(case, out / "scenes", options.runs)
     duration = f"simulation.duration_s={case.setup.settings.duration_s}"
-    water = "simulation.water=buoyant"  # all that a model without thrust knows
-    call("mpm_taichi", "run", *scenes, "--out", out / "runs", *settings([duration, water]))
+    thrust = Simulator.load(Path(options.model) / MODEL_FILE).config.thrust
+    water = [] if thrust else ["simulation.water=buoyant"]
+    call("mpm_taichi", "run", *scenes, "--out", out / "runs", *settings([duration, *water]))
     shares = ["gns.pack.valid_share=0.2", "gns.pack.test_share=0.2"]
     runs = sorted((out / "runs").glob("*.h5"))
     call("gns", "pack", *runs, "--out", out / "dataset", *settings(shares))

@@ -1,5 +1,6 @@
 """Scenes drawn at random from the templates (a) to (e) of the paper's Fig. 3 and Table A.1.
 
+A scale may go on with free-standing dams (`embankment_dam`), which count as template (f).
 A scene follows from (configuration, scale, index) alone: the same on every machine, in any order.
 The outlines are drawn until they are valid, at most `MOST_DRAWS` times; the number of draws is kept
 in the scene. A new template is one file with a `sketch` function and one line in `TEMPLATES`.
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.random_scenes import blocks, embankment, random_slope, tailings_dam, zoned_dam
+from geometry.random_scenes.embankment_dam import draw_dam
 from geometry.random_scenes.materials import draw_material
 from geometry.random_scenes.sketch import (
     Frame,
@@ -24,7 +26,7 @@ from geometry.random_scenes.sketch import (
     signed_area,
 )
 from geometry.scenes.fill import lattice_points
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import Origin, Scene
 from pipeline.cli import InputError
 from pipeline.random_numbers import Stream, number_of
 
@@ -39,6 +41,8 @@ TEMPLATES: dict[str, Template] = {
     "e": blocks.sketch,
 }
 
+#: Letter of the free-standing dams.
+DAM = "f"
 #: Least mean thickness of a zone (twice area over perimeter), in spacings: one cell.
 LEAST_THICKNESS = 2.0
 #: Largest difference between the area of the points and that of the polygons.
@@ -77,6 +81,8 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     settings, size = config.geometry, config.scale(scale)
     if index < 0:
         raise InputError(f"index {index}: scenes are numbered from 0")
+    if size.dams_from is not None and index >= size.dams_from:
+        return _dam(settings, size.spacing_m, scale, index)
     key = (settings.seed, number_of(scale), index)
     size = _size_of(key, size)
     shares = settings.template_shares.model_dump()
@@ -92,6 +98,14 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
         f"scale {scale}, scene {index}: no valid template ({letter}) in {MOST_DRAWS} draws, "
         f"mostly because {most}; see geometry.max_points, geometry.min_points_per_zone, "
         f"scales.{scale}.spacing_m and the size of the domain"
+    )
+
+
+def _dam(settings: GeometrySettings, spacing: float, scale: str, index: int) -> Scene:
+    """A free-standing dam under the name of its scale."""
+    origin = Origin(template=DAM, scale=scale, index=index, draws=1, materials="dam")
+    return draw_dam(settings.seed, index, spacing).changed(
+        name=f"{scale}_{index:05d}", origin=origin.model_dump()
     )
 
 

@@ -27,10 +27,12 @@ UNITS = {
     "ground, phreatic_line": "m",
     "tan_friction": "-",
     "cohesion": "Pa",
+    "head": "m; elevation to which water stands over a point at t = 0, 0 without water",
     "density": "kg/m3; saturated below the phreatic line at t = 0",
     "body_force_x, body_force_y": "g; weight and force of the water per mass, at t = 0",
     "numbers": "SI; spacing, cell, x_min, x_max, y_max in m; frame_time in s; gravity in m/s2; "
-    "youngs_modulus in Pa; ground_contact: place in contacts; walls_*, thrust: 1 is yes",
+    "youngs_modulus in Pa; ground_contact: place in contacts; walls_*, thrust, "
+    "moving_face: 1 is yes; pool_level in m",
     "statistics, ranges": "lengths in spacings d, time in sqrt(d / g), strength in rho g d",
 }
 
@@ -91,7 +93,7 @@ class Statistics(StrictDocument):
 class Metadata(StrictDocument):
     """The whole file."""
 
-    layout_version: Literal[2] = LAYOUT_VERSION
+    layout_version: Literal[3] = LAYOUT_VERSION
     scale: str  # "" for scenes made by hand
     spacing_m: float
     gravity_m_per_s2: float

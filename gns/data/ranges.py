@@ -45,7 +45,7 @@ def scene_ranges(positions: np.ndarray, facts: SceneFacts) -> dict[str, Range]:
         lowest and highest value by name, of `MEANINGS`; `ground_friction` only for Coulomb ground.
     """
     soil = facts.type == SOIL
-    tangent, cohesion, density, push, weight = facts.properties[soil].astype(np.float64).T
+    tangent, cohesion, density, push, weight = facts.properties[soil, :5].astype(np.float64).T
     unit = density * facts.gravity * facts.spacing
     x, y = positions[soil].astype(np.float64).T
     slope = _steepest(facts, float(x.min()), float(x.max()))

@@ -18,18 +18,22 @@ import numpy as np
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import MOHR_COULOMB
 from mpm_taichi.effects import effects_on
-from mpm_taichi.solver.water import water_force
+from mpm_taichi.solver.water import MovingFace, moving_face, water_force
 from pipeline.cli import InputError
 
 if TYPE_CHECKING:
+    from geometry.scenes.fill import MaterialPoints
     from geometry.scenes.scene import Scene
     from pipeline.config import SimulationSettings
 
 SOIL, KINEMATIC = 0, 1
 """Types of points: moved by the simulator; prescribed motion."""
 
-PROPERTIES = ("tan_friction", "cohesion", "density", "body_force_x", "body_force_y")
-"""Columns of `SceneFacts.properties`: -, Pa, kg/m3, g, g (the last two at t = 0)."""
+PROPERTIES = ("tan_friction", "cohesion", "density", "body_force_x", "body_force_y", "head")
+"""Columns of `SceneFacts.properties`: -, Pa, kg/m3, g, g, m (the last three at t = 0)."""
+
+HEAD_MARGIN = 4
+"""Half cells to either side of the soil for which the head is found."""
 
 CONTACTS = ("rough", "no_slip", "coulomb")
 """Meaning of the number `ground_contact`: the place in this list."""
@@ -49,6 +53,8 @@ NUMBERS = (
     "youngs_modulus",  # mean over the soil points [Pa]
     "poisson_ratio",  # mean over the soil points
     "thrust",  # 1: where the phreatic line falls, the water pushes sideways as well
+    "moving_face",  # 1: the pool follows the soil (`mpm_taichi.solver.water.MovingFace`)
+    "pool_level",  # [m]; 0 without water
 )
 """Names of `SceneFacts.numbers`, in the order in which they are stored."""
 
@@ -59,7 +65,7 @@ class SceneFacts:
 
     Attributes:
         type: (N,) int8, SOIL or KINEMATIC.
-        properties: (N, 5) float32, columns as in PROPERTIES.
+        properties: (N, 6) float32, columns as in PROPERTIES.
         initial_velocity: (N, 2) float32 [m/s]; kinematic points keep theirs.
         zone: (N,) int16, place in the scene's zones; of no use to the simulator.
         ground: (P, 2) float64 [m], level beyond its ends.
@@ -110,6 +116,13 @@ class SceneFacts:
         """True where there is a pool or groundwater."""
         return len(self.phreatic_line) > 0
 
+    def moving_face(self) -> MovingFace | None:
+        """The face that the pool follows [m]; None where the water stays in place."""
+        if not self.numbers["moving_face"]:
+            return None
+        head = self.properties[:, 5].astype(np.float64)
+        return MovingFace(self.phreatic_line, self.numbers["pool_level"], head, self.spacing)
+
     def ground_height(self, x: np.ndarray) -> np.ndarray:
         """Elevation of the base [m] at `x` [m], any shape."""
         return np.interp(x, self.ground[:, 0], self.ground[:, 1])
@@ -118,7 +131,7 @@ class SceneFacts:
         """Weight and force of the water per mass, over g: (0, -1) where there is no water.
 
         The water's part is that of the solver (`mpm_taichi.solver.water.water_force`) at the
-        points: its lift and, with thrust, the push of a line that falls along x.
+        points: its lift and, with thrust, the push of a head that falls along x.
 
         Args:
             positions: of all points, (..., N, 2) [m].
@@ -129,21 +142,46 @@ class SceneFacts:
         force = np.zeros(positions.shape)
         force[..., 1] = -1.0
         if self.has_water:
-            x, cell = positions[..., 0], self.numbers["cell"]
-            fall = 0.0
-            if self.numbers["thrust"]:
-                fall = (self._level(x - 0.5 * cell) - self._level(x + 0.5 * cell)) / cell
-            push = water_force(self._level(x), fall, positions[..., 1], cell, 1.0)
-            force += np.stack(push, axis=-1) / self.properties[:, 2, None]
+            face = self.moving_face()
+            frames = positions.reshape(-1, *positions.shape[-2:])
+            water = np.stack([self._force_of_water(frame, face) for frame in frames])
+            force += water.reshape(force.shape)
         return force
 
-    def _level(self, x: np.ndarray) -> np.ndarray:
-        """Height of the phreatic line [m]."""
-        return np.interp(x, self.phreatic_line[:, 0], self.phreatic_line[:, 1])
+    def _force_of_water(self, positions: np.ndarray, face: MovingFace | None) -> np.ndarray:
+        """Its force per mass at (N, 2) [m], over g, (N, 2)."""
+        line, cell = self.phreatic_line, self.numbers["cell"]
+        if face is not None:
+            line = head_line(face, positions, cell)
+        x, fall = positions[:, 0], 0.0
+
+        def level(x: np.ndarray) -> np.ndarray:
+            return np.interp(x, line[:, 0], line[:, 1])
+
+        if self.numbers["thrust"]:
+            fall = (level(x - 0.5 * cell) - level(x + 0.5 * cell)) / cell
+        push = water_force(level(x), fall, positions[:, 1], cell, 1.0)
+        return np.stack(push, axis=-1) / self.properties[:, 2, None]
 
     def stored_numbers(self) -> np.ndarray:
         """`numbers` as (len(NUMBERS),) float64."""
         return np.array([self.numbers[name] for name in NUMBERS], dtype=np.float64)
+
+
+def head_line(face: MovingFace, positions: np.ndarray, cell: float) -> np.ndarray:
+    """The head over points that have moved, as a line (k, 2) [m] with a vertex each half cell.
+
+    Args:
+        face: of their scene.
+        positions: of all points now, (N, 2) [m].
+        cell: of the simulation's grid [m].
+    """
+    if not np.isfinite(positions).all():  # of a rollout that has failed
+        return face.line
+    half = 0.5 * cell
+    low, high = np.floor(positions[:, 0].min() / half), np.ceil(positions[:, 0].max() / half)
+    places = half * np.arange(low - HEAD_MARGIN, high + HEAD_MARGIN + 1.0)
+    return np.stack([places, face.head(places, positions.astype(np.float64))], axis=1)
 
 
 def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np.ndarray]:
@@ -159,7 +197,7 @@ def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np
     Raises:
         InputError: the scene holds what no learned simulator of ours has been shown.
     """
-    _check_known(scene, settings)
+    check_base_physics(scene, "the learned simulator")
     points = fill(scene)
     materials = list(scene.materials.values())
     number = points.material
@@ -169,12 +207,16 @@ def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np
         np.array([m.saturated_density or m.density for m in materials])[number],
         np.array([m.density for m in materials])[number],
     )
+    head = np.zeros(len(points))
+    if scene.has_water:
+        head = scene.phreatic_level(points.position[:, 0])
     properties = np.column_stack(
         [
             np.array([np.tan(m.friction_rad) for m in materials])[number],
             np.array([m.cohesion_pa for m in materials])[number],
             density,
             np.zeros((len(points), 2)),
+            head,
         ]
     ).astype(np.float32)
     facts = SceneFacts(
@@ -184,9 +226,9 @@ def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np
         zone=points.zone.astype(np.int16),
         ground=np.array(scene.ground.points, dtype=np.float64),
         phreatic_line=_phreatic_line(scene),
-        numbers=_numbers(scene, settings, points.material, points.kinematic),
+        numbers=_numbers(scene, settings, points),
     )
-    properties[:, 3:] = facts.body_force(points.position)
+    properties[:, 3:5] = facts.body_force(points.position)
     return facts, points.position
 
 
@@ -233,19 +275,11 @@ def with_known_water(
         settings: of its simulation.
         thrust: whether the model knows the thrust of water (`SimulatorConfig.thrust`).
     """
-    if not _thrusts(scene, settings):
+    if thrust or not _thrusts(scene, settings):
         return settings, ""
-    if not thrust:
-        return settings.model_copy(update={"water": "buoyant"}), (
-            "the learned simulator knows water as reduced weight alone: its answers leave out the "
-            "thrust of the pool, as do the runs of the material point method they are compared with"
-        )
-    if settings.water_face == "fixed":
-        return settings, ""
-    return settings.model_copy(update={"water_face": "fixed"}), (
-        "the learned simulator knows the phreatic line of the section alone: in its answers the "
-        "pool does not follow the soil, nor in the runs of the material point method they are "
-        "compared with"
+    return settings.model_copy(update={"water": "buoyant"}), (
+        "this learned simulator knows water as reduced weight alone: its answers leave out the "
+        "thrust of the pool, as do the runs of the material point method they are compared with"
     )
 
 
@@ -273,17 +307,6 @@ def check_base_physics(scene: Scene, model: str) -> None:
         raise InputError(f"{scene.name}: law: {scene.law}; {model} knows {MOHR_COULOMB} alone")
 
 
-def _check_known(scene: Scene, settings: SimulationSettings) -> None:
-    """Refuse what the features cannot carry."""
-    check_base_physics(scene, "the learned simulator")
-    if _thrusts(scene, settings) and settings.water_face == "moving":
-        raise InputError(
-            f"{scene.name}: simulation.water_face: moving with a phreatic line that is not level; "
-            "the learned simulator knows the line of the section alone: allowed is fixed, or "
-            "simulation.water: buoyant"
-        )
-
-
 def _phreatic_line(scene: Scene) -> np.ndarray:
     if not scene.has_water:
         return np.zeros((0, 2))
@@ -295,10 +318,11 @@ def _phreatic_line(scene: Scene) -> np.ndarray:
 
 
 def _numbers(
-    scene: Scene, settings: SimulationSettings, material: np.ndarray, kinematic: np.ndarray
+    scene: Scene, settings: SimulationSettings, points: MaterialPoints
 ) -> dict[str, float]:
     gravity = settings.gravity_m_per_s2
     materials = list(scene.materials.values())
+    material, kinematic = points.material, points.kinematic
     soil = material if kinematic.all() else material[~kinematic]
     numbers = {
         "spacing": scene.spacing,
@@ -315,5 +339,7 @@ def _numbers(
         "youngs_modulus": np.mean(np.array([m.youngs_modulus_pa for m in materials])[soil]),
         "poisson_ratio": np.mean(np.array([m.poisson_ratio for m in materials])[soil]),
         "thrust": _thrusts(scene, settings),
+        "moving_face": moving_face(scene, settings, points.position) is not None,
+        "pool_level": scene.water_level or 0.0,
     }
     return {name: float(numbers[name]) for name in NUMBERS}

@@ -70,7 +70,7 @@ def side_view(start: np.ndarray, facts: SceneFacts, side: Side) -> SideView:
     soil = facts.type == SOIL
     outward = -1.0 if side == "left" else 1.0
     x, y = outward * start[soil, 0].astype(float), start[soil, 1].astype(float)
-    tangent, cohesion, density, _, weight = facts.properties[soil].astype(float).T
+    tangent, cohesion, density, _, weight = facts.properties[soil, :5].astype(float).T
     factor = -weight
     speed = facts.initial_velocity[soil].astype(float)
     length = math.sqrt(soil.sum()) * facts.spacing

@@ -41,7 +41,7 @@ from gns.data.scene_facts import NUMBERS, PROPERTIES, SceneFacts
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 
-LAYOUT_VERSION = 2
+LAYOUT_VERSION = 3
 """Of shards and metadata; a file of another version is refused."""
 
 MEMBERS: dict[str, tuple[type, tuple[int, ...]]] = {

@@ -11,6 +11,7 @@ material properties and water level.
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import torch
@@ -35,9 +36,27 @@ TINY = 1e-12
 """Keeps the slope of a square root finite."""
 
 
-def point_feature_count(history: int, *, overburden: bool = False, thrust: bool = False) -> int:
-    """Number of features of a point for windows of `history` frames."""
-    return 2 * (history - 1) + 8 + thrust + (OVERBURDEN_FEATURES if overburden else 0)
+DENSITY, DENSITY_SPREAD = 1.8, 0.2
+"""What the feature `density` is counted from and divided by [density of water]."""
+STIFFNESS = 1000.0
+"""The feature `stiffness` is the logarithm of Young's modulus over this [rho g d]."""
+
+
+def point_feature_names(
+    history: int,
+    *,
+    overburden: bool = False,
+    thrust: bool = False,
+    density: bool = False,
+    stiffness: bool = False,
+) -> list[str]:
+    """Features of a point for windows of `history` frames, in the order of `point_features`."""
+    names = [f"velocity {step} {axis}" for step in range(history - 1) for axis in "xy"]
+    names += ["above", "slope", "left", "right", "kinematic", "friction", "cohesion", "factor"]
+    names += ["thrust"] * thrust + ["density"] * density + ["stiffness"] * stiffness
+    if overburden:
+        names += [f"overburden {number}" for number in range(OVERBURDEN_FEATURES)]
+    return names
 
 
 def point_features(
@@ -50,6 +69,8 @@ def point_features(
     strength: StrengthFeature = "log",
     overburden: bool = False,
     thrust: bool = False,
+    density: bool = False,
+    stiffness: bool = False,
 ) -> Tensor:
     """Features of the points.
 
@@ -62,9 +83,11 @@ def point_features(
         strength: how cohesion is given: c itself, or log(1 + c / STRENGTH_FLOOR).
         overburden: include features of the soil above (`overburden_features`).
         thrust: include the horizontal force of the water.
+        density: include the density.
+        stiffness: include Young's modulus.
 
     Returns:
-        (N, `point_feature_count`).
+        (N, features), `point_feature_names`.
     """
     now = window[-1]
     velocities = window.diff(dim=0) / scene.frame_interval
@@ -91,6 +114,10 @@ def point_features(
     ]
     if thrust:
         others.append(push)
+    if density:
+        others.append((scene.density - DENSITY) / DENSITY_SPREAD)
+    if stiffness:
+        others.append(torch.full_like(push, math.log(scene.stiffness / STIFFNESS)))
     features = [velocities, torch.stack(others, dim=1)]
     if overburden:
         features.append(overburden_features(now, scene.density, factor))
@@ -155,12 +182,18 @@ def body_force(positions: Tensor, scene: ScaledScene) -> Tensor:
     none = torch.zeros_like(scene.density)
     if len(scene.phreatic_line) == 0:
         return torch.stack([none, none - 1.0], dim=1)
-    line, x = scene.phreatic_line, positions[:, 0]
-    submerged = ((height_on_line(x, line) - positions[:, 1]) / scene.cell + 0.5).clamp(0.0, 1.0)
+    x = positions[:, 0]
+
+    def head(x: Tensor) -> Tensor:
+        level = height_on_line(x, scene.phreatic_line)
+        change = scene.head_change
+        return level if change is None else level + height_on_line(x, change)
+
+    submerged = ((head(x) - positions[:, 1]) / scene.cell + 0.5).clamp(0.0, 1.0)
     lift, push = submerged / scene.density, none
     if scene.thrust:
         half = 0.5 * scene.cell
-        push = lift * (height_on_line(x - half, line) - height_on_line(x + half, line)) / scene.cell
+        push = lift * (head(x - half) - head(x + half)) / scene.cell
     return torch.stack([push, lift - 1.0], dim=1)
 
 

@@ -22,6 +22,7 @@ import torch
 from pydantic import Field, ValidationError
 from torch import Tensor, nn
 
+from gns.data.distance import KnownScenes
 from gns.data.metadata import Metadata
 from gns.data.ranges import MEANINGS, scene_ranges
 from gns.data.scene_facts import CONTACTS, SceneFacts
@@ -30,7 +31,7 @@ from gns.network.features import (
     edge_features,
     fading_of,
     height_on_line,
-    point_feature_count,
+    point_feature_names,
     point_features,
 )
 from gns.network.graph import Graph, joined, radius_graph
@@ -64,6 +65,8 @@ class SimulatorConfig(StrictDocument):
     thrust: bool = Field(
         False, description="points feel the horizontal force of the water; from the data"
     )
+    density: bool = Field(False, description="points know their density; from the data")
+    stiffness: bool = Field(False, description="points know Young's modulus; from the data")
     grid_cell: float = Field(
         0.0, ge=0, description="cell of a coarse grid in addition to the edges [d]; 0: none (paper)"
     )
@@ -91,10 +94,9 @@ class Simulator(nn.Module):
     def __init__(self, config: SimulatorConfig) -> None:
         super().__init__()
         self.config = config
+        self.known: KnownScenes | None = None  # what it has learned from; None: it does not say
         self.network = Network(
-            point_features=point_feature_count(
-                config.history, overburden=config.overburden, thrust=config.thrust
-            ),
+            point_features=len(feature_names(config)),
             width=config.width,
             message_passing_steps=config.message_passing_steps,
             grid_cell=config.grid_cell,
@@ -129,7 +131,7 @@ class Simulator(nn.Module):
         if graphs is None:
             graphs = [self.graph(window[-1]) for window in windows]
         for window, scene, graph in zip(windows, scenes, graphs, strict=True):
-            points.append(self.point_features(window, scene))
+            points.append(self.point_features(window, scene.at(window[-1])))
             edges.append(edge_features(window[-1], graph, self.config.radius))
         features = torch.cat(edges)
         fading = fading_of(features) if self.config.cutoff == "smooth" else None
@@ -139,7 +141,7 @@ class Simulator(nn.Module):
         )
 
     def point_features(self, window: Tensor, scene: ScaledScene) -> Tensor:
-        """Input features of the points of a scene, (N, features)."""
+        """Input features of the points of a scene whose water is `at` them, (N, features)."""
         return point_features(
             window,
             scene,
@@ -149,6 +151,8 @@ class Simulator(nn.Module):
             strength=self.config.strength,
             overburden=self.config.overburden,
             thrust=self.config.thrust,
+            density=self.config.density,
+            stiffness=self.config.stiffness,
         )
 
     def advance(self, window: Tensor, scene: ScaledScene, graph: Graph | None = None) -> Tensor:
@@ -264,6 +268,15 @@ class Simulator(nn.Module):
             warnings.append("walls that hold the soil: the training had smooth ones")
         return warnings
 
+    def distance(self, positions: np.ndarray, facts: SceneFacts) -> float | None:
+        """Of a scene to those learned from, `KnownScenes.distance`; None: the model has no list.
+
+        Args:
+            positions: at t = 0, (N, 2) [m].
+            facts: of the scene.
+        """
+        return None if self.known is None else self.known.distance(positions, facts)
+
     # -- files ---------------------------------------------------------------------------------
 
     def save(self, path: str | Path, **more: Any) -> None:
@@ -274,6 +287,12 @@ class Simulator(nn.Module):
             "weights": self.state_dict(),
             **more,
         }
+        if self.known is not None:
+            document["known"] = {
+                "features": torch.as_tensor(self.known.features, dtype=torch.float32),
+                "spread": torch.as_tensor(self.known.spread, dtype=torch.float32),
+                "unit": self.known.unit,
+            }
         with atomic_path(path) as temporary:
             torch.save(document, temporary)
 
@@ -294,6 +313,7 @@ class Simulator(nn.Module):
             simulator = cls(config)
             _check_weights(document["weights"], source)
             simulator.load_state_dict(document["weights"])
+            simulator.known = _known(document.get("known"))
         except ValidationError as error:
             raise InputError(f"{source}: {describe_error(error, SimulatorConfig)}") from None
         except InputError:
@@ -301,6 +321,25 @@ class Simulator(nn.Module):
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise InputError(f"{source}: is not a model of this program: {error}") from None
         return simulator
+
+
+def feature_names(config: SimulatorConfig) -> list[str]:
+    """Names of the input features of the points, in their order."""
+    return point_feature_names(
+        config.history,
+        overburden=config.overburden,
+        thrust=config.thrust,
+        density=config.density,
+        stiffness=config.stiffness,
+    )
+
+
+def _known(stored: Mapping[str, Any] | None) -> KnownScenes | None:
+    """The scenes of a file's training; files of earlier versions have none."""
+    if stored is None:
+        return None
+    features, spread = (stored[name].cpu().numpy().astype(float) for name in ("features", "spread"))
+    return KnownScenes(features, spread, float(stored["unit"]))
 
 
 def _check_weights(weights: Any, source: str) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gns.data.scene_facts import KINEMATIC, SceneFacts
-from mpm_taichi.solver.water import WATER_DENSITY
+from gns.data.scene_facts import KINEMATIC, SceneFacts, head_line
+from mpm_taichi.solver.water import WATER_DENSITY, MovingFace
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,13 @@ class ScaledScene:
         phreatic_line: (L, 2) vertices, level beyond the ends; (0, 2) without water.
         cell: edge of a cell of the simulation, over which the water's force sets in.
         thrust: whether the water pushes sideways where the line falls.
+        stiffness: Young's modulus (mean of the soil) / (rho g d).
         low: (2,) lower left corner of the box of side walls and lid; infinite where it is open. Its
             floor is the ground.
         high: (2,) upper right corner.
+        face: the pool's, in metres, where it follows the soil; `at` finds the head behind it.
+        head_change: (k, 2) x and what the head there has risen above the phreatic line, level
+            beyond its ends; None: it is the line.
     """
 
     spacing: float
@@ -53,8 +57,11 @@ class ScaledScene:
     phreatic_line: Tensor
     cell: float
     thrust: bool
+    stiffness: float
     low: Tensor
     high: Tensor
+    face: MovingFace | None = None
+    head_change: Tensor | None = None
 
     @property
     def points(self) -> int:
@@ -69,6 +76,18 @@ class ScaledScene:
     def to_metres(self, positions: Tensor) -> np.ndarray:
         """The reverse of `to_spacings`, (..., 2) float64 [m]."""
         return positions.detach().cpu().double().numpy() * self.spacing + self.origin
+
+    def at(self, positions: Tensor) -> ScaledScene:
+        """The same with the head over points that are now at (N, 2) [spacings].
+
+        The head follows the soil without a derivative; that of the phreatic line stays.
+        """
+        if self.face is None:
+            return self
+        line = head_line(self.face, self.to_metres(positions), self.cell * self.spacing)
+        line[:, 1] -= np.interp(line[:, 0], self.face.line[:, 0], self.face.line[:, 1])
+        line[:, 0] -= self.origin[0]
+        return replace(self, head_change=torch.from_numpy(line / self.spacing).to(self.friction))
 
     def with_strength(
         self,
@@ -118,8 +137,14 @@ class ScaledScene:
         over = self.ground.new_tensor([-1.0, 1.0])
         low, high = self.low.clone(), self.high.clone()
         low[0], high[0] = -self.high[0], -self.low[0]
+        face = self.face
+        if face is not None:
+            line = face.line[::-1] * [-1.0, 1.0] + [2.0 * self.origin[0], 0.0]
+            face = MovingFace(line, face.level, face.own_head, self.spacing)
         return replace(
             self,
+            face=face,
+            head_change=None,
             ground=self.ground.flip(0) * over,
             phreatic_line=self.phreatic_line.flip(0) * over,
             low=low,
@@ -143,7 +168,9 @@ def scaled(
     """The facts of a scene in the model's units."""
     spacing, gravity, numbers = facts.spacing, facts.gravity, facts.numbers
     origin = np.array([0.5 * (numbers["x_min"] + numbers["x_max"]), facts.ground[:, 1].min()])
-    tangent, cohesion, density, _, _ = facts.properties.astype(np.float64).T
+    tangent, cohesion, density = facts.properties[:, :3].astype(np.float64).T
+    soil = facts.type != KINEMATIC
+    soil = soil if soil.any() else ~soil
     box = np.full((2, 2), np.inf)
     if not numbers["walls_open"]:
         box[1] = (np.array([numbers["x_max"], numbers["y_max"]]) - origin) / spacing
@@ -167,6 +194,8 @@ def scaled(
         phreatic_line=tensor((facts.phreatic_line - origin) / spacing),
         cell=numbers["cell"] / spacing,
         thrust=bool(numbers["thrust"]),
+        stiffness=numbers["youngs_modulus"] / (density[soil].mean() * gravity * spacing),
         low=tensor(box[0]),
         high=tensor(box[1]),
+        face=facts.moving_face(),
     )

@@ -285,6 +285,7 @@ def _step_with_tangents(
 ) -> Moving:
     """The next positions (N, 2) and their changes (p, N, 2)."""
     radius = simulator.config.radius
+    scene = scene.at(window.value[-1])
     fields = tuple(getattr(scene, name) for name in DIFFERENTIABLE)
 
     def points(positions: Tensor, *changed: Tensor) -> Tensor:

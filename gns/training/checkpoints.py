@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -89,14 +89,14 @@ class ModelFolder:
         self,
         made_from: Mapping[str, Any],
         device: torch.device | str,
-        beginning: Mapping[str, Any] | None = None,
+        beginnings: Sequence[Mapping[str, Any]] = (),
     ) -> dict[str, Any] | None:
         """The state of the same training, or None where there is none yet.
 
         Args:
             made_from: says of which training.
             device: where its tensors go.
-            beginning: another training that this one goes on from, if it is the one that is there.
+            beginnings: other trainings that this one goes on from, if one of them is there.
 
         Raises:
             InputError: the folder holds another training, or the state is damaged.
@@ -110,7 +110,7 @@ class ModelFolder:
             return None
         document = read_document(self.state, device)
         other = self._other(document, made_from)
-        if other and beginning is not None and not self._other(document, beginning):
+        if other and any(not self._other(document, one) for one in beginnings):
             other = None
         if other:
             raise InputError(

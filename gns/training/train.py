@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -21,9 +22,11 @@ from torch import Tensor
 
 from gns import PHYSICS_VERSION
 from gns.data.dataset import Windows
+from gns.data.distance import KnownScenes, described
 from gns.data.metadata import Metadata, Statistics
 from gns.data.scene_facts import CONTACTS
 from gns.data.statistics import merge, run_moments
+from gns.network.growing import grown
 from gns.network.simulator import Simulator, SimulatorConfig
 from gns.training.checkpoints import ModelFolder
 from gns.training.distributed import Group
@@ -45,6 +48,8 @@ MODEL_SETTINGS = (
     "grid_rounds",
 )
 """Settings that a model keeps under the same name."""
+SAME = 1e-3
+"""Relative difference up to which a property of the runs counts as the same."""
 SAMPLED_RUNS = 200
 """Most runs from which the spreads of thinned frames are found."""
 
@@ -144,7 +149,7 @@ def train(
             _write_metrics(training)
         last = state.step == settings.steps
         # The end of a cycle is where a training of that one cycle would have ended.
-        end = last or state.step == first_cycle(settings)
+        end = last or state.step in settings.restart_at
         if runs and (end or state.step % settings.validate_every == 0):
             best = _validate(training, held_out, runs)
             if on_validation is not None:
@@ -164,21 +169,24 @@ def train(
     )
 
 
-def first_cycle(settings: TrainSettings) -> int:
-    """Steps of the first cycle of the learning rate: all of them, unless there is a second."""
-    return settings.restart_at if 0 < settings.restart_at < settings.steps else settings.steps
+def cycle_ends(settings: TrainSettings) -> list[int]:
+    """Last steps of the cycles of the learning rate, of which there is one without restarts."""
+    return [step for step in settings.restart_at if step < settings.steps] + [settings.steps]
 
 
 def learning_rate(step: int, settings: TrainSettings) -> float:
     """Learning rate of a step, counted from 1.
 
-    A second cycle is a warm restart (Loshchilov and Hutter 2017, SGDR, eq. 5, with a lower peak).
+    Each further cycle is a warm restart (Loshchilov and Hutter 2017, SGDR, eq. 5, with a lower
+    peak).
     """
     first, last = settings.learning_rate, settings.final_learning_rate
-    length = first_cycle(settings)
-    if step > length:
+    ends = cycle_ends(settings)
+    number = bisect_left(ends, step)
+    length = ends[number]
+    if number > 0:
         first *= settings.restart_share
-        step, length = step - length, settings.steps - length
+        step, length = step - ends[number - 1], length - ends[number - 1]
     if step <= settings.warmup_steps:
         return first * step / settings.warmup_steps
     share = (step - settings.warmup_steps) / max(length - settings.warmup_steps, 1)
@@ -192,7 +200,7 @@ def learning_rate(step: int, settings: TrainSettings) -> float:
 
 def steps_in_a_row(step: int, settings: TrainSettings) -> int:
     """Steps through which the loss of a step, counted from 1, is differentiated."""
-    ramp = settings.unroll_ramp * first_cycle(settings)
+    ramp = settings.unroll_ramp * cycle_ends(settings)[0]
     if step > ramp:
         return settings.unroll
     return 1 + int((settings.unroll - 1) * (step - 1) / ramp)
@@ -218,6 +226,8 @@ def simulator_config(
         radius=settings.radius_cells * cell,
         history=settings.past_velocities + 1,
         thrust=metadata.ranges["horizontal_body_force"][1] > 0.0,
+        density=_varies(metadata, "relative_density"),
+        stiffness=_varies(metadata, "youngs_modulus"),
         frame_interval=interval,
         velocity_mean=mean,
         velocity_std=tuple(math.hypot(std, settings.noise) for std in data.velocity_std),
@@ -227,6 +237,12 @@ def simulator_config(
         ),
         ranges=metadata.ranges,
     )
+
+
+def _varies(metadata: Metadata, name: str) -> bool:
+    """Whether the runs differ in a property: then it is an input."""
+    low, high = metadata.ranges[name]
+    return high > (1.0 + SAME) * low
 
 
 def thinned_statistics(windows: Windows) -> Statistics:
@@ -255,6 +271,7 @@ def _begin(
     simulator = _first_simulator(learned, settings, start).to(group.device)
     if settings.precision == "bfloat16":
         simulator.network.edge_precision = torch.bfloat16
+    simulator.known = _known_scenes(learned)
     optimizer = Optimizers(list(simulator.parameters()), settings)
     made_from = _made_from(learned, settings, group, start)
     training = _Training(
@@ -274,7 +291,7 @@ def _begin(
     if start_over and group.leads:
         folder.set_aside(made_from)
     group.wait()
-    document = folder.load_state(made_from, "cpu", _first_of(made_from))
+    document = folder.load_state(made_from, "cpu", _beginnings(made_from))
     if document is not None:
         simulator.load_state_dict(document["weights"])
         optimizer.load_state_dict(document["optimizer"])
@@ -299,15 +316,24 @@ def _first_simulator(
         torch.manual_seed(settings.seed)
         return Simulator(config)
     # A model keeps its form and its normalisation: its weights mean nothing without them.
+    start = grown(start, config)
     start.scaled(facts)
     ranges = dict(start.config.ranges)
     for name, (low, high) in config.ranges.items():
         old = ranges.get(name, (low, high))
         ranges[name] = (min(low, old[0]), max(high, old[1]))
     contacts = sorted({*start.config.contacts, *config.contacts})
-    result = Simulator(start.config.model_copy(update={"ranges": ranges, "contacts": contacts}))
-    result.load_state_dict(start.state_dict())
-    return result
+    start.config = start.config.model_copy(update={"ranges": ranges, "contacts": contacts})
+    return start
+
+
+def _known_scenes(learned: Windows) -> KnownScenes:
+    """What the model will have learned from."""
+    scenes = []
+    for run in map(int, learned.runs):
+        start = learned.positions(run, 0, 1)[0]
+        scenes.append(described(start, learned.facts(run)))
+    return KnownScenes.of(scenes)
 
 
 def _contacts(learned: Windows) -> list[str]:
@@ -325,7 +351,8 @@ def _made_from(
     # Two processes with one window each take the steps of one process with two.
     values["batch_size"] = settings.batch_size * group.size
     del values["checkpoint_every"]
-    if first_cycle(settings) == settings.steps:
+    values["restart_at"] = cycle_ends(settings)[:-1]
+    if not values["restart_at"]:
         del values["restart_at"], values["restart_share"]
     weights = None
     if start is not None:
@@ -338,13 +365,16 @@ def _made_from(
     }
 
 
-def _first_of(made_from: dict[str, Any]) -> dict[str, Any] | None:
-    """The training of one cycle that is the beginning of one of two; None where there is none."""
-    if "restart_at" not in made_from:
-        return None
-    one = {**made_from, "steps": made_from["restart_at"]}
-    del one["restart_at"], one["restart_share"]
-    return one
+def _beginnings(made_from: dict[str, Any]) -> list[dict[str, Any]]:
+    """The trainings of fewer cycles that are the beginning of this one."""
+    restarts = made_from.get("restart_at", [])
+    found = []
+    for number, step in enumerate(restarts):
+        one = {**made_from, "steps": step, "restart_at": restarts[:number]}
+        if number == 0:
+            del one["restart_at"], one["restart_share"]
+        found.append(one)
+    return found
 
 
 # -- a step ---------------------------------------------------------------------------------------

@@ -94,7 +94,15 @@ class SurrogateAnalysis(LearnedAnalysis):
         """The answer of the learned simulator by itself, from the question's first guess."""
         if self.left_out:
             self.remark(self.left_out)
-        for line in self.engine.outside(self.case.setup.at(self.case.parameters.start)):
+        start = self.case.setup.at(self.case.parameters.start)
+        anywhere = self.case.config.inversion.outside_training
+        away = self._uncorrected().distance(start, anywhere=anywhere)
+        if away is not None:
+            self.remark(
+                f"the section lies at {away:.2f} from the training of the model {self.model.name} "
+                "(1: as far as its outermost scenes from each other)"
+            )
+        for line in self.engine.outside(start):
             self.remark(f"outside the training of the model {self.model.name}: {line}")
         self.found = self.alone = self._fit(self.case.parameters.start)
         (self.judged_alone,) = self.truth.predict([self.case.setup.at(self.found.values)])

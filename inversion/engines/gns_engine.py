@@ -23,6 +23,7 @@ import torch
 from torch import Tensor
 
 from geometry.scenes.scene import Scene
+from gns.data.distance import FARTHEST
 from gns.data.scene_facts import SceneFacts, first_window, start_of
 from gns.network.units import ScaledScene
 from gns.rollout.differentiate import REVERSE_COST, jacobian, reverse_jacobian
@@ -124,6 +125,27 @@ class GNSEngine(Forward):
         """Properties of the section outside the ranges of the training, one sentence each."""
         slide = self._slide(request)
         return self.model.simulator.outside(slide.start, slide.facts)
+
+    def distance(self, request: Request, *, anywhere: bool = False) -> float | None:
+        """Of a section to those learned from (`Simulator.distance`); None: not known.
+
+        Args:
+            request: the question.
+            anywhere: answer also far outside what the model has learned from.
+
+        Raises:
+            InputError: the section lies beyond FARTHEST.
+        """
+        slide = self._slide(request)
+        away = self.model.simulator.distance(slide.start, slide.facts)
+        if away is not None and away > FARTHEST and not anywhere:
+            raise InputError(
+                f"{slide.scene.name}: lies at {away:.1f} from the training of the model "
+                f"{self.model.name} (1: as far as its outermost scenes from each other); beyond "
+                f"{FARTHEST:g} it answers with inversion.outside_training: true alone; ask the "
+                "engine mpm"
+            )
+        return away
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction]:
         """Predictions of all requests, one rollout after the other.

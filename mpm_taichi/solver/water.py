@@ -76,15 +76,30 @@ class MovingFace:
     back water is the remnant: overtopping is not modelled.
     """
 
-    def __init__(self, scene: Scene, position: np.ndarray) -> None:
-        """Of points (P, 2) [m] at the start; `holds_back` says whether there is anything to do."""
-        self.scene, self.level = scene, scene.water_level
-        self.own_head = scene.phreatic_level(position[:, 0])
-        self.half = 0.5 * scene.spacing  # of a point's height
-        line = np.asarray(scene.phreatic_line or [(0.0, self.level or 0.0)], dtype=float)
-        high = line[:, 1] >= (self.level or 0.0) - LEVEL_WITH_POOL
-        self.holds_back = scene.has_water and bool(high[0] != high[-1])
-        self.from_left = bool(high[0])
+    def __init__(
+        self, line: np.ndarray, level: float | None, own_head: np.ndarray, spacing: float
+    ) -> None:
+        """`at_start` makes one for a scene; `holds_back` says whether there is anything to do.
+
+        Args:
+            line: phreatic line of the section, (L, 2) [m], level beyond its ends.
+            level: of the pool [m]; None: there is no water.
+            own_head: head of each point at the start, (P,) [m].
+            spacing: between the points [m].
+        """
+        self.line, self.level, self.own_head = line, level, own_head
+        self.half = 0.5 * spacing  # of a point's height
+        self.holds_back = False
+        if level is not None:
+            high = line[:, 1] >= level - LEVEL_WITH_POOL
+            self.holds_back = bool(high[0] != high[-1])
+            self.from_left = bool(high[0])
+
+    @classmethod
+    def at_start(cls, scene: Scene, position: np.ndarray) -> MovingFace:
+        """Of a scene whose points are at (P, 2) [m]."""
+        line = np.asarray(scene.phreatic_line or [(0.0, scene.water_level or 0.0)], dtype=float)
+        return cls(line, scene.water_level, scene.phreatic_level(position[:, 0]), scene.spacing)
 
     def head(self, places: np.ndarray, position: np.ndarray) -> np.ndarray:
         """The head now [m], (k,).
@@ -111,14 +126,18 @@ class MovingFace:
 
     def _carried(self, places: np.ndarray, position: np.ndarray, column: np.ndarray) -> np.ndarray:
         """Head that the soil below the pool's level has brought along to each place (k,) [m]."""
-        fixed = self.scene.phreatic_level(position[:, 0])
+        fixed = self._fixed(position[:, 0])
         wet = position[:, 1] < self.level
         brought = np.bincount(
             column[wet], weights=(self.own_head - fixed)[wet], minlength=len(places)
         )
         count = np.bincount(column[wet], minlength=len(places))
-        head = self.scene.phreatic_level(places) + brought / np.maximum(count, 1)
+        head = self._fixed(places) + brought / np.maximum(count, 1)
         return np.clip(head, self.own_head.min(), self.level)
+
+    def _fixed(self, x: np.ndarray) -> np.ndarray:
+        """Phreatic line of the section [m]."""
+        return np.interp(x, self.line[:, 0], self.line[:, 1])
 
     def _face(self, head: np.ndarray, top: np.ndarray) -> int:
         """Number of the first place of the remnant, counted from the pool."""
@@ -142,5 +161,5 @@ def moving_face(
     """
     if settings.water != "pore_pressure" or settings.water_face != "moving":
         return None
-    face = MovingFace(scene, position)
+    face = MovingFace.at_start(scene, position)
     return face if face.holds_back else None

@@ -320,3 +320,18 @@ def test_random_numbers_are_even():
     directions = np.array([stream.direction() for _ in range(400)])
     np.testing.assert_allclose(np.hypot(*directions.T), 1.0)
     assert np.abs(directions.mean(axis=0)).max() < 0.15
+
+
+def test_a_scale_may_go_on_with_free_standing_dams(root):
+    """They leave the scenes before them as they are, and have a pool and their own density."""
+    alone, config = load_config(None), load_config(root / "config" / "thrust.yaml")
+    assert config.scale("coarse").dams_from == 700 and alone.scale("coarse").dams_from is None
+    assert draw_scene(config, "coarse", 699) == draw_scene(alone, "coarse", 699)
+    dams = [draw_scene(config, "coarse", number) for number in range(700, 712)]
+    assert {dam.origin.template for dam in dams} == {"f"}
+    assert draw_scene(alone, "coarse", 700).origin.template != "f"
+    assert [dam.name for dam in dams[:2]] == ["coarse_00700", "coarse_00701"]
+    assert all(dam.spacing == 2.0 and dam.domain.walls == "open" for dam in dams)
+    assert sum(dam.head_falls for dam in dams) >= 4
+    densities = {material.density for dam in dams for material in dam.materials.values()}
+    assert len(densities) > 6

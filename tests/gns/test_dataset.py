@@ -209,8 +209,8 @@ def test_wrong_arguments(packed):
 
 
 def test_metadata_of_another_version(copy):
-    replace_in_metadata(copy, '"layout_version": 2', '"layout_version": 3')
-    with pytest.raises(InputError, match="layout_version: 3; this program reads 2: pack the"):
+    replace_in_metadata(copy, '"layout_version": 3', '"layout_version": 2')
+    with pytest.raises(InputError, match="layout_version: 2; this program reads 3: pack the"):
         Windows(copy, "train")
 
 
@@ -227,7 +227,7 @@ def test_a_shard_of_another_version(copy):
             data[:-8] + (7).to_bytes(8, "little") if name == "layout_version.npy" else data
         ),
     )
-    with pytest.raises(InputError, match="valid_000.npz: layout_version: 7; this program reads 2"):
+    with pytest.raises(InputError, match="valid_000.npz: layout_version: 7; this program reads 3"):
         Windows(copy, "valid")
 
 

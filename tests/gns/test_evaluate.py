@@ -135,8 +135,11 @@ def test_evaluate_writes_a_card_that_fits_its_schema(packed, model, root, tmp_pa
 
 def test_rollout_of_a_scene(model, tmp_path, capsys):
     save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
+    with pytest.raises(InputError, match="distance to the training: .* give --anywhere"):
+        main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(model),
+              "--out", str(tmp_path / "out")])  # fmt: skip
     main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(model), "--duration", "1.0",
-          "--out", str(tmp_path / "out"), "--quiet"])  # fmt: skip
+          "--out", str(tmp_path / "out"), "--quiet", "--anywhere"])  # fmt: skip
     printed = capsys.readouterr()
     assert "outside the training's range" in printed.err
     with np.load(tmp_path / "out" / "rollout.npz") as data:
@@ -157,7 +160,7 @@ def test_a_rollout_that_fails_keeps_its_frames(model, tmp_path, capsys, monkeypa
     save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
     with pytest.raises(WorkFailed, match="not a finite number"):
         main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(model),
-              "--out", str(tmp_path / "out"), "--quiet"])  # fmt: skip
+              "--out", str(tmp_path / "out"), "--quiet", "--anywhere"])  # fmt: skip
     with np.load(tmp_path / "out" / "rollout.npz") as data:
         assert len(data["positions"]) == 1
 
@@ -167,7 +170,7 @@ def test_a_rollout_that_cannot_be_written_is_not_begun(model, tmp_path, monkeypa
     save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
     with pytest.raises(InputError, match="scene.yaml.out: cannot be written"):
         main(["rollout", str(tmp_path / "scene.yaml"), "--model", str(model),
-              "--out", str(tmp_path / "scene.yaml" / "out"), "--quiet"])  # fmt: skip
+              "--out", str(tmp_path / "scene.yaml" / "out"), "--quiet", "--anywhere"])  # fmt: skip
 
 
 def test_wrong_input_is_one_line(packed, model, tmp_path):

@@ -55,7 +55,7 @@ def test_the_layout_is_plain_arrays_stored_as_they_are(packed, batches):
                 assert kinds == {zipfile.ZIP_STORED}
             with np.load(path, allow_pickle=False) as arrays:
                 assert arrays["run_numbers"].tolist() == [run.run for run in entry.runs]
-                assert arrays["layout_version"] == 2 and str(arrays["key"]) == entry.key
+                assert arrays["layout_version"] == 3 and str(arrays["key"]) == entry.key
                 assert tuple(arrays["number_names"]) == NUMBERS
                 assert tuple(arrays["property_names"]) == PROPERTIES
                 for run in entry.runs:
@@ -98,12 +98,15 @@ def test_the_thrust_of_water_is_packed_and_a_model_of_it_knows_it(tmp_path):
         duration_s=2.0, frame_interval=0.4, water="pore_pressure", water_face="fixed"
     )
     wet = {"water_level": 9.0, "phreatic_line": [[0.0, 9.0], [30.0, 4.0]]}
-    for name, settings, known in (("thrust", thrust, True), ("lift", BUOYANT, False)):
+    moving = thrust.model_copy(update={"water_face": "moving"})
+    cases = (("thrust", thrust, True), ("moving", moving, True), ("lift", BUOYANT, False))
+    for name, settings, known in cases:
         batch = write_batch(tmp_path / f"{name}.h5", range(10), settings=settings, **wet)
         metadata = pack_into(tmp_path / name, [batch]).metadata
         entry = metadata.splits["train"][0]
         facts = Shard(tmp_path / name / entry.file).facts(entry.runs[0].run)
         assert np.any(facts.properties[:, 3] > 0.02) == known
+        assert facts.numbers["moving_face"] == (name == "moving")
         assert np.all(facts.properties[:, 4] >= -1.0) and np.any(facts.properties[:, 4] > -0.6)
         assert simulator_config(TrainSettings(), metadata, 2.0).thrust == known
 

@@ -69,7 +69,9 @@ def test_body_force_is_that_of_the_solver(settings):
     np.testing.assert_allclose(facts.body_force(nodes), expected, atol=1e-6)
     assert np.ptp(expected[:, 1]) > 0.4
     assert (np.ptp(expected[:, 0]) > 0.02) == (settings is FIXED), "thrust, or none"
-    np.testing.assert_allclose(facts.properties[:, 3:], facts.body_force(start), atol=1e-6)
+    np.testing.assert_allclose(facts.properties[:, 3:5], facts.body_force(start), atol=1e-6)
+    level = scene.phreatic_level(start[:, 0])
+    np.testing.assert_allclose(facts.properties[:, 5], level, rtol=1e-6)
 
 
 def test_a_dry_scene_weighs_all_it_weighs():
@@ -118,9 +120,6 @@ def test_what_no_model_has_seen_is_refused():
     with pytest.raises(InputError, match="block_0: effects: strain_softening is on"):
         start_of(scene_of(0, effects={"strain_softening": 0.5}), SETTINGS)
     start_of(scene_of(0, effects={"strain_softening": 0.0}), SETTINGS)
-    with pytest.raises(InputError, match="water_face: moving .* allowed is fixed"):
-        start_of(wet(), SimulationSettings())
-    start_of(make_scene(water=7.0), SimulationSettings())  # level water pushes nothing sideways
 
 
 def test_the_water_of_a_model_is_said():
@@ -128,7 +127,7 @@ def test_the_water_of_a_model_is_said():
     for thrust, settings, water, said in (
         (False, moving, "buoyant", "reduced weight alone"),
         (False, FIXED, "buoyant", "reduced weight alone"),
-        (True, moving, "pore_pressure", "does not follow the soil"),
+        (True, moving, "pore_pressure", ""),
         (True, FIXED, "pore_pressure", ""),
         (False, SETTINGS, "buoyant", ""),
     ):

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
 
 from flowslide.commands.gns.train import TRIAL_STEPS, _Watch, open_windows
 from gns.data.dataset import Windows
@@ -282,19 +283,22 @@ def test_learning_rates():
     assert learning_rate(1, constant) == learning_rate(100, constant) == 1e-2
 
 
-def test_rates_of_a_second_cycle():
+def test_rates_of_further_cycles():
     one = SETTINGS.model_copy(
         update={"steps": 60, "schedule": "cosine", "warmup_steps": 10, "learning_rate": 1e-2}
     )
-    two = one.model_copy(update={"steps": 100, "restart_at": 60, "restart_share": 0.4})
+    two = one.model_copy(update={"steps": 100, "restart_at": [60], "restart_share": 0.4})
     rates = [learning_rate(step, two) for step in range(1, 101)]
     assert rates[:60] == [learning_rate(step, one) for step in range(1, 61)]
     assert rates[59] == pytest.approx(one.final_learning_rate)
     assert max(rates[60:]) == rates[69] == pytest.approx(4e-3)
     assert rates[99] == pytest.approx(one.final_learning_rate)
     # A restart that never comes is none.
-    late = one.model_copy(update={"restart_at": 60})
+    late = one.model_copy(update={"restart_at": [60, 80]})
     assert [learning_rate(step, late) for step in range(1, 61)] == rates[:60]
+    three = two.model_copy(update={"steps": 140, "restart_at": [60, 100]})
+    assert [learning_rate(step, three) for step in range(1, 101)] == rates
+    assert [learning_rate(step, three) for step in range(101, 141)] == rates[60:]
     ramped = two.model_copy(update={"unroll": 3, "unroll_ramp": 0.5})
     assert [steps_in_a_row(step, ramped) for step in (1, 16, 31, 61, 100)] == [1, 2, 3, 3, 3]
 
@@ -419,17 +423,19 @@ def test_a_stopped_training_goes_on_as_if_it_had_not_been(stops, packed, trained
 
 
 def test_a_training_that_has_ended_is_made_longer(trained, packed, tmp_path):
-    """A second cycle after the first: as if both had been asked for at once."""
-    two = SETTINGS.model_copy(update={"steps": 20, "restart_at": SETTINGS.steps})
+    """Cycles added one after the other: as if all had been asked for at once."""
+    two = SETTINGS.model_copy(update={"steps": 16, "restart_at": [SETTINGS.steps]})
+    three = SETTINGS.model_copy(update={"steps": 20, "restart_at": [SETTINGS.steps, 16]})
     shutil.copytree(trained, tmp_path / "longer")
-    assert run(tmp_path / "longer", packed, two).step == 20
-    run(tmp_path / "whole", packed, two)
+    assert run(tmp_path / "longer", packed, two).step == 16
+    assert run(tmp_path / "longer", packed, three).step == 20
+    run(tmp_path / "whole", packed, three)
     assert numbers(tmp_path / "longer") == numbers(tmp_path / "whole")
     assert same(weights(tmp_path / "longer"), weights(tmp_path / "whole"))
     # What ended after another number of steps is another training.
     shutil.copytree(trained, tmp_path / "other")
     with pytest.raises(InputError, match="restart_at"):
-        run(tmp_path / "other", packed, two.model_copy(update={"restart_at": 10}))
+        run(tmp_path / "other", packed, two.model_copy(update={"restart_at": [10]}))
 
 
 def command(packed, folder, *more: str) -> list[str]:
@@ -675,3 +681,10 @@ def test_wrong_input_is_one_line(arguments, message, capsys):
 
     with pytest.raises(InputError, match=message):
         main(["train", *arguments])
+
+
+def test_a_single_restart_may_be_given_as_a_number():
+    given = TrainSettings(restart_at=60)
+    assert given.restart_at == [60] and TrainSettings(restart_at=0).restart_at == []
+    with pytest.raises(ValidationError, match="ascending"):
+        TrainSettings(restart_at=[60, 20])

@@ -15,7 +15,7 @@ from gns.network.features import (
     fading_of,
     ground_distance,
     height_on_line,
-    point_feature_count,
+    point_feature_names,
     point_features,
 )
 from gns.network.graph import radius_graph
@@ -58,7 +58,7 @@ def test_a_scene_looks_the_same_at_every_scale():
     there = large.to_spacings(places + np.arange(-5, 1)[:, None, None] * velocity)
     one = point_features(window, small, **OPTIONS)
     two = point_features(there, large, **OPTIONS)
-    assert one.shape == (len(positions), point_feature_count(6))
+    assert one.shape == (len(positions), len(point_feature_names(6)))
     # All but the cohesion of the shell, which is 1 kPa at both scales.
     cohesion = 16
     keep = [place for place in range(one.shape[1]) if place != cohesion]
@@ -95,7 +95,7 @@ def test_the_thrust_of_water_is_a_feature_where_it_is_known():
     scene = scaled(facts, dtype=torch.float64)
     window = scene.to_spacings(first_window(positions, facts))
     found = point_features(window, scene, **OPTIONS, thrust=True)
-    assert found.shape[1] == point_feature_count(6, thrust=True)
+    assert found.shape[1] == len(point_feature_names(6, thrust=True))
     push = found[:, -1].numpy()
     assert np.allclose(push, facts.body_force(positions)[:, 0], atol=1e-6) and push.max() > 0.05
     mirrored = point_features(window * torch.tensor([-1.0, 1.0]), scene.mirrored(), **OPTIONS,

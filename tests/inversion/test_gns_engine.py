@@ -10,6 +10,7 @@ import pytest
 import torch
 import yaml
 
+from gns.data.distance import FARTHEST, KnownScenes, described
 from gns.data.scene_facts import start_of
 from gns.rollout.rollout import Rest, rollout
 from inversion.engines.gns_engine import GNSEngine
@@ -336,3 +337,18 @@ def test_single_precision_is_good_enough(smooth):
     assert np.allclose(prediction.positions, exact.positions, atol=1e-3)
     largest = np.abs(smooth[1]).max(axis=0)
     assert np.allclose(derivative / largest, smooth[1] / largest, atol=1e-3)
+
+
+def test_a_section_far_from_the_training_is_refused_unless_asked_for():
+    far = model()
+    asked = engine(of=far)
+    facts, start = start_of(asked.setup.at(VALUES).scene, settings_of(asked))
+    far.simulator.known = KnownScenes.of([described(start, facts) + shift for shift in (3.0, 3.1)])
+    request = asked.setup.at(VALUES)
+    with pytest.raises(InputError, match="from the training of the model .*outside_training"):
+        asked.distance(request)
+    assert asked.distance(request, anywhere=True) > FARTHEST
+    far.simulator.known = KnownScenes.of([described(start, facts) + shift for shift in (0.0, 3.0)])
+    assert asked.distance(request) == pytest.approx(0.0, abs=1e-9)
+    far.simulator.known = None
+    assert asked.distance(request) is None

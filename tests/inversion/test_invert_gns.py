@@ -25,7 +25,7 @@ from pipeline.config import load_config
 from pipeline.progress import Watch
 from report.back_analysis import summary
 from report.data.back_analysis import BackAnalysisData
-from tests.inversion.small_slide import taught, write_case
+from tests.inversion.small_slide import simulator, taught, write_case
 from tests.inversion.test_invert import timeless
 
 QUICK = ["inversion.starts=1", "inversion.noise_seeds=0", "inversion.variants=false"]
@@ -270,14 +270,17 @@ def test_a_wrong_file_is_a_line_and_exit_2(tmp_path, run_module):
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_model_and_judge_have_the_water_that_the_model_knows(root, tmp_path):
-    """The shipped model knows no thrust: its answer says so, and its pairs have none either."""
+@pytest.mark.parametrize("thrust", [False, True])
+def test_model_and_judge_have_the_water_that_the_model_knows(root, tmp_path, thrust):
+    """A model without thrust says so, and its pairs have none; one with it leaves out nothing."""
     settings = load_config(None, [*QUICK, "inversion.spacing_factor=3"])
     case = inversion_case(load_case(root / "case_histories" / "lower_san_fernando", settings))
     assert case.setup.settings.water == "pore_pressure" and case.scene.head_falls
+    simulator(thrust=thrust).save(tmp_path / "model" / "model.pt")
     store = RunStore(tmp_path / "runs", threads=1)
-    gns = back_analysis_by(
-        engine_named("gns"), case, store, Watch(), root / "models" / "coarse", tmp_path
-    )
-    assert gns.case.setup.settings.water == "buoyant"
-    assert "leave out the thrust of the pool" in gns.left_out
+    gns = back_analysis_by(engine_named("gns"), case, store, Watch(), tmp_path / "model", tmp_path)
+    known = gns.case.setup.settings
+    if thrust:
+        assert (known.water, known.water_face) == ("pore_pressure", "moving") and not gns.left_out
+    else:
+        assert known.water == "buoyant" and "leave out the thrust of the pool" in gns.left_out

@@ -80,14 +80,14 @@ def thrust_of(head):
 def test_at_the_start_the_head_is_the_phreatic_line():
     scene = dam()
     position = points_of(scene)
-    head = MovingFace(scene, position).head(PLACES, position)
+    head = MovingFace.at_start(scene, position).head(PLACES, position)
     np.testing.assert_allclose(head, scene.phreatic_level(PLACES), atol=1e-9)
 
 
 def test_a_shell_that_leaves_is_replaced_by_water():
     scene = dam()
     position = points_of(scene)
-    face = MovingFace(scene, position)
+    face = MovingFace.at_start(scene, position)
     gone = position.copy()
     shell = position[:, 0] < 30.0
     gone[shell] = gone[shell] * [1.0, 0.2] - [15.0, 0.0]
@@ -102,7 +102,7 @@ def test_a_shell_that_leaves_is_replaced_by_water():
 def test_the_pool_presses_on_the_face_where_part_of_the_core_has_left_as_well():
     scene = dam()
     position = points_of(scene)
-    face = MovingFace(scene, position)
+    face = MovingFace.at_start(scene, position)
     stays = position[:, 0] > 33.0
     moved = np.where(stays[:, None], position, position * [1.0, 0.2] - [20.0, 0.0])
     head = face.head(PLACES, moved)
@@ -122,7 +122,7 @@ def test_thrust_is_half_of_the_square_of_the_depth():
 def test_core_that_moves_keeps_its_head():
     scene = dam()
     position = points_of(scene)
-    face = MovingFace(scene, position)
+    face = MovingFace.at_start(scene, position)
     head = face.head(PLACES, position - [2.0, 0.0])
     inside = (PLACES > 30.0) & (PLACES < 36.0)
     np.testing.assert_allclose(head[inside], scene.phreatic_level(PLACES[inside] + 2.0), atol=0.3)
@@ -131,7 +131,7 @@ def test_core_that_moves_keeps_its_head():
 def test_soil_that_is_overtopped_still_holds_back_water():
     scene = dam()
     position = points_of(scene)
-    face = MovingFace(scene, position)
+    face = MovingFace.at_start(scene, position)
     sunk = position * [1.0, 0.7]
     head = face.head(PLACES, sunk)
     assert head[0] == POOL and head[-1] == TAIL
@@ -144,8 +144,8 @@ def test_left_and_right_are_alike():
     moved = position * [1.0, 0.5] - [3.1, 0.0]
     other = mirrored(scene)
     flip = [-1.0, 1.0]
-    theirs = MovingFace(other, position * flip + [60.0, 0.0])
-    head = MovingFace(scene, position).head(PLACES, moved)
+    theirs = MovingFace.at_start(other, position * flip + [60.0, 0.0])
+    head = MovingFace.at_start(scene, position).head(PLACES, moved)
     mirror = theirs.head((60.0 - PLACES)[::-1], moved * flip + [60.0, 0.0])[::-1]
     np.testing.assert_allclose(mirror, head, atol=1e-9)
 
@@ -162,7 +162,7 @@ def test_the_head_stays_between_tail_and_pool_and_falls_away_from_it(seed, stret
     moved = np.stack(
         [30.0 + stretch * (position[:, 0] - 30.0) + noise, sink * position[:, 1]], axis=1
     )
-    head = MovingFace(scene, position).head(PLACES, moved)
+    head = MovingFace.at_start(scene, position).head(PLACES, moved)
     assert (np.diff(head) <= 1e-12).all()
     assert head.max() <= POOL and head.min() >= TAIL - 1e-9
 
@@ -179,7 +179,7 @@ def run(scene, **chosen):
 
 def test_on_a_level_table_nothing_depends_on_the_form():
     scene = dam(phreatic_line=None)
-    assert not MovingFace(scene, points_of(scene)).holds_back
+    assert not MovingFace.at_start(scene, points_of(scene)).holds_back
     buoyant = run(scene, water="buoyant")
     for face in ("fixed", "moving"):
         other = run(scene, water="pore_pressure", water_face=face)

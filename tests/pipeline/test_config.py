@@ -28,7 +28,7 @@ def test_schema_file_is_up_to_date(root):
     assert text == schema_text(), "run: python -m pipeline schema --write"
 
 
-@pytest.mark.parametrize("name", ["config.yaml", "paper.yaml", "test.yaml"])
+@pytest.mark.parametrize("name", ["config.yaml", "paper.yaml", "test.yaml", "thrust.yaml"])
 def test_shipped_configurations_fit_the_schema(root, name):
     import jsonschema
 

@@ -27,6 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_out(parser, "where the files go", required=True)
     options.add_spacing(parser, "the scene's own")
     parser.add_argument("--duration", type=float, help="s; default: simulation.duration_s")
+    parser.add_argument(
+        "--anywhere", action="store_true", help="roll out also what lies far outside the training"
+    )
     options.add_device(parser)
     add_common(parser)
 
@@ -62,6 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     if left_out:
         print(f"warning: {left_out}", file=sys.stderr)
     facts, positions = start_of(scene, simulator.settings(settings))
+    _say_distance(simulator.distance(positions, facts), arguments.anywhere)
     rest = None
     if settings.early_stop:
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)
@@ -78,6 +82,18 @@ def run(arguments: argparse.Namespace) -> int:
     if result.failed:
         raise WorkFailed(f"{scene.name}: {result.reason}; the frames before are kept")
     return 0
+
+
+def _say_distance(away: float | None, anywhere: bool) -> None:
+    """State how far the scene lies from the training; refuse it far outside."""
+    from gns.data.distance import FARTHEST
+
+    if away is None:
+        return
+    words = f"distance to the training: {away:.2f} (1: as its outermost scenes from each other)"
+    if away > FARTHEST and not anywhere:
+        raise InputError(f"{words}; beyond {FARTHEST:g} give --anywhere to roll out all the same")
+    print(words)
 
 
 def save(result, folder: Path, name: str) -> None:

@@ -1,0 +1,57 @@
+"""The distance of a scene to those that a model has learned from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gns.data.distance import KnownScenes, described
+from gns.data.scene_facts import start_of
+from gns.network.simulator import Simulator
+from pipeline.config import SimulationSettings
+from tests.gns.scenes import simulator, small_scene
+from tests.mpm_taichi.ballistic import make_scene
+
+SETTINGS = SimulationSettings(water="buoyant")
+
+
+def scene(kpa: float):
+    one = small_scene()
+    return one.with_strength("liquefied", cohesion_kpa=kpa)
+
+
+def known(*strengths: float) -> KnownScenes:
+    return KnownScenes.of([described(*of(scene(kpa))) for kpa in strengths])
+
+
+def of(one):
+    facts, start = start_of(one, SETTINGS)
+    return start, facts
+
+
+def test_what_was_learned_from_is_near_and_other_scenes_are_farther():
+    learned = known(10.0, 14.0, 20.0, 28.0, 40.0)
+    assert learned.distance(*of(scene(20.0))) == pytest.approx(0.0, abs=1e-9)
+    near, far = learned.distance(*of(scene(17.0))), learned.distance(*of(scene(1.0)))
+    assert 0.0 < near < 1.0 < far
+    assert learned.distance(*of(make_scene(3))) > 1.0, "another section"
+
+
+def test_left_and_right_are_alike():
+    start, facts = of(scene(20.0))
+    one, other = described(start, facts)
+    assert one.shape == other.shape and not np.allclose(one, other)
+    learned = KnownScenes.of([np.stack([other, one]), np.stack([other + 0.5, one + 0.5])])
+    assert learned.distance(start, facts) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_it_is_kept_with_the_weights(tmp_path):
+    model = simulator()
+    assert model.distance(*of(scene(20.0))) is None, "a model that does not say"
+    model.save(tmp_path / "old.pt")
+    assert Simulator.load(tmp_path / "old.pt").known is None
+    model.known = known(10.0, 20.0, 40.0)
+    model.save(tmp_path / "model.pt")
+    again = Simulator.load(tmp_path / "model.pt")
+    expected = model.distance(*of(scene(25.0)))
+    assert again.distance(*of(scene(25.0))) == pytest.approx(expected, rel=1e-4)
