@@ -23,6 +23,7 @@ from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.estimation.forward import Setup
 from inversion.problem.scene_changes import SAME_PLACE_M
+from pipeline.cli import InputError
 
 Side = Literal["left", "right"]
 
@@ -153,6 +154,8 @@ def _drawdown(scene: Scene) -> Assumption | None:
 
     def change(setup: Setup, fall: float) -> Setup:
         own = setup.scene
+        if own.water_level is None:
+            raise InputError(f"{DRAWDOWN}: there is no pool that could have fallen")
         level = own.water_level - fall
         high, low = _shores(own, own.water_level), _shores(own, level)
         line = list(own.phreatic_line or [])

@@ -69,6 +69,9 @@ def test_a_section_with_a_pool_may_have_had_another_water(setup):
     assert fallen.phreatic_level(-5.0) == 2.0, "the pool"
     assert fallen.phreatic_level(12.0) == 6.0 and fallen.phreatic_level(38.0) == 3.0, "the soil"
     assert fallen.phreatic_level(8.0) == pytest.approx(4.0), "along the slope"
+    dry = known["no_water"].change(pooled, 1.0)
+    with pytest.raises(InputError, match="no pool that could have fallen"):
+        known["drawdown"].change(dry, 4.0)
 
 
 def test_level_water_has_no_other_form_and_stands_on_both_sides(setup):
