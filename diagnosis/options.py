@@ -46,7 +46,7 @@ class Options:
         still_failing: combined p of an accepted model, with the error of its effects, below which
             its answer does not stand.
         nearly_all: share of the base model's excess misfit that such a model may leave all the
-            same, while its combined p is at least
+            same, if it has one effect and while its combined p is at least
         nearly_failing: this.
         left_over: share of the base model's excess misfit that such a model may leave, where only
             that error lets it pass.

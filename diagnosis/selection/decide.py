@@ -89,7 +89,7 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
             "unknown_effect", named[-1], sets, probability, by_chance=tuple(sorted(drawn))
         )
     if reason := not_enough(tried_models.way[0].adequacy, final.adequacy, tried_models.doubted,
-                            options):  # fmt: skip
+                            options, effects=len(final.model.names)):  # fmt: skip
         return Decision("unknown_effect", final, sets, probability, not_enough=reason)
     # A model that extends the answer does not compete with it.
     own = set(final.model.names)
@@ -101,7 +101,9 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
                     families=families, members=members)  # fmt: skip
 
 
-def not_enough(base: Adequacy, final: Adequacy, doubted: float | None, options: Options) -> str:
+def not_enough(
+    base: Adequacy, final: Adequacy, doubted: float | None, options: Options, *, effects: int = 1
+) -> str:
     """Why an accepted model does not explain the measurements; empty: it does.
 
     What is named must explain, not only improve.
@@ -112,11 +114,13 @@ def not_enough(base: Adequacy, final: Adequacy, doubted: float | None, options: 
         doubted: its combined p with the error that its effects bring (the larger an effect, the
             more is left by what no model has exactly); None: that error is not known.
         options: settings of the diagnosis.
+        effects: of the accepted model.
     """
     p = max(final.p_combined, doubted or 0.0)
     left = excess(final) / max(excess(base), 1e-9)
-    # No law is exact, and of a large misfit a little shows: what is left of it, not that it shows.
-    nearly = left <= options.nearly_all and p >= options.nearly_failing
+    # No law is exact, and of a large misfit a little shows: what is left of it counts, not that it
+    # shows. Of several effects together, which fit nearly everything, more is asked.
+    nearly = effects == 1 and left <= options.nearly_all and p >= options.nearly_failing
     if p < options.still_failing and not nearly:
         return f"its tests still fail (p {p:.2g})"
     # A large false effect would forgive itself, since its error grows with it.
@@ -135,7 +139,8 @@ def explains(tried_models: TriedModels, options: Options) -> bool:
     base, final = tried_models.way[0].adequacy, tried_models.current
     if not final.model.names:
         return base.p_combined >= options.alarm
-    return not not_enough(base, final.adequacy, tried_models.doubted, options)
+    effects = len(final.model.names)
+    return not not_enough(base, final.adequacy, tried_models.doubted, options, effects=effects)
 
 
 def excess(found: Adequacy) -> float:
