@@ -158,6 +158,8 @@ def test_of_a_large_misfit_a_little_may_be_left():
     assert not_enough(base, found(50.0, 9.0, 0.01), None, Options()) == "", "24 are left"
     assert "tests still fail" in not_enough(base, found(52.0, 9.0, 0.01), None, Options())
     assert "tests still fail" in not_enough(base, found(50.0, 9.0, 5e-4), None, Options())
+    said = not_enough(base, found(50.0, 9.0, 0.01), None, Options(), effects=2)
+    assert "tests still fail" in said, "two effects fit more than one"
 
 
 def test_a_large_false_effect_does_not_forgive_itself():
