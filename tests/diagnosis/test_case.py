@@ -41,7 +41,7 @@ def test_the_defaults(embankment):
     case, model, options = model_and_options(embankment)
     assert case.scene.spacing == 1.0
     assert options.hold_out is None and not options.synthetic and options.effects is None
-    assert options.allowance == 998 and options.replicates == 8
+    assert options.allowance == 1398 and options.replicates == 8
     names = [candidate.name for candidate in model.candidates]
     assert {"overburden_strength", "weak_base", "datum_shift", "datum_tilt"} <= set(names)
     assert "there is no water" in case.left_out(model)["pore_pressure"]
