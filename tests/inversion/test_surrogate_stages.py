@@ -56,6 +56,9 @@ class TooFar(MPMEngine):
     def outside(self, request) -> list[str]:
         return ["cohesion / (rho g d): 0.9 is outside the training's range, 0.1 to 0.8"]
 
+    def distance(self, request, *, anywhere=False) -> float | None:
+        return None
+
     def predict(self, requests):
         if any(request.setup.settings.water == "pore_pressure" for request in requests):
             raise InputError("simulation.water: pore_pressure; allowed is buoyant")
