@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 from geometry.scenes.scene import Point
 from geometry.survey3d.deposit import LEAST_M, samples_along
-from geometry.survey3d.measured import DepositMap, MapLength, correlation_in_plan
+from geometry.survey3d.measured import DepositMap, MapPlaces
 from geometry.terrain.raster import Raster, read_raster
 from pipeline.cli import InputError
 
@@ -66,14 +66,12 @@ def edge_of(inundated: Raster, every_m: float) -> np.ndarray:
     return np.array(kept).reshape(-1, 2)
 
 
-class DepositEdge(MapLength):
+class DepositEdge(MapPlaces):
     """The line in plan up to which soil came: how far the simulated deposit reaches beyond it.
 
     Only where a deposit ends, not where it joins the soil that stayed: of a raster the edge that
     lies on soil is left out.
     """
-
-    as_one = True
 
     type: Literal["deposit_edge"]
     edge: list[Point] | None = Field(
@@ -83,9 +81,6 @@ class DepositEdge(MapLength):
         None, description="raster next to this document, more than 0.5 where soil came to lie"
     )
     every_m: float = Field(gt=0, description="distance of the places that are compared [m]")
-    correlation_length_m: float | None = Field(
-        None, gt=0, description="of the errors in plan [m]; null: independent"
-    )
 
     _moved: np.ndarray | None = PrivateAttr(None)
     _places: np.ndarray | None = PrivateAttr(None)
@@ -127,15 +122,6 @@ class DepositEdge(MapLength):
         copy = self.model_copy()
         copy._moved = np.asarray(values, dtype=float)
         return copy
-
-    @property
-    def parts(self) -> list[str]:
-        """Where each place lies."""
-        return [f"at ({x:g}, {y:g})" for x, y in np.round(self.places, 2)]
-
-    def correlation(self) -> np.ndarray:
-        """Correlation of the errors, (m, m)."""
-        return correlation_in_plan(self.places, self.correlation_length_m)
 
     def check_in(self, scene: Scene3d, where: str) -> None:
         """All of the edge lies on the ground."""

@@ -99,6 +99,30 @@ class MapLength(MapMeasured):
     )
 
 
+class MapPlaces(MapLength):
+    """A measurement in metres at many places, which tables and pictures show as one."""
+
+    as_one = True
+
+    correlation_length_m: float | None = Field(
+        None, gt=0, description="of the errors in plan [m]; null: independent"
+    )
+
+    @property
+    @abstractmethod
+    def places(self) -> np.ndarray:
+        """Where the numbers lie, (m, 2) [m]."""
+
+    @property
+    def parts(self) -> list[str]:
+        """Where each number lies."""
+        return [f"at ({x:g}, {y:g})" for x, y in np.round(self.places, 2)]
+
+    def correlation(self) -> np.ndarray:
+        """Correlation of the errors, (m, m)."""
+        return correlation_in_plan(self.places, self.correlation_length_m)
+
+
 class MapNumber(OneNumber, MapMeasured):
     """A measurement that is one of the readings of a simulation."""
 

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr
 
 from geometry.scenes.fill import contains
 from geometry.scenes.scene import Point
-from geometry.survey3d.measured import DepositMap, MapLength, correlation_in_plan
+from geometry.survey3d.measured import DepositMap, MapPlaces
 from geometry.terrain.raster import Raster, read_raster
 from pipeline.cli import InputError
 
@@ -24,14 +24,12 @@ SAMPLES = 8
 """Places along an edge of a square at which it is read."""
 
 
-class SurfaceAfter(MapLength):
+class SurfaceAfter(MapPlaces):
     """Mean elevation of the surface after the slide over squares of `every_m`.
 
     Means know of volumes what single places know by chance: where exactly the points of a
     simulation lie moves its surface at a place by a good part of their spacing.
     """
-
-    as_one = True
 
     type: Literal["surface_after"]
     file: str | None = Field(
@@ -42,9 +40,6 @@ class SurfaceAfter(MapLength):
         None,
         min_length=3,
         description="(x, y): squares whose middle is inside [m]; null = all",
-    )
-    correlation_length_m: float | None = Field(
-        None, gt=0, description="of the errors in plan [m]; null: independent"
     )
 
     _raster: Raster | None = PrivateAttr(None)
@@ -113,15 +108,6 @@ class SurfaceAfter(MapLength):
         copy = self.model_copy()
         copy._attach(self.places, values)
         return copy
-
-    @property
-    def parts(self) -> list[str]:
-        """Where the middle of each square lies."""
-        return [f"at ({x:g}, {y:g})" for x, y in np.round(self.places, 2)]
-
-    def correlation(self) -> np.ndarray:
-        """Correlation of the errors, (m, m)."""
-        return correlation_in_plan(self.places, self.correlation_length_m)
 
     def check_in(self, scene: Scene3d, where: str) -> None:
         """Its squares were chosen inside the scene."""

@@ -12,9 +12,15 @@ from matplotlib.colors import BoundaryNorm
 from geometry.terrain.raster import Raster, hillshade
 from mpm_taichi.readings3d import Maps
 from report import style
-from report.pictures.ground_map import draw_places, finish_plan
+from report.pictures.ground_map import (
+    LENGTH,
+    colour_bar,
+    draw_places,
+    finish_plan,
+    height_of_plan,
+    plan_axes,
+)
 
-LENGTH, LEFT, RIGHT = 7.2, 0.7, 1.0  # of the figure, and its margins [inches]
 GAP = 0.8  # between two plans [inches]
 CLASSES = (1, 5, 10, 25, 50, 75, 95, 100)
 """Ends of the classes of probability, %."""
@@ -41,7 +47,7 @@ def save_exceedance(
         lines: name -> (2, 2) [m].
     """
     (x, y), d = maps.before.axes, maps.before.spacing
-    plan_height = float(np.clip((LENGTH - LEFT - RIGHT) * len(y) / len(x), 1.2, 6.0))
+    plan_height = height_of_plan(x, y)
     total = len(exceedance) * (plan_height + GAP) + 0.1
     figure = style.new_figure(total, LENGTH)
     extent = (x[0] - d / 2, x[-1] + d / 2, y[0] - d / 2, y[-1] + d / 2)
@@ -50,9 +56,7 @@ def save_exceedance(
     shade = 0.35 + 0.65 * hillshade(maps.surface)
     for row, (thickness, chance) in enumerate(exceedance.items()):
         low = total - 0.35 - plan_height - row * (plan_height + GAP)
-        plan = figure.add_axes(
-            (LEFT / LENGTH, low / total, (LENGTH - LEFT - RIGHT) / LENGTH, plan_height / total)
-        )
+        plan = plan_axes(figure, total, low, plan_height)
         plan.imshow(shade.T, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
         body = maps.before.values
         hidden = (body >= thickness) | (100.0 * chance.values < CLASSES[0])
@@ -67,12 +71,5 @@ def save_exceedance(
         draw_places(plan, paths, lines, 0.5 * (x[0] + x[-1]))
         words = f"probability of a deposit thicker than {thickness:g} m"
         finish_plan(plan, f"{title}: {words}" if row == 0 else words, extent)
-        bar = figure.colorbar(
-            image,
-            cax=figure.add_axes(
-                (1 - 0.8 / LENGTH, low / total, 0.12 / LENGTH, max(plan_height, 1.2) / total)
-            ),
-        )
-        bar.set_label("%", fontsize=style.SMALL)
-        bar.ax.tick_params(labelsize=style.SMALL)
+        colour_bar(figure, image, total, low, plan_height, "%")
     return style.save_figure(figure, path)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from geometry.survey3d.deposit import samples_along
 from geometry.terrain.raster import Raster, hillshade
@@ -42,29 +43,24 @@ def save_map(
         measured: elevation of the surface that was surveyed after the slide [m].
     """
     (x, y), d = maps.before.axes, maps.before.spacing
-    plan_height = float(np.clip((LENGTH - LEFT - RIGHT) * len(y) / len(x), 1.2, 6.0))
+    plan_height = height_of_plan(x, y)
     total = plan_height + 0.9 + len(paths) * (SECTION + GAP)
     figure = style.new_figure(total, LENGTH)
-    plan = _axes(figure, total, total - 0.35 - plan_height, plan_height)
+    plan = plan_axes(figure, total, total - 0.35 - plan_height, plan_height)
     extent = (x[0] - d / 2, x[-1] + d / 2, y[0] - d / 2, y[-1] + d / 2)
     shade = 0.35 + 0.65 * hillshade(maps.surface)
     plan.imshow(shade.T, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
     thick = np.ma.masked_less(maps.deposit.values, maps.least)
     image = plan.imshow(thick.T, origin="lower", extent=extent, cmap=SOIL, alpha=0.65, vmin=0)
-    bar = figure.colorbar(
-        image,
-        cax=figure.add_axes(
-            (1 - 0.8 / LENGTH, (total - 0.35 - plan_height) / total, 0.12 / LENGTH, 0.9 / total)
-        ),
-    )
-    bar.set_label("thickness [m]", fontsize=style.SMALL)
-    bar.ax.tick_params(labelsize=style.SMALL)
+    colour_bar(figure, image, total, total - 0.35 - plan_height, 0.9, "thickness [m]")
     _draw_lines(plan, maps)
     draw_places(plan, paths, lines, 0.5 * (x[0] + x[-1]))
     finish_plan(plan, title, extent)
     for number, (name, way) in enumerate(paths.items()):
         low = total - 0.35 - plan_height - 0.5 - (number + 1) * (SECTION + GAP) + GAP - 0.2
-        _draw_section(_axes(figure, total, low, SECTION), name, way, maps, water_level, measured)
+        _draw_section(
+            plan_axes(figure, total, low, SECTION), name, way, maps, water_level, measured
+        )
     return style.save_figure(figure, path)
 
 
@@ -90,7 +86,22 @@ def finish_plan(plan: Axes, title: str, extent: tuple[float, float, float, float
     plan.tick_params(labelsize=style.SMALL)
 
 
-def _axes(figure: Figure, total: float, low: float, height: float) -> Axes:
+def height_of_plan(x: np.ndarray, y: np.ndarray) -> float:
+    """Height of a plan over the cells x and y, to scale within limits [inches]."""
+    return float(np.clip((LENGTH - LEFT - RIGHT) * len(y) / len(x), 1.2, 6.0))
+
+
+def colour_bar(
+    figure: Figure, image: AxesImage, total: float, low: float, height: float, label: str
+) -> None:
+    """Colours of a plan to its right, from `low` upwards in a figure `total` high [inches]."""
+    place = (1 - 0.8 / LENGTH, low / total, 0.12 / LENGTH, height / total)
+    bar = figure.colorbar(image, cax=figure.add_axes(place))
+    bar.set_label(label, fontsize=style.SMALL)
+    bar.ax.tick_params(labelsize=style.SMALL)
+
+
+def plan_axes(figure: Figure, total: float, low: float, height: float) -> Axes:
     """Axes over the width of the figure, from `low` upwards [inches]."""
     return figure.add_axes(
         (LEFT / LENGTH, low / total, (LENGTH - LEFT - RIGHT) / LENGTH, height / total)

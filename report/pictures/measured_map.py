@@ -11,9 +11,15 @@ from matplotlib.axes import Axes
 from geometry.survey3d.measured import DepositMap
 from geometry.terrain.raster import Raster, hillshade
 from report import style
-from report.pictures.ground_map import draw_places, finish_plan
+from report.pictures.ground_map import (
+    LENGTH,
+    colour_bar,
+    draw_places,
+    finish_plan,
+    height_of_plan,
+    plan_axes,
+)
 
-LENGTH, LEFT, RIGHT = 7.2, 0.7, 1.0  # of the figure, and its margins [inches]
 GAP = 0.8  # between two plans [inches]
 COLOURS = "RdBu_r"
 SHARE = 99.5
@@ -50,16 +56,14 @@ def save_measured_map(
         plans = [("measured", seen - (after - moved)), *plans,
                  ("simulated less measured", after - seen)]  # fmt: skip
     reach = float(np.percentile(np.abs([values for _, values in plans]), SHARE)) or 1.0
-    plan_height = float(np.clip((LENGTH - LEFT - RIGHT) * len(y) / len(x), 1.2, 6.0))
+    plan_height = height_of_plan(x, y)
     total = len(plans) * (plan_height + GAP) + 0.1
     figure = style.new_figure(total, LENGTH)
     extent = (x[0] - d / 2, x[-1] + d / 2, y[0] - d / 2, y[-1] + d / 2)
     shade = 0.35 + 0.65 * hillshade(Raster(deposit.before.origin, d, after))
     for row, (words, values) in enumerate(plans):
         low = total - 0.35 - plan_height - row * (plan_height + GAP)
-        plan = figure.add_axes(
-            (LEFT / LENGTH, low / total, (LENGTH - LEFT - RIGHT) / LENGTH, plan_height / total)
-        )
+        plan = plan_axes(figure, total, low, plan_height)
         plan.imshow(shade.T, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
         image = plan.imshow(
             values.T, origin="lower", extent=extent, cmap=COLOURS, alpha=0.65, vmin=-reach,
@@ -69,14 +73,7 @@ def save_measured_map(
         draw_places(plan, {}, lines, 0.5 * (x[0] + x[-1]))
         said = words if words.startswith("simulated less") else f"change of the surface, {words}"
         finish_plan(plan, f"{title}: {said}" if row == 0 else said, extent)
-        bar = figure.colorbar(
-            image,
-            cax=figure.add_axes(
-                (1 - 0.8 / LENGTH, low / total, 0.12 / LENGTH, max(plan_height, 1.2) / total)
-            ),
-        )
-        bar.set_label("m", fontsize=style.SMALL)
-        bar.ax.tick_params(labelsize=style.SMALL)
+        colour_bar(figure, image, total, low, plan_height, "m")
     return style.save_figure(figure, path)
 
 
