@@ -84,7 +84,7 @@ class DiagnosisCase(Case):
         known = [*(c.name for c in model.candidates), *model.left_out]
         for key, names in self.question.named_effects.items():
             for name in names:
-                if name not in known:
+                if name not in known and model.add_placed(name) is None:
                     raise InputError(
                         f"{self.source}: {key}: no effect {name!r}; there are "
                         f"{', '.join(sorted(known))}"

@@ -9,17 +9,17 @@ once. Errors of the survey move the prediction and need no run.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from diagnosis.hypotheses.assumption import with_setting
-from diagnosis.hypotheses.model import CURVE, Curve, Proposal
+from diagnosis.hypotheses.assumption import possible, with_setting
+from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal, Search
 from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.possible_measurements import possible_measurements, proposal_of
-from diagnosis.hypotheses.registry import assumptions_of
+from diagnosis.hypotheses.registry import assumptions_of, placed_at, searches_of
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import scene_from_mapping
 from inversion.engines.finite_width import FiniteWidth
@@ -105,13 +105,8 @@ class EngineModel:
             *(one.candidate for one in self._assumptions.values()),
             *(error.candidate for error in self._errors.values()),
         ]
-        known = dict(priors or {})
-        self.candidates = [
-            replace(one, prior_mean=known[one.name][0], prior_std=known[one.name][1])
-            if one.name in known
-            else one
-            for one in every
-        ]
+        self._priors = dict(priors or {})
+        self.candidates = [self._with_prior(one) for one in every]
         self.left_out = {**idle, **certain}
         possible = [one for one in possible_measurements(setup) if self.engine.reads(one)]
         self._possible = (
@@ -203,6 +198,44 @@ class EngineModel:
     def _first(self) -> State:
         """The question's first guess, which every calibration begins with."""
         return State(tuple(float(value) for value in self.parameters.start))
+
+    # --- what is called after its place ---
+
+    def search(self, kind: str) -> Search | None:
+        """See `Seeking`."""
+        return searches_of(self.setup.scene).get(kind) if self.engine.effects else None
+
+    def add_placed(self, name: str, *, choices: int = 1) -> Candidate | None:
+        """Put a thing that is called after its place on trial.
+
+        Args:
+            name: as `search` gives it, or as a hypothesis names it.
+            choices: places among which it was sought.
+
+        Returns:
+            its candidate; None where it is no such name, or there is no such section.
+        """
+        one = placed_at(self.setup.scene, name) if self.engine.effects else None
+        if one is None or not possible(one, self.setup, one.candidate.ladder[-1]):
+            return None
+        self._assumptions[name] = one
+        candidate = self._with_prior(replace(one.candidate, choices=choices))
+        self.candidates = [*(c for c in self.candidates if c.name != name), candidate]
+        return candidate
+
+    def drop_placed(self, names: Iterable[str]) -> None:
+        """See `Seeking`."""
+        gone = set(names)
+        self.candidates = [c for c in self.candidates if c.name not in gone]
+        for name in gone & set(self._assumptions):
+            del self._assumptions[name]
+
+    def _with_prior(self, candidate: Candidate) -> Candidate:
+        """A candidate with the engineer's prior, where one is given."""
+        if candidate.name not in self._priors:
+            return candidate
+        mean, std = self._priors[candidate.name]
+        return replace(candidate, prior_mean=mean, prior_std=std)
 
     # --- states and runs ---
 

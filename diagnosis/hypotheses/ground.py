@@ -9,6 +9,7 @@ the same family.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -22,7 +23,7 @@ from diagnosis.hypotheses.assumption import (
     Sensitivities,
     possible,
 )
-from diagnosis.hypotheses.model import Candidate, switch_of
+from diagnosis.hypotheses.model import Candidate, Search, switch_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
 from inversion.estimation.forward import Setup
 
@@ -52,6 +53,9 @@ FORELAND_LENGTH = 6.0
 #: of the section, and the highest [m]; run of its faces over their rise.
 BUMP_PLACES = {"near": 1.0, "far_from": 2.0}
 BUMP_HEIGHTS, HIGHEST_BUMP_M, BUMP_FACE = (0.1, 0.2, 0.35), 5.0, 2.0
+#: Where else its place is sought, in heights.
+SOUGHT_BUMPS = (0.3, 0.45, 0.6, 0.8, 1.3, 1.6, 2.5, 3.0)
+_BUMP = re.compile(rf"{BUMP}_(\d+(?:\.\d+)?)_m_before_the_(left|right)_foot")
 #: A vertex so near to the base stands on it [m].
 ON_BASE_M = 1e-3
 
@@ -203,28 +207,53 @@ def _beyond(scene: Scene, side: Side) -> list[Assumption]:
             sloped,
         )
     ]
-    for where, heights in BUMP_PLACES.items():
-        top = foot + outward * heights * height
+    return found + [
+        _bump(scene, side, heights * height, f"{BUMP}_{where}_the_{side}_foot")
+        for where, heights in BUMP_PLACES.items()
+    ]
 
-        def raised(setup: Setup, rise: float, top: float = top) -> Setup:
-            half = BUMP_FACE * rise
-            knots = [(top - half, 0.0), (top, rise), (top + half, 0.0)]
-            return setup.with_scene(with_base(setup.scene, knots, BUMP))
 
-        scale = min(height, HIGHEST_BUMP_M / BUMP_HEIGHTS[-1])
-        ladder = tuple(share * scale for share in BUMP_HEIGHTS)
-        candidate = Candidate(
-            name=f"{BUMP}_{where}_the_{side}_foot",
-            family="ground",
-            words=f"a ridge or a buttress stood {heights * height:.0f} m before the {side} foot",
-            unit="m",
-            low=0.0,
-            high=heights * height / BUMP_FACE,
-            ladder=ladder,
-            screened=True,
-        )
-        found.append(Assumption(candidate, raised))
-    return found
+def _bump(scene: Scene, side: Side, distance: float, name: str) -> Assumption:
+    """A ridge whose top lies at a distance [m] before a foot."""
+    height = scene.extent[1] - scene.extent[0]
+    top = scene.foot(side) + (-distance if side == "left" else distance)
+
+    def raised(setup: Setup, rise: float) -> Setup:
+        half = BUMP_FACE * rise
+        knots = [(top - half, 0.0), (top, rise), (top + half, 0.0)]
+        return setup.with_scene(with_base(setup.scene, knots, BUMP))
+
+    scale = min(height, HIGHEST_BUMP_M / BUMP_HEIGHTS[-1])
+    candidate = Candidate(
+        name=name,
+        family="ground",
+        words=f"a ridge or a buttress stood {distance:.3g} m before the {side} foot",
+        unit="m",
+        low=0.0,
+        high=distance / BUMP_FACE,
+        ladder=tuple(share * scale for share in BUMP_HEIGHTS),
+        screened=True,
+        placed=f"{BUMP}_{side}",
+    )
+    return Assumption(candidate, raised)
+
+
+def bump_search(scene: Scene, side: Side) -> Search:
+    """Distances before a foot at which a ridge may have stood."""
+    height = scene.extent[1] - scene.extent[0]
+    lowest = BUMP_HEIGHTS[0] * min(height, HIGHEST_BUMP_M / BUMP_HEIGHTS[-1])
+    names = [
+        f"{BUMP}_{share * height:.3g}_m_before_the_{side}_foot" for share in SOUGHT_BUMPS
+    ]  # fmt: skip
+    return Search(names, lowest, {name: [k] for k, name in enumerate(names)})
+
+
+def bump_at(scene: Scene, name: str) -> Assumption | None:
+    """The ridge that a name such as `bump_17_m_before_the_left_foot` gives; None: no such name."""
+    found = _BUMP.fullmatch(name)
+    if found is None:
+        return None
+    return _bump(scene, found[2], float(found[1]), name)
 
 
 def _sides(setup: Setup) -> tuple[Side, ...]:

@@ -7,7 +7,7 @@ the tests are others; nothing above this file knows which of them answers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args, runtime_checkable
 
@@ -61,6 +61,9 @@ class Candidate:
         screened: nearly linear: its ladder is run beyond the first amplitude only if that promises
             something.
         switch: on or off, amplitude 1 or 0: another form of the model, which has no size.
+        placed: kind of thing at a place that it is, of which other places may be sought; empty: it
+            has no place.
+        choices: places among which its own was sought; each of them is as likely beforehand.
     """
 
     name: str
@@ -76,6 +79,8 @@ class Candidate:
     by_chance: bool = False
     screened: bool = False
     switch: bool = False
+    placed: str = ""
+    choices: int = 1
 
     @property
     def two_signed(self) -> bool:
@@ -105,7 +110,9 @@ def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None)
     middle = rungs[len(rungs) // 2]
     if std is None:
         mean, std = 0.0, WIDE * rungs[-1]
-    return Amplitude(candidate.name, candidate.low, candidate.high, middle, mean, std)
+    return Amplitude(
+        candidate.name, candidate.low, candidate.high, middle, mean, std, candidate.choices
+    )
 
 
 @dataclass(frozen=True)
@@ -184,4 +191,36 @@ class Proposing(Model, Protocol):
 
     def propose(self, states: Sequence[State]) -> np.ndarray:
         """Readings of all proposals, (n, their numbers); of runs made before it costs nothing."""
+        ...
+
+
+@dataclass(frozen=True)
+class Search:
+    """Places at which a thing may be, and the runs that tell what it does there.
+
+    Attributes:
+        runs: candidates that are run, one run each.
+        rung: their amplitude.
+        places: name of a candidate at each place -> which runs add up to what it does.
+    """
+
+    runs: Sequence[str]
+    rung: float
+    places: Mapping[str, Sequence[int]]
+
+
+@runtime_checkable
+class Seeking(Model, Protocol):
+    """A model whose hypotheses have places that can be sought; a name says which place it is."""
+
+    def search(self, kind: str) -> Search | None:
+        """Places of one kind of thing (`Candidate.placed`); None: there are none to seek."""
+        ...
+
+    def add_placed(self, name: str, *, choices: int = 1) -> Candidate | None:
+        """Put a thing that is called after its place on trial; None: it is no such name."""
+        ...
+
+    def drop_placed(self, names: Iterable[str]) -> None:
+        """Take such things off trial; what they changed has been read."""
         ...

@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 from types import ModuleType
 
 from diagnosis.hypotheses import ground, section, soil, start, strength, water, width
-from diagnosis.hypotheses.assumption import Found, Sensitivities
+from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
+from diagnosis.hypotheses.model import Search
 from diagnosis.hypotheses.survey import survey_errors
+from geometry.scenes.scene import Scene
 from inversion.engines.registry import Engine
 from inversion.estimation.forward import Setup
 from mpm_taichi.effects import effects
@@ -62,6 +64,18 @@ def assumptions_of(
     return found, left_out
 
 
+def searches_of(scene: Scene) -> dict[str, Search]:
+    """What can be sought in a section, by the kind of thing (`Candidate.placed`)."""
+    found = {f"{ground.BUMP}_{side}": ground.bump_search(scene, side) for side in ("left", "right")}
+    part = strength.part_search(scene)
+    return found if part is None else found | {strength.PART: part}
+
+
+def placed_at(scene: Scene, name: str) -> Assumption | None:
+    """The thing that a name with a place in it gives; None: it is no such name."""
+    return strength.part_at(name) or ground.bump_at(scene, name)
+
+
 def assumed_otherwise(
     setup: Setup, sensitivities: Sensitivities, amplitudes: Mapping[str, float], source: str
 ) -> Setup:
@@ -72,6 +86,7 @@ def assumed_otherwise(
     """
     own = [family.module.assumptions(setup, sensitivities)[0] for family in FAMILIES]
     known = {one.candidate.name: one for found in own for one in found}
+    known |= {name: one for name in amplitudes if (one := placed_at(setup.scene, name)) is not None}
     errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
     for name in amplitudes:
         if name not in {*known, *errors, *effects()}:

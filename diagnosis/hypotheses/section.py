@@ -1,10 +1,14 @@
 """The section as it was drawn, on trial: a boundary between zones, a foot or the surface elsewhere.
 
 Boundaries are those that the question lists among its sensitivities; an amplitude of 1 is one
-standard deviation.
+standard deviation. Where it lists none the top of the liquefied soil may lie elsewhere all the
+same: it is known from a few borings, or from the slide that is being explained.
 """
 
 from __future__ import annotations
+
+import shapely
+from shapely.ops import unary_union
 
 from diagnosis.hypotheses.assumption import (
     Assumption,
@@ -14,11 +18,18 @@ from diagnosis.hypotheses.assumption import (
     slug,
 )
 from diagnosis.hypotheses.model import Candidate
+from geometry.scenes.scene import Scene
 from inversion.back_analysis.deviations import deviating
 from inversion.estimation.forward import Setup
-from inversion.problem.question import ZoneBoundary
+from inversion.problem.question import MovedVertex, ZoneBoundary
+from mpm_taichi.effects import liquefied_zones
 
-BOUNDARY = "boundary_"
+BOUNDARY, TOP = "boundary_", "top_of_the_liquefied_soil"
+#: One standard deviation of that top where nothing is known, as a share of the section's height,
+#: and at most [m].
+TOP_STD, WORST_KNOWN_M = 0.08, 2.0
+#: A vertex nearer to the outline or the ground than this share of the height lies on it.
+ON_LINE = 0.01
 
 #: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
 RUNGS = (0.5, 1.0, 2.0)
@@ -31,9 +42,10 @@ def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
         InputError: a boundary has a vertex that no zone has.
     """
     found, left_out = [], {}
-    for one in sensitivities:
-        if not isinstance(one, ZoneBoundary):
-            continue
+    boundaries = [one for one in sensitivities if isinstance(one, ZoneBoundary)]
+    if not boundaries and (top := top_of_liquefied_soil(setup.scene)) is not None:
+        boundaries = [top]
+    for one in boundaries:
         name = BOUNDARY + slug(one.name)
         wanted = [sign * rung for sign in one.senses for rung in RUNGS]
         tried = _boundary(one, name, wanted)
@@ -44,6 +56,42 @@ def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
         else:
             left_out[name] = f"at {setup.scene.spacing:g} m spacing no section has it moved"
     return found, left_out
+
+
+def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundary | None:
+    """The boundary between the liquefied soil and what lies on it.
+
+    Args:
+        scene: the section.
+        std: standard deviation [m]; None: `TOP_STD` of the height.
+
+    Returns:
+        its vertices, those on the ground and on the outline of the section left out; None: it has
+        no other.
+    """
+    names = liquefied_zones(scene)
+    polygons = {zone.name: shapely.Polygon(zone.polygon) for zone in scene.zones}
+    outline = unary_union(list(polygons.values())).exterior
+    liquid = unary_union([polygons[name] for name in names])
+    height = scene.extent[1] - scene.extent[0]
+    near = ON_LINE * height
+    # A closed domain cuts the section off: a boundary that ends there goes on beyond.
+    walls = (scene.domain.x_min, scene.domain.x_max) if scene.domain.walls == "closed" else ()
+    std = min(TOP_STD * height, WORST_KNOWN_M) if std is None else std
+    moved = [
+        (x, y)
+        for x, y in dict.fromkeys(p for z in scene.zones if z.name in names for p in z.polygon)
+        if y > float(scene.ground.height(x)) + near
+        and (x in walls or outline.distance(shapely.Point(x, y)) > near)
+        and not liquid.contains(shapely.Point(x, y + near))
+    ]
+    if not moved:
+        return None
+    return ZoneBoundary(
+        name=TOP.replace("_", " "),
+        kind="zone_boundary",
+        vertices=[MovedVertex(at=place, move=(0.0, round(std, 3))) for place in moved],
+    )
 
 
 def _boundary(one: ZoneBoundary, name: str, rungs: list[float]) -> Assumption:

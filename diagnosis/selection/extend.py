@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from diagnosis.adequacy.adequacy import Adequacy, ProjectedFit, assess, judged
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.hypotheses.model import Model
+from diagnosis.hypotheses.model import Model, Seeking
 from diagnosis.options import Options
 from diagnosis.selection.explain import Explanation, explain, tested_candidates
 from diagnosis.selection.refit import FittedModel, judge, refit, weighed, with_own_derivative
@@ -49,6 +49,10 @@ def check_addition(model: Model, before: Sequence[str], add: str) -> None:
     Raises:
         InputError: the model does not know the effect, or has it already.
     """
+    if isinstance(model, Seeking):
+        there = {candidate.name for candidate in model.candidates}
+        for name in {*before, add} - there:
+            model.add_placed(name)
     known = [candidate.name for candidate in model.candidates]
     if add not in known:
         raise InputError(f"--add {add}: no such effect here; there are {', '.join(known)}")

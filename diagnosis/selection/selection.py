@@ -215,11 +215,13 @@ class Selection:
                 self.runs, model.surface, found.system, again,
                 finite=options.finite_amplitudes, turns=1,
             )  # fmt: skip
-            self.signatures.update(fresh)
+            for name, signature in fresh.items():
+                elsewhere = self.signatures[name].elsewhere
+                self.signatures[name] = replace(signature, elsewhere=elsewhere)
             ladders = {name: signature.ladder for name, signature in fresh.items()}
             model = replace(model, surface=model.surface.with_ladders(ladders))
             self.tried.models[model.names] = model
-            known |= fresh
+            known |= {name: self.signatures[name] for name in fresh}
             scores = score_all(found, known, others, projection=options.projection)
             test = Test("score", scores.largest, scores.p_largest)
             adequacy = assess(found, comparison.places, score=test)

@@ -187,6 +187,7 @@ class Amplitude:
         unit: amplitude that counts as 1 in x.
         mean: most likely amplitude beforehand; None: any between the bounds.
         std: its standard deviation; None with `mean`.
+        choices: equally likely forms of the effect, of which this is one.
 
     Where both bounds are one value the amplitude is held there: the effect is a switch that is on,
     and takes no degree of freedom.
@@ -198,6 +199,7 @@ class Amplitude:
     unit: float
     mean: float | None = None
     std: float | None = None
+    choices: int = 1
 
     @property
     def held(self) -> bool:
@@ -288,8 +290,8 @@ class Unknowns:
 
     @property
     def ln_prior_width(self) -> float:
-        """Logarithm of the volume of the amplitudes' priors, in x."""
-        return float(sum(effect.ln_prior_width for effect in self.effects))
+        """Logarithm of the volume of the amplitudes' priors, in x, all their choices counted."""
+        return float(sum(one.ln_prior_width + math.log(one.choices) for one in self.effects))
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Parameters in outside units, (p,)."""

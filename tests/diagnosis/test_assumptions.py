@@ -11,7 +11,7 @@ from shapely.ops import unary_union
 
 from diagnosis.case import diagnosis_case
 from diagnosis.diagnose import diagnose
-from diagnosis.hypotheses import soil, strength, water
+from diagnosis.hypotheses import section, soil, strength, water
 from diagnosis.hypotheses.assumption import Assumption
 from diagnosis.hypotheses.model import Candidate, amplitude_of, switch_of
 from diagnosis.hypotheses.physics import acting_candidates
@@ -123,10 +123,30 @@ def test_parts_of_the_liquefied_soil_hold_a_third_of_it_each(setup):
         known["upper_layer"].change(block.change(setup, 0.4), 0.2)
 
 
+def test_the_top_of_the_liquefied_soil_is_on_trial_where_no_boundary_is_stated(setup):
+    top = section.top_of_liquefied_soil(setup.scene)
+    height = setup.scene.extent[1]
+    assert {vertex.move for vertex in top.vertices} == {(0.0, round(0.08 * height, 3))}
+    (one,) = section.assumptions(setup, [])[0]
+    assert one.candidate.name == "boundary_top_of_the_liquefied_soil"
+    raised = one.change(setup, 1.0).scene
+
+    def area(scene):
+        return sum(shapely.Polygon(z.polygon).area for z in scene.zones if z.name == "sand")
+
+    assert area(raised) > area(setup.scene) + 1.0
+    total = [sum(shapely.Polygon(z.polygon).area for z in s.zones) for s in (raised, setup.scene)]
+    assert total[0] == pytest.approx(total[1]), "what one zone gains the other loses"
+    stated = top.model_copy(update={"name": "roof"})
+    names = [one.candidate.name for one in section.assumptions(setup, [stated])[0]]
+    assert names == ["boundary_roof"], "what is stated stands in its place"
+
+
 def test_an_engine_without_effects_knows_the_section_alone(setup):
     blind = replace(engine_named("mpm"), effects=False)
     found, left_out = assumptions_of(setup, [], blind)
-    assert not found and "knows no other" in left_out["pool"]
+    assert {one.candidate.family for one in found} == {"section"}
+    assert "knows no other" in left_out["pool"]
     families = {one.candidate.family for one in assumptions_of(setup, [], engine_named("mpm"))[0]}
     assert families >= {"water", "soil", "strength"} and len(FAMILIES) >= 4
 

@@ -18,6 +18,8 @@ from benchmarks.hidden_effects.foreign.slide import source
 from benchmarks.hidden_effects.making.plan import ROUND, Kind, Planned, Reach, plan
 from benchmarks.hidden_effects.making.sections import Section, load_section
 from benchmarks.hidden_effects.making.surveys import SURVEYS
+from diagnosis.hypotheses.section import top_of_liquefied_soil
+from diagnosis.hypotheses.soil import WORDS
 from diagnosis.question import CodeError
 from geometry.scenes.scene import Document, checked_document, document_error
 from mpm_taichi.effects import effects, load_effects_file
@@ -69,6 +71,38 @@ class SourcePlan(Document):
         return {key: value for key, value in stated.items() if value}
 
 
+class Stated(Document):
+    """What every case says of what is not calibrated: one standard deviation of each."""
+
+    boundary_m: float = Field(gt=0, description="of the top of the liquefied soil [m]")
+    friction_deg: float = Field(gt=0, description="of the angles of other soils [degrees]")
+    cohesion_share: float = Field(gt=0, description="of their cohesions, over their value")
+    density_share: float = Field(gt=0, description="of all densities, over their value")
+
+    def sensitivities(self, section: Section) -> list[dict[str, Any]]:
+        """As `inversion.yaml` has them."""
+        scene = section.scene
+        top = top_of_liquefied_soil(scene, self.boundary_m)
+        found = [] if top is None else [top.model_dump(mode="json", exclude_defaults=True)]
+        calibrated = {
+            (zone, spec.property) for spec in section.question.parameters for zone in spec.zones
+        }
+        for zone in scene.zones:
+            soil = scene.materials[zone.material]
+            stds = {
+                "friction_deg": self.friction_deg if soil.friction_deg else 0.0,
+                "cohesion_kpa": 0.0 if soil.liquefied else self.cohesion_share * soil.cohesion_kpa,
+                "density": self.density_share * soil.density,
+            }
+            found += [
+                {"name": f"{WORDS[key][0]} of zone {zone.name}", "kind": "property",
+                 "zones": [zone.name], "property": key, "std": round(std, 3)}
+                for key, std in stds.items()
+                if std > 0.0 and (zone.name, key) not in calibrated
+            ]  # fmt: skip
+        return found
+
+
 class BenchmarkPlan(Document):
     """The whole of `benchmark.yaml`."""
 
@@ -104,6 +138,9 @@ class BenchmarkPlan(Document):
         3, gt=0, description="of another code, drawn at most until what is hidden can well be seen"
     )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
+    stated: Stated | None = Field(
+        None, description="sensitivities of every inversion.yaml; null: those of the sections"
+    )
 
 
 @dataclass(frozen=True)

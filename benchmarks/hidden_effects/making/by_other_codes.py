@@ -139,7 +139,7 @@ def make_by_codes(
             else:
                 plan = benchmark.plan
                 wanted = plan.sources[planned.source]
-                write_case(section, planned, made, places, plan.duration_s, wanted)
+                write_case(section, planned, made, places, plan.duration_s, wanted, plan.stated)
                 write_json(places.truth(planned.name), made.truth)
             words = f"{words}: {time.perf_counter() - began:.1f} s"
         on_case(number, len(mine), f"{planned.name}: {words}")

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from benchmarks.hidden_effects.making.base_model import BaseModel
-from benchmarks.hidden_effects.making.benchmark import Benchmark, Places, SourcePlan
+from benchmarks.hidden_effects.making.benchmark import Benchmark, Places, SourcePlan, Stated
 from benchmarks.hidden_effects.making.laboratory import Laboratory
 from benchmarks.hidden_effects.making.plan import Planned, Reach
 from benchmarks.hidden_effects.making.reach import measure_reach
@@ -161,6 +161,7 @@ def write_case(
     places: Places,
     duration_s: float,
     wanted: SourcePlan | None = None,
+    stated: Stated | None = None,
 ) -> None:
     """Write what a diagnosis sees: section, survey and question, with first guesses put in."""
     folder = places.case(planned.name)
@@ -181,6 +182,8 @@ def write_case(
     })  # fmt: skip
     question = section.question.model_dump(mode="json", exclude_defaults=True)
     question["duration_s"] = duration_s
+    if stated is not None:
+        question["sensitivities"] = stated.sensitivities(section)
     _write_yaml(places, planned, "inversion.yaml", question)
     _write_yaml(places, planned, "diagnosis.yaml", {
         "synthetic": True, **({} if wanted is None else wanted.known_to_the_judge),
