@@ -138,6 +138,10 @@ class BenchmarkPlan(Document):
         3, gt=0, description="of another code, drawn at most until what is hidden can well be seen"
     )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
+    sizes: dict[str, list[tuple[float, float]]] = Field(
+        default_factory=dict,
+        description="thing hidden by another code -> ranges of its amplitude, in place of its own",
+    )
     stated: Stated | None = Field(
         None, description="sensitivities of every inversion.yaml; null: those of the sections"
     )

@@ -189,7 +189,9 @@ def _draw(
     """
     plan = benchmark.plan
     values = np.round(section.draw(stream), 6)  # as they are written down
-    hidden = [THINGS[name].draw(section.scene, stream) for name in planned.effects]
+    things = [THINGS[name] for name in planned.effects]
+    things = [replace(one, sizes=plan.sizes.get(one.name, one.sizes)) for one in things]
+    hidden = [one.draw(section.scene, stream) for one in things]
     factor, seed = round(stream.uniform(*FINER), 3), stream.seed()
     scene = section.parameters.scene(section.scene, values)
     scene = scene.changed(spacing=round(factor * section.scene.spacing, 4))
