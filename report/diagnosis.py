@@ -107,6 +107,7 @@ def summary(document: Document, folder: str | Path) -> str:
     if verdict is not None:
         parts += [tables.steps_table(verdict.steps).text(), words.validation_sentence(data)]
         parts.append(tables.next_table(verdict.next_measurement).text())
+    parts.append(words.error_sentence(data))
     if document.runs.cut_short:
         skipped = ", ".join(document.runs.cut_short)
         parts.append(f"Skipped because the run budget was exhausted: {skipped}.")
@@ -341,13 +342,16 @@ def _curve(data: DiagnosisData) -> Section:
 def _next(data: DiagnosisData) -> Section:
     title = "What to measure next"
     found = [] if data.verdict is None else data.verdict.next_measurement
+    error = words.error_sentence(data)
     if not found:
-        return Section(title)
+        return Section(title, said([error]) if error and data.verdict is not None else [])
     see = (
         "Measurements that would best distinguish the remaining explanations, the best first. "
         "Gain: expected squared separation, in variances of the new measurement and of the models."
     )
-    return Section(title, [*said([see]), *tabulated(tables.next_table(found))])
+    return Section(
+        title, [*said([see]), *tabulated(tables.next_table(found)), *said([error] if error else [])]
+    )
 
 
 def _checklist(data: DiagnosisData) -> Section:

@@ -56,14 +56,19 @@ def fitted_to_part(base: Base, targets: Targets) -> FittedTo:
     cov = base.covariance
     parts = {
         "the survey's errors": cov.survey,
-        "the place of the material points": cov.jitter,
-        "the transfer scheme": cov.transfer,
-        "the size of the cells": cov.resolution,
+        **dict(zip(verdict.SOLVER_ERRORS, (cov.jitter, cov.transfer, cov.resolution), strict=True)),
         "the code that made the slide": cov.source,
         "the engine's own error": cov.engine,
     }
-    errors = [name for name, matrix in parts.items() if np.any(matrix)]
-    return fitted_to(targets, base.split.fitted, errors)
+    parts = {name: matrix for name, matrix in parts.items() if np.any(matrix)}
+    fitted = base.split.fitted
+    own = np.ix_(fitted, fitted)
+    weight = np.linalg.inv(base.data.covariance[own])
+    shares = {
+        name: round(float(np.sum(weight * matrix[own])) / int(fitted.sum()), 3)
+        for name, matrix in parts.items()
+    }
+    return fitted_to(targets, fitted, list(parts), shares)
 
 
 def stage(

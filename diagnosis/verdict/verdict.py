@@ -24,6 +24,10 @@ from pipeline.files import read_json, write_json
 FILE_NAME = "verdict.json"
 COMPARE_FILE = "compare.json"
 EXPLAIN_FILE = "explain.json"
+SOLVER_ERRORS = (
+    "the place of the material points", "the transfer scheme", "the size of the cells",
+)  # fmt: skip
+"""Errors in the covariance that another spacing of the points changes."""
 
 
 class ParameterWords(StrictDocument):

@@ -7,7 +7,7 @@ question is asked again, or when a killed run is continued.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -116,6 +116,11 @@ class FittedTo(StrictDocument):
         description="errors in the covariance C that weighs the differences; empty: differences in "
         "m count equally, as in the paper"
     )
+    shares: dict[str, float] = Field(
+        default_factory=dict,
+        description="error -> its share of the variance of the fitted numbers, weighed as in the "
+        "fit: trace(C^-1 C_error) / m. Empty where only one is known",
+    )
 
     @property
     def words(self) -> str:
@@ -127,11 +132,16 @@ class FittedTo(StrictDocument):
         return f"fitted to {names}, weighted by the covariance of {', '.join(self.covariance)}"
 
 
-def fitted_to(targets: Targets, fitted: np.ndarray, errors: Sequence[str]) -> FittedTo:
-    """The fitted data: `fitted` (m,) bool; `errors` in the covariance."""
+def fitted_to(
+    targets: Targets,
+    fitted: np.ndarray,
+    errors: Sequence[str],
+    shares: Mapping[str, float] | None = None,
+) -> FittedTo:
+    """The fitted data: `fitted` (m,) bool; `errors` in the covariance, and what each makes up."""
     groups = [targets.groups[place] for place in np.flatnonzero(fitted)]
     names = [targets.entries[group].name for group in dict.fromkeys(groups)]
-    return FittedTo(measurements=names, covariance=list(errors))
+    return FittedTo(measurements=names, covariance=list(errors), shares=dict(shares or {}))
 
 
 class Answer(StrictDocument):

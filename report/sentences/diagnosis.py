@@ -11,6 +11,7 @@ from collections.abc import Collection, Sequence
 from diagnosis.hypotheses.model import FAMILIES
 from diagnosis.hypotheses.section import BOUNDARY
 from diagnosis.verdict.verdict import (
+    SOLVER_ERRORS,
     CandidateVerdict,
     FittedModelSummary,
     MeasurementVerdict,
@@ -45,6 +46,8 @@ AMONG = "among the effects tested"
 #: Members of a family that are named in a sentence.
 FEW = 5
 NOT_SEPARABLE, WEAKLY = 0.95, 0.80
+#: Shares of the variance that are named, and from which the solver's own is the most.
+LEAST_SHARE, MOSTLY_OWN = 0.01, 0.5
 BY_HAND = "by hand"
 """Start of the note of a step taken by a person."""
 
@@ -350,6 +353,25 @@ def bound_sentence(data: DiagnosisData) -> str:
         f"The base model rests on {resting}. There the parameter cannot give way to an "
         "effect, and effects are ranked as if it were known: if the bound is a guess, widen it."
     )
+
+
+def error_sentence(data: DiagnosisData) -> str:
+    """What the uncertainty of the comparison is made of, and what would reduce it."""
+    found = data.document.fitted_to if hasattr(data.document, "fitted_to") else None
+    shares = {} if found is None else {k: v for k, v in found.shares.items() if v >= LEAST_SHARE}
+    if len(shares) < 2:
+        return ""
+    parts = [f"{error} {percent(share)}" for error, share in
+             sorted(shares.items(), key=lambda item: -item[1])]  # fmt: skip
+    said = f"Of the variance of the fitted numbers {', '.join(parts[:-1])} and {parts[-1]}."
+    own = sum(shares.get(name, 0.0) for name in SOLVER_ERRORS)
+    if own > MOSTLY_OWN:
+        said += (
+            " Most of it is the solver's own and shrinks with the spacing of the points: a finer "
+            "model (--spacing) says more than another measurement. Half the spacing takes eight "
+            "times as long."
+        )
+    return said
 
 
 def quoted_value(verdict: Verdict, name: str, unit: str) -> str:

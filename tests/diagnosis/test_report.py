@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from diagnosis.verdict.sections_file import FILE_NAME, load_sections
-from diagnosis.verdict.verdict import ValidationCase, Verdict, save_document
+from diagnosis.verdict.verdict import SOLVER_ERRORS, ValidationCase, Verdict, save_document
+from inversion.back_analysis.result import FittedTo
 from pipeline.cli import InputError
 from report.charts.confounding import order
 from report.charts.effects import ranked
@@ -34,6 +35,7 @@ from report.sentences.diagnosis import (
     answer_sentences,
     candidate_sentence,
     confounded,
+    error_sentence,
     fall_sentence,
     is_by_hand,
     lead,
@@ -402,3 +404,18 @@ def test_chances_and_spreads_are_short():
     assert plain == ["p < 0.001", "p = 0.0042", "p = 0.04", "p = 0.50"]
     spread = plus_minus(21.913, 1.49, "kPa").replace("\N{NO-BREAK SPACE}", " ")
     assert spread == "21.9 ± 1.5 kPa"
+
+
+def test_what_the_uncertainty_is_made_of_is_said(tmp_path):
+    """A solver whose own error is most of the variance is what to improve."""
+    own = {SOLVER_ERRORS[0]: 0.2, SOLVER_ERRORS[2]: 0.45, "the survey's errors": 0.35}
+
+    def said(shares: dict[str, float]) -> str:
+        fitted = FittedTo(measurements=["toe"], covariance=list(shares), shares=shares)
+        changed = identified().model_copy(update={"fitted_to": fitted})
+        return error_sentence(DiagnosisData(tmp_path, changed))
+
+    assert "the size of the cells 45 %, the survey's errors 35 %" in said(own)
+    assert "a finer model (--spacing)" in said(own)
+    assert "--spacing" not in said({SOLVER_ERRORS[0]: 0.1, "the survey's errors": 0.9})
+    assert said({"the survey's errors": 1.0}) == ""

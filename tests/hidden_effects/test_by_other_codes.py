@@ -20,6 +20,7 @@ from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 from diagnosis.question import CodeError, load_diagnosis_question
+from pipeline.files import read_yaml
 from tests.hidden_effects.judges import digest
 
 FOLDER = "benchmarks/hidden_effects"
@@ -187,3 +188,40 @@ def test_a_case_states_how_far_codes_differ(benchmark, tmp_path):
     question = load_diagnosis_question(Places(tmp_path).case(planned.name))
     assert question.synthetic and question.source_errors["toe_runout"].std == 2.0
     assert question.source_strength == 0.03 and question.source_effects == 0.1
+
+
+def test_what_the_fourth_set_hides_lies_within_what_its_cases_state():
+    """Else no diagnosis that believes what it is told could name it."""
+    fourth = load_benchmark(f"{FOLDER}/foreign_fourth.yaml")
+    assert fourth.plan.stated is not None
+    for section in fourth.sections_of("smoothed_particles").values():
+        stated = fourth.plan.stated.sensitivities(section)
+        (top,) = (one for one in stated if one["kind"] == "zone_boundary")
+        std = {(z, one["property"]): one["std"] for one in stated if one["kind"] == "property"
+               for z in one["zones"]}  # fmt: skip
+        moved = {vertex["move"][1] for vertex in top["vertices"]}
+        assert max(abs(a) for pair in THINGS["boundary"].sizes for a in pair) <= 2.0 * min(moved)
+        for name in ("soil_strength", "soil_density"):
+            sizes = fourth.plan.sizes.get(name, THINGS[name].sizes)
+            for factor in (a for pair in sizes for a in pair):
+                for number, zone in enumerate(section.scene.zones):
+                    soil = section.scene.materials[zone.material]
+                    if soil.liquefied:
+                        continue
+                    hidden = Hidden(name, factor, {"zone": float(number)})
+                    other = THINGS[name].scene(section.scene, hidden)
+                    changed = other.materials[other.zones[number].material]
+                    for key in ("friction_deg", "cohesion_kpa", "density"):
+                        off = abs(getattr(changed, key) - getattr(soil, key))
+                        assert off <= 2.5 * std.get((zone.name, key), off)
+
+
+def test_a_case_says_what_its_plan_states(tmp_path):
+    fourth = load_benchmark(f"{FOLDER}/foreign_fourth.yaml")
+    section = fourth.sections_of("smoothed_particles")["embankment"]
+    planned = plan_by_codes(fourth)[0]
+    made = Made({}, [], np.array([[100.0, 2.0], [120.0, 5.0]]))
+    places = Places(tmp_path)
+    write_case(section, planned, made, places, 40.0, None, fourth.plan.stated)
+    question = read_yaml(places.case(planned.name) / "inversion.yaml")
+    assert question["sensitivities"] == fourth.plan.stated.sensitivities(section)
