@@ -85,7 +85,7 @@ def diagnose(
     selection = Selection(comparison, explanation, options)
     run_rounds(selection)
     look_again(selection)
-    tried_models = selection.tried
+    tried_models, explanation = selection.tried, selection.explanation
     for adopted in tried_models.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")
     decision = decide(tried_models, explanation, options)

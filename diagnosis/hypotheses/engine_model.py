@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.hypotheses.assumption import possible, with_setting
-from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal, Search
+from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
 from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.possible_measurements import possible_measurements, proposal_of
-from diagnosis.hypotheses.registry import assumptions_of, placed_at, searches_of
+from diagnosis.hypotheses.registry import assumptions_of, neighbours_of, placed_at
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import scene_from_mapping
 from inversion.engines.finite_width import FiniteWidth
@@ -201,15 +201,15 @@ class EngineModel:
 
     # --- what is called after its place ---
 
-    def search(self, kind: str) -> Search | None:
+    def neighbours(self, name: str) -> list[str]:
         """See `Seeking`."""
-        return searches_of(self.setup.scene).get(kind) if self.engine.effects else None
+        return neighbours_of(self.setup.scene, name) if self.engine.effects else []
 
     def add_placed(self, name: str, *, choices: int = 1) -> Candidate | None:
         """Put a thing that is called after its place on trial.
 
         Args:
-            name: as `search` gives it, or as a hypothesis names it.
+            name: as `neighbours` gives it, or as a hypothesis names it.
             choices: places among which it was sought.
 
         Returns:

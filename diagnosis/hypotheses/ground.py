@@ -23,7 +23,7 @@ from diagnosis.hypotheses.assumption import (
     Sensitivities,
     possible,
 )
-from diagnosis.hypotheses.model import Candidate, Search, switch_of
+from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
 from inversion.estimation.forward import Setup
 
@@ -53,8 +53,8 @@ FORELAND_LENGTH = 6.0
 #: of the section, and the highest [m]; run of its faces over their rise.
 BUMP_PLACES = {"near": 1.0, "far_from": 2.0}
 BUMP_HEIGHTS, HIGHEST_BUMP_M, BUMP_FACE = (0.1, 0.2, 0.35), 5.0, 2.0
-#: Where else its place is sought, in heights.
-SOUGHT_BUMPS = (0.3, 0.45, 0.6, 0.8, 1.3, 1.6, 2.5, 3.0)
+#: Its distance is sought in such steps; from 0.3 to 3 heights there are so many.
+BUMP_STEP, BUMPS = 1.25, 11
 _BUMP = re.compile(rf"{BUMP}_(\d+(?:\.\d+)?)_m_before_the_(left|right)_foot")
 #: A vertex so near to the base stands on it [m].
 ON_BASE_M = 1e-3
@@ -233,19 +233,9 @@ def _bump(scene: Scene, side: Side, distance: float, name: str) -> Assumption:
         high=distance / BUMP_FACE,
         ladder=tuple(share * scale for share in BUMP_HEIGHTS),
         screened=True,
-        placed=f"{BUMP}_{side}",
+        placed=BUMPS,
     )
     return Assumption(candidate, raised)
-
-
-def bump_search(scene: Scene, side: Side) -> Search:
-    """Distances before a foot at which a ridge may have stood."""
-    height = scene.extent[1] - scene.extent[0]
-    lowest = BUMP_HEIGHTS[0] * min(height, HIGHEST_BUMP_M / BUMP_HEIGHTS[-1])
-    names = [
-        f"{BUMP}_{share * height:.3g}_m_before_the_{side}_foot" for share in SOUGHT_BUMPS
-    ]  # fmt: skip
-    return Search(names, lowest, {name: [k] for k, name in enumerate(names)})
 
 
 def bump_at(scene: Scene, name: str) -> Assumption | None:
@@ -254,6 +244,24 @@ def bump_at(scene: Scene, name: str) -> Assumption | None:
     if found is None:
         return None
     return _bump(scene, found[2], float(found[1]), name)
+
+
+def neighbours(scene: Scene, name: str) -> list[str]:
+    """Ridges a step nearer to the foot and farther from it; none where `name` is no ridge."""
+    height = scene.extent[1] - scene.extent[0]
+    given = {
+        f"{BUMP}_{where}_the_{side}_foot": (share * height, side)
+        for where, share in BUMP_PLACES.items()
+        for side in ("left", "right")
+    }
+    found = _BUMP.fullmatch(name)
+    if name not in given and found is None:
+        return []
+    distance, side = given[name] if found is None else (float(found[1]), found[2])
+    return [
+        f"{BUMP}_{distance * factor:.3g}_m_before_the_{side}_foot"
+        for factor in (BUMP_STEP, 1.0 / BUMP_STEP)
+    ]
 
 
 def _sides(setup: Setup) -> tuple[Side, ...]:

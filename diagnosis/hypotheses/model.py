@@ -7,7 +7,7 @@ the tests are others; nothing above this file knows which of them answers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args, runtime_checkable
 
@@ -61,9 +61,8 @@ class Candidate:
         screened: nearly linear: its ladder is run beyond the first amplitude only if that promises
             something.
         switch: on or off, amplitude 1 or 0: another form of the model, which has no size.
-        placed: kind of thing at a place that it is, of which other places may be sought; empty: it
-            has no place.
-        choices: places among which its own was sought; each of them is as likely beforehand.
+        placed: it is at a place, and others may be sought; of how many each is as likely.
+        choices: places among which its own was sought.
     """
 
     name: str
@@ -79,7 +78,7 @@ class Candidate:
     by_chance: bool = False
     screened: bool = False
     switch: bool = False
-    placed: str = ""
+    placed: int = 0
     choices: int = 1
 
     @property
@@ -194,27 +193,12 @@ class Proposing(Model, Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Search:
-    """Places at which a thing may be, and the runs that tell what it does there.
-
-    Attributes:
-        runs: candidates that are run, one run each.
-        rung: their amplitude.
-        places: name of a candidate at each place -> which runs add up to what it does.
-    """
-
-    runs: Sequence[str]
-    rung: float
-    places: Mapping[str, Sequence[int]]
-
-
 @runtime_checkable
 class Seeking(Model, Protocol):
     """A model whose hypotheses have places that can be sought; a name says which place it is."""
 
-    def search(self, kind: str) -> Search | None:
-        """Places of one kind of thing (`Candidate.placed`); None: there are none to seek."""
+    def neighbours(self, name: str) -> Sequence[str]:
+        """The same thing at places nearby; none where it has no place."""
         ...
 
     def add_placed(self, name: str, *, choices: int = 1) -> Candidate | None:

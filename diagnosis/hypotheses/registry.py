@@ -12,7 +12,6 @@ from types import ModuleType
 
 from diagnosis.hypotheses import ground, section, soil, start, strength, water, width
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
-from diagnosis.hypotheses.model import Search
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import Scene
 from inversion.engines.registry import Engine
@@ -64,11 +63,9 @@ def assumptions_of(
     return found, left_out
 
 
-def searches_of(scene: Scene) -> dict[str, Search]:
-    """What can be sought in a section, by the kind of thing (`Candidate.placed`)."""
-    found = {f"{ground.BUMP}_{side}": ground.bump_search(scene, side) for side in ("left", "right")}
-    part = strength.part_search(scene)
-    return found if part is None else found | {strength.PART: part}
+def neighbours_of(scene: Scene, name: str) -> list[str]:
+    """The same thing at places nearby; none where it has no place."""
+    return strength.neighbours(scene, name) or ground.neighbours(scene, name)
 
 
 def placed_at(scene: Scene, name: str) -> Assumption | None:

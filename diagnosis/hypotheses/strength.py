@@ -11,14 +11,14 @@ library (`overburden_strength`, `spatial_variability`) of the same family.
 from __future__ import annotations
 
 import re
-from itertools import combinations_with_replacement, product
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 from shapely.ops import unary_union
 
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
-from diagnosis.hypotheses.model import Candidate, Search
+from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Scene
 from inversion.estimation.forward import Setup
 from mpm_taichi.effects import effect, liquefied_zones
@@ -30,8 +30,11 @@ CONTRAST, PART = "strength_contrast", "part"
 ALONG, UPWARDS = ("left", "middle", "right"), ("lower", "middle", "upper")
 #: Places in each direction at which the extent of the zone is sampled.
 SAMPLES = 80
-#: Strips and layers of the grid on which the place of a part is sought.
-STRIPS, LAYERS = 8, 3
+#: Parts are moved by a strip or a layer, and are at least this share of one wide: so many places
+#: there are.
+STRIPS, LAYERS = 8, 4
+LEAST_STEP = 0.75
+PLACES = STRIPS * (STRIPS + 1) // 2 * (LAYERS * (LAYERS + 1) // 2) - 1
 #: Digits of a place in the name of a part, in hundredths of the zone's extent or finer.
 DIGITS = 2
 
@@ -43,28 +46,26 @@ def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
     """Layers, stretches and blocks of the liquefied zones."""
     if not liquefied_zones(setup.scene) or CONTRAST in setup.scene.effects:
         return [], {}
-    x, y = thirds(setup.scene)
-    found = [
-        _part(f"{where}_layer", f"the {where} third", {**_interval("y_m", "half_height_m", span)})
-        for where, span in zip(UPWARDS, y, strict=True)
-    ]
-    found += [
-        _part(f"{where}_stretch", f"the {where} third", {**_interval("x_m", "half_width_m", span)})
-        for where, span in zip(ALONG, x, strict=True)
-    ]
-    for up, high in zip(UPWARDS, y, strict=True):
-        for along, wide in zip(ALONG, x, strict=True):
-            place = {
-                **_interval("x_m", "half_width_m", wide),
-                **_interval("y_m", "half_height_m", high),
-            }
-            name = f"{up}_{along}_block" if up != along else "central_block"
-            words = f"the {up} {along} part" if up != along else "the centre"
-            found.append(_part(name, words, place))
-    return found, {}
+    return [_part(name, words, x, y) for name, (words, x, y) in _given(setup.scene).items()], {}
 
 
 Span = tuple[float, float]
+
+
+def _given(scene: Scene) -> dict[str, tuple[str, Span | None, Span | None]]:
+    """Parts with a name of their own: words, interval of x and of y [m], None: all of it."""
+    x, y = thirds(scene)
+    found: dict[str, tuple[str, Span | None, Span | None]] = {}
+    for where, span in zip(UPWARDS, y, strict=True):
+        found[f"{where}_layer"] = f"the {where} third", None, span
+    for where, span in zip(ALONG, x, strict=True):
+        found[f"{where}_stretch"] = f"the {where} third", span, None
+    for up, high in zip(UPWARDS, y, strict=True):
+        for along, wide in zip(ALONG, x, strict=True):
+            name = f"{up}_{along}_block" if up != along else "central_block"
+            words = f"the {up} {along} part" if up != along else "the centre"
+            found[name] = words, wide, high
+    return found
 
 
 def thirds(scene: Scene) -> tuple[list[Span], list[Span]]:
@@ -92,38 +93,6 @@ def _between(edges: np.ndarray) -> list[Span]:
     return [(float(a), float(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
 
 
-def part_search(scene: Scene) -> Search | None:
-    """Cells of a grid, and the rectangles of them that may differ; None: nothing can."""
-    if CONTRAST in scene.effects or not liquefied_zones(scene):
-        return None
-    x, y = _edges(scene, STRIPS)[0], _edges(scene, LAYERS)[1]
-    # A name has its place in as few digits as tell the strips apart.
-    x, y = (np.round(ends, _digits(float(np.ptp(ends)))) for ends in (x, y))
-
-    def name(strips: tuple[int, int], layers: tuple[int, int]) -> str:
-        """Of the part from the first to the last strip and layer."""
-        text = PART
-        if strips != (0, STRIPS - 1):
-            text += f"_x_{x[strips[0]]:g}_to_{x[strips[1] + 1]:g}"
-        if layers != (0, LAYERS - 1):
-            text += f"_y_{y[layers[0]]:g}_to_{y[layers[1] + 1]:g}"
-        return text
-
-    cells = list(product(range(STRIPS), range(LAYERS)))
-    places = {}
-    for strips in combinations_with_replacement(range(STRIPS), 2):
-        for layers in combinations_with_replacement(range(LAYERS), 2):
-            within = [
-                k
-                for k, (i, j) in enumerate(cells)
-                if strips[0] <= i <= strips[1] and layers[0] <= j <= layers[1]
-            ]
-            if len(within) < len(cells):
-                places[name(strips, layers)] = within
-    middle = effect(CONTRAST).amplitude.ladder[1]
-    return Search([name((i, i), (j, j)) for i, j in cells], middle, places)
-
-
 def _digits(extent: float) -> int:
     """Digits after the point of a place within an extent [m]."""
     return max(DIGITS - int(np.floor(np.log10(max(extent, 1e-9)))), 0)
@@ -131,30 +100,73 @@ def _digits(extent: float) -> int:
 
 def part_at(name: str) -> Assumption | None:
     """The part that a name such as `part_x_31_to_43_y_2_to_6` gives; None: it is no such name."""
+    spans = _spans(name)
+    if spans is None:
+        return None
+    words = [
+        f"{axis} {span[0]:g} and {span[1]:g} m"
+        for axis, span in zip("xy", spans, strict=True)
+        if span is not None
+    ]
+    return _part(name, f"the part between {' and between '.join(words)}", *spans, digits=6)
+
+
+def _spans(name: str) -> tuple[Span | None, Span | None] | None:
+    """Intervals of x and y [m] that a name gives."""
     found = _PART.fullmatch(name)
     if found is None or not any(found.groups()):
         return None
     left, right, low, high = (None if text is None else float(text) for text in found.groups())
-    place: dict[str, float] = {}
-    words = []
-    for axis, half, span in (("x", "half_width_m", (left, right)),
-                             ("y", "half_height_m", (low, high))):  # fmt: skip
-        if span[0] is None:
-            continue
-        if not span[1] > span[0]:
+    spans = tuple(None if a is None else (a, b) for a, b in ((left, right), (low, high)))
+    for axis, span in zip("xy", spans, strict=True):
+        if span is not None and not span[1] > span[0]:
             raise InputError(f"{name}: a part runs from a lower to a higher {axis}")
-        place |= _interval(f"{axis}_m", half, span, digits=6)
-        words.append(f"{axis} {span[0]:g} and {span[1]:g} m")
-    return _part(name, f"the part between {' and between '.join(words)}", place)
+    return spans
 
 
-def _interval(centre: str, half: str, span: Span, digits: int = 2) -> dict[str, float]:
+def neighbours(scene: Scene, name: str) -> list[str]:
+    """Parts of which a side or the whole lies a step away; none where `name` is no part."""
+    given = _given(scene) if liquefied_zones(scene) else {}
+    spans = given[name][1:] if name in given else _spans(name)
+    if spans is None:
+        return []
+    whole = [(ends[0], ends[-1]) for ends in _edges(scene, 1)]
+    now = [span or all_of for span, all_of in zip(spans, whole, strict=True)]
+    found = []
+    for axis, count in enumerate((STRIPS, LAYERS)):
+        step = (whole[axis][1] - whole[axis][0]) / count
+        for low, high in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1)):
+            ends = np.clip(now[axis] + step * np.array([low, high]), *whole[axis])
+            if ends[1] - ends[0] >= LEAST_STEP * step and tuple(ends) != tuple(now[axis]):
+                moved = [(float(ends[0]), float(ends[1])) if k == axis else now[k] for k in (0, 1)]
+                found.append(_named(moved, whole))
+    return [other for other in dict.fromkeys(found) if other not in (PART, name)]
+
+
+def _named(spans: Sequence[Span], whole: Sequence[Span]) -> str:
+    """Name of a part; an axis along which it is all of the soil is left out."""
+    text = PART
+    for axis, (low, high), (first, last) in zip("xy", spans, whole, strict=True):
+        if low > first or high < last:
+            # As few digits as tell its steps apart.
+            places = _digits(last - first)
+            text += f"_{axis}_{round(low, places):g}_to_{round(high, places):g}"
+    return text
+
+
+def _interval(centre: str, half: str, span: Span, digits: int) -> dict[str, float]:
     middle, reach = 0.5 * sum(span), 0.5 * (span[1] - span[0])
     return {centre: round(middle, digits), half: round(reach, digits)}
 
 
-def _part(name: str, words: str, place: dict[str, float]) -> Assumption:
+def _part(
+    name: str, words: str, x: Span | None, y: Span | None, digits: int = 2
+) -> Assumption:  # fmt: skip
     """Another strength in one part."""
+    place: dict[str, float] = {}
+    for span, centre, half in ((x, "x_m", "half_width_m"), (y, "y_m", "half_height_m")):
+        if span is not None:
+            place |= _interval(centre, half, span, digits)
     amplitude = effect(CONTRAST).amplitude
     candidate = Candidate(
         name=name,
@@ -165,7 +177,7 @@ def _part(name: str, words: str, place: dict[str, float]) -> Assumption:
         high=amplitude.high,
         ladder=tuple(sorted([*amplitude.ladder, *(-rung for rung in amplitude.ladder)])),
         screened=True,
-        placed=PART,
+        placed=PLACES,
     )
 
     def change(setup: Setup, size: float) -> Setup:

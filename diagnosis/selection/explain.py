@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.adequacy.adequacy import Adequacy, Test, assess
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.hypotheses.model import Candidate, Model, Seeking, amplitude_of
+from diagnosis.hypotheses.model import Candidate, Model, amplitude_of
 from diagnosis.options import Options
 from diagnosis.selection.refit import RefitContext
 from diagnosis.signatures.confounding import (
@@ -24,12 +24,10 @@ from diagnosis.signatures.confounding import (
     representative,
     visibility,
 )
-from diagnosis.signatures.places import Sought, seek_place
 from diagnosis.signatures.signatures import (
     Scores,
     Signature,
     check_by_second_seed,
-    promise,
     score_all,
     take_signatures,
 )
@@ -128,22 +126,47 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
             left_out[candidate.name] = "none of its runs could be read"
     candidates = [c for c in candidates if c.name in taken]
     first = score_all(comparison.judged, taken, candidates, projection=options.projection)
-    for sought in _sought(model, comparison, first, candidates, taken, options):
-        candidate = sought.candidate
-        own = take_signatures(
-            base.runs, base.surface, linear, [candidate], finite=options.finite_amplitudes,
-            found=comparison.judged,
-        )  # fmt: skip
-        if candidate.name in own:
-            taken[candidate.name] = replace(own[candidate.name], elsewhere=sought.elsewhere)
-            candidates.append(candidate)
-            context.amplitudes[candidate.name] = amplitude_of(candidate)
-    if len(candidates) > len(first.every):
-        context = replace(context, count=len(candidates))
-        first = score_all(comparison.judged, taken, candidates, projection=options.projection)
     taken = check_by_second_seed(
         base.runs, base.surface, linear, taken, worth_checking(first, options)
     )
+    return _assembled(context, comparison, options, candidates, left_out, taken)
+
+
+def with_candidate(
+    found: Explanation,
+    comparison: Comparison,
+    options: Options,
+    candidate: Candidate,
+    signature: Signature,
+) -> Explanation:
+    """The same with a candidate that was thought of later; the base model is tested as it was.
+
+    Args:
+        found: what was found without it.
+        comparison: as it was for that.
+        options: likewise.
+        candidate: a further one.
+        signature: of it, at the base model's fit.
+    """
+    context = replace(found.context, count=len(found.candidates) + 1)
+    context.amplitudes[candidate.name] = amplitude_of(candidate, options.priors.get(candidate.name))
+    grown = _assembled(
+        context, comparison, options, [*found.candidates, candidate], found.left_out,
+        {**found.signatures, candidate.name: signature},
+    )  # fmt: skip
+    return replace(grown, adequacy=found.adequacy)
+
+
+def _assembled(
+    context: RefitContext,
+    comparison: Comparison,
+    options: Options,
+    candidates: list[Candidate],
+    left_out: dict[str, str],
+    taken: dict[str, Signature],
+) -> Explanation:
+    """Scores of signatures, which look alike, and what could hide."""
+    base, linear = comparison.base, comparison.judged.system
     scores = score_all(comparison.judged, taken, candidates, projection=options.projection)
     names = scores.ranked
     matrix = cosines(scores, names)
@@ -163,33 +186,6 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     return Explanation(
         candidates, left_out, taken, scores, names, matrix, visible, adequacy, context
     )
-
-
-def _sought(
-    model: Model, comparison: Comparison, scores: Scores, candidates: list[Candidate],
-    signatures: dict[str, Signature], options: Options,
-) -> list[Sought]:  # fmt: skip
-    """Things whose place is sought, of each kind at most one.
-
-    They are sought where the base model fails, and one at a given place is among what promises
-    most: a null pays nothing, and a slide that is about something else little.
-    """
-    if not isinstance(model, Seeking) or not scores.every:
-        return []
-    test = Test("score", scores.largest, scores.p_largest)
-    if assess(comparison.judged, comparison.places, score=test).p_combined >= options.suspect:
-        return []
-    known = {one.name: one for one in candidates}
-    near = [known[name].placed for name in scores.ranked[: 2 * options.refitted]]
-    base, found = comparison.base, []
-    for kind in dict.fromkeys(kind for kind in near if kind):
-        given = [one for one in candidates if one.placed == kind]
-        # Cells add up where their strength differs little: the given places are taken there, too.
-        promised = max(promise(comparison.judged, c, *signatures[c.name].plain) for c in given)
-        one = seek_place(model, base.runs, base.surface, comparison.judged, given, promised)
-        if one is not None:
-            found.append(one)
-    return found
 
 
 def worth_checking(scores: Scores, options: Options) -> dict[str, float]:

@@ -16,6 +16,7 @@ from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
 from diagnosis.selection.decide import explains
 from diagnosis.selection.explain import Explanation
+from diagnosis.selection.places import seek_places
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
 from diagnosis.selection.tried_models import AdoptedModel, TriedModels, why_not
@@ -55,6 +56,8 @@ def run_rounds(selection: Selection) -> None:
         tried = selection.refitted([key for key in names if selection.leaves_spare(key)])
         runs.reserve = ERROR_RUNS
         tried = selection.with_own_errors(now.model, selection.judged_best(now.model, tried))
+        if number == 0:
+            tried = selection.with_own_errors(now.model, seek_places(selection, tried))
         best = selection.accepted(now.model, tried)
         if best is not None and number == 0:
             doubles = untried_doubles(tried_models, selection.explanation, best, options)

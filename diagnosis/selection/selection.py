@@ -45,7 +45,7 @@ class Selection:
 
     Attributes:
         comparison: of the base model.
-        explanation: candidates against its residual.
+        explanation: candidates against its residual; grows by things whose place is sought.
         options: settings of the diagnosis.
         tried: models so far.
         signatures: by candidate, the last that were taken.
@@ -215,13 +215,11 @@ class Selection:
                 self.runs, model.surface, found.system, again,
                 finite=options.finite_amplitudes, turns=1,
             )  # fmt: skip
-            for name, signature in fresh.items():
-                elsewhere = self.signatures[name].elsewhere
-                self.signatures[name] = replace(signature, elsewhere=elsewhere)
+            self.signatures.update(fresh)
             ladders = {name: signature.ladder for name, signature in fresh.items()}
             model = replace(model, surface=model.surface.with_ladders(ladders))
             self.tried.models[model.names] = model
-            known |= {name: self.signatures[name] for name in fresh}
+            known |= fresh
             scores = score_all(found, known, others, projection=options.projection)
             test = Test("score", scores.largest, scores.p_largest)
             adequacy = assess(found, comparison.places, score=test)

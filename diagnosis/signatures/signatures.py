@@ -26,7 +26,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 
 import numpy as np
 
@@ -54,8 +53,6 @@ class Signature:
         moves: amplitude -> e, by which the anchor's unknowns were moved for its run, (q,).
         plain: an amplitude that was run with the anchor's own unknowns, and its change (m,).
         cosines: amplitude -> cosine between two jitters, after projection, where a second was run.
-        elsewhere: amplitude, and what it changes in each place among which the candidate's own was
-            sought, (n, m); None: its place was given.
     """
 
     name: str
@@ -63,7 +60,6 @@ class Signature:
     moves: Mapping[float, np.ndarray]
     plain: tuple[float, np.ndarray]
     cosines: Mapping[float, float] = field(default_factory=dict)
-    elsewhere: tuple[float, np.ndarray] | None = None
 
     @property
     def amplitudes(self) -> list[float]:
@@ -116,7 +112,7 @@ def take_signatures(
             c
             for c in candidates
             if found is None or not c.screened or c.name not in raw
-            or promise(found, c, *raw[c.name]) >= PROMISE
+            or _promise(found, c, *raw[c.name]) >= PROMISE
         ]  # fmt: skip
         middles = [(c.name, a) for c in kept for a in _middles(c) if not c.switch]
         ladders.run([(name, a, ladders.meeting(name, a)) for name, a in middles])
@@ -136,7 +132,7 @@ def take_signatures(
     }
 
 
-def promise(found: ProjectedFit, candidate: Candidate, rung: float, change: np.ndarray) -> float:
+def _promise(found: ProjectedFit, candidate: Candidate, rung: float, change: np.ndarray) -> float:
     """Fall of the sum of squares by the better sign of a candidate, taken as linear."""
     whole = [(rung, change)] + ([(-rung, -change)] if candidate.two_signed else [])
     return max(_score(found, candidate, a, d, True)[0].drop for a, d in whole)
@@ -374,11 +370,6 @@ def score_all(
             scored.append(score)
             nulls[name] = np.maximum(nulls.get(name, np.zeros(len(drawn))), drawn)
         every[name] = scored
-        if signature.elsewhere is not None:  # what chance could do at any place
-            rung, changes = signature.elsewhere
-            for sign, change in product((1.0, -1.0), changes):
-                drawn = _score(found, bounds[name], sign * rung, sign * change, projection)[1]
-                nulls[name] = np.maximum(nulls[name], drawn)
     family = np.max(list(nulls.values()), axis=0) if nulls else np.zeros(1)
     reached = {name: max(score.drop for score in scored) for name, scored in every.items()}
     p_family = {name: exceedance(family, drop) for name, drop in reached.items()}
