@@ -91,7 +91,7 @@ rule invert_case:
 def model_at_hand():
     """Folder of the model that also answers: inversion.model, else the one that ships; None: none."""
     models = Path(workflow.basedir) / "models"
-    text = SETTINGS.inversion.model or "coarse"
+    text = SETTINGS.inversion.model or "thrust"
     for folder in (Path(text), models / text):
         if (folder / "model.pt").is_file():
             return folder

@@ -228,11 +228,11 @@ def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypa
     assert choice(tmp_path / "e", asked, settings, "mpm", None).engine.name == "mpm"
     named = choice(tmp_path / "f", {}, [], "gns", "coarse").model
     assert named == Path("models") / "coarse"
-    with pytest.raises(InputError, match="engine: gns needs a model: .* models/ has coarse$"):
+    with pytest.raises(InputError, match="engine: gns needs a model: .* models/ has coarse, thrust$"):
         choice(tmp_path / "g", {}, [], "gns", None)
     (tmp_path / "models" / "own").mkdir()
     (tmp_path / "models" / "own" / "model.pt").touch()
-    with pytest.raises(InputError, match="models/ has coarse, own"):
+    with pytest.raises(InputError, match="models/ has coarse, own, thrust"):
         choice(tmp_path / "h", {}, [], "gns", None)
     monkeypatch.setattr("pipeline.places.ROOT", tmp_path / "nowhere")
     (tmp_path / "models" / "own" / "model.pt").unlink()

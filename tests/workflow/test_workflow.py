@@ -156,7 +156,7 @@ def test_when_a_model_learns_again(bench):
 def test_a_model_at_hand_answers_too(bench):
     """Dropped into models/, or named; after the other engine, whose answer its page shows."""
     assert bench.planned("invert_lsfd") == {"classical_case": 1, "invert_case": 1}
-    model = bench.folder / "models" / "coarse" / "model.pt"
+    model = bench.folder / "models" / "thrust" / "model.pt"
     model.parent.mkdir(parents=True)
     model.write_text("weights")
     assert "invert_case_gns" not in bench.planned("answer_lsfd"), "what make lsfd asks for"
