@@ -91,7 +91,7 @@ class Options:
     alarm: float = 0.05
     suspect: float = 0.20
     still_failing: float = 0.05
-    nearly_all: float = 0.2
+    nearly_all: float = 0.05
     nearly_failing: float = 0.001
     left_over: float = 0.2
     held_out_left: float = 0.5

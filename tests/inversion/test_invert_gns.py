@@ -228,7 +228,8 @@ def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypa
     assert choice(tmp_path / "e", asked, settings, "mpm", None).engine.name == "mpm"
     named = choice(tmp_path / "f", {}, [], "gns", "coarse").model
     assert named == Path("models") / "coarse"
-    with pytest.raises(InputError, match="engine: gns needs a model: .* models/ has coarse, thrust$"):
+    needs = "engine: gns needs a model: .* models/ has coarse, thrust$"
+    with pytest.raises(InputError, match=needs):
         choice(tmp_path / "g", {}, [], "gns", None)
     (tmp_path / "models" / "own").mkdir()
     (tmp_path / "models" / "own" / "model.pt").touch()
