@@ -30,6 +30,7 @@ OTHERS = {
     "CITATION.cff": "CITATION.cff",
     "models/coarse/worst.png": "models/coarse/worst.png",
     "models/coarse/training.png": "models/coarse/training.png",
+    "models/thrust/worst.png": "models/thrust/worst.png",
 }
 
 
