@@ -48,6 +48,8 @@ class Options:
         nearly_all: share of the base model's excess misfit that such a model may leave all the
             same, if it has one effect and while its combined p is at least
         nearly_failing: this.
+        several_failing: combined p below which an answer of several effects does not stand,
+            whatever their error.
         left_over: share of the base model's excess misfit that such a model may leave, where only
             that error lets it pass.
         held_out_left: share of the base model's excess misfit on held-out data that an answer may
@@ -93,6 +95,7 @@ class Options:
     still_failing: float = 0.05
     nearly_all: float = 0.05
     nearly_failing: float = 0.001
+    several_failing: float = 0.01
     left_over: float = 0.2
     held_out_left: float = 0.5
     held_out_failing: float = 0.01

@@ -121,6 +121,9 @@ def not_enough(
     # No law is exact, and of a large misfit a little shows: what is left of it counts, not that it
     # shows. Of several effects together, which fit nearly everything, more is asked.
     nearly = effects == 1 and left <= options.nearly_all and p >= options.nearly_failing
+    # They also have a large error together, which would forgive nearly everything.
+    if effects > 1 and final.p_combined < options.several_failing:
+        return f"its tests still fail (p {final.p_combined:.2g})"
     if p < options.still_failing and not nearly:
         return f"its tests still fail (p {p:.2g})"
     # A large false effect would forgive itself, since its error grows with it.

@@ -170,6 +170,14 @@ def test_a_large_false_effect_does_not_forgive_itself():
     assert not_enough(base, found(60.0, 7.0, 0.06), None, Options()) == "", "it passes by itself"
 
 
+def test_several_effects_are_not_forgiven_what_one_is():
+    base = found(chi2=430.0, held_out=105.0, p=1e-20)
+    assert not_enough(base, found(60.0, 9.0, 0.005), 0.3, Options()) == ""
+    said = not_enough(base, found(60.0, 9.0, 0.005), 0.3, Options(), effects=2)
+    assert said == "its tests still fail (p 0.005)"
+    assert not_enough(base, found(60.0, 9.0, 0.02), 0.3, Options(), effects=2) == ""
+
+
 def test_held_out_data_must_get_better_where_they_fail():
     base = found(chi2=120.0, held_out=35.0, p=1e-9)
     assert "60 % of the excess" in not_enough(base, found(30.0, 23.0, 0.5), None, Options())
