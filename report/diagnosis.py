@@ -342,16 +342,14 @@ def _curve(data: DiagnosisData) -> Section:
 def _next(data: DiagnosisData) -> Section:
     title = "What to measure next"
     found = [] if data.verdict is None else data.verdict.next_measurement
-    error = words.error_sentence(data)
+    error = "" if data.verdict is None else words.error_sentence(data)
     if not found:
-        return Section(title, said([error]) if error and data.verdict is not None else [])
+        return Section(title, said([error]))
     see = (
         "Measurements that would best distinguish the remaining explanations, the best first. "
         "Gain: expected squared separation, in variances of the new measurement and of the models."
     )
-    return Section(
-        title, [*said([see]), *tabulated(tables.next_table(found)), *said([error] if error else [])]
-    )
+    return Section(title, [*said([see]), *tabulated(tables.next_table(found)), *said([error])])
 
 
 def _checklist(data: DiagnosisData) -> Section:

@@ -108,10 +108,10 @@ class EngineModel:
         self._priors = dict(priors or {})
         self.candidates = [self._with_prior(one) for one in every]
         self.left_out = {**idle, **certain}
-        possible = [one for one in possible_measurements(setup) if self.engine.reads(one)]
+        further = [one for one in possible_measurements(setup) if self.engine.reads(one)]
         self._possible = (
-            make_targets(possible, fit=None, loss="misfit", source="what could be measured")
-            if possible
+            make_targets(further, fit=None, loss="misfit", source="what could be measured")
+            if further
             else Targets([], [], np.zeros(0), np.zeros((0, 0)), [])
         )
         self._asked: set[State] = set()

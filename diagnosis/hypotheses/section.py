@@ -18,6 +18,7 @@ from diagnosis.hypotheses.assumption import (
     slug,
 )
 from diagnosis.hypotheses.model import Candidate
+from diagnosis.hypotheses.strength import liquefied_soil
 from geometry.scenes.scene import Scene
 from inversion.back_analysis.deviations import deviating
 from inversion.estimation.forward import Setup
@@ -69,10 +70,8 @@ def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundar
         its vertices, those on the ground and on the outline of the section left out; None: it has
         no other.
     """
-    names = liquefied_zones(scene)
-    polygons = {zone.name: shapely.Polygon(zone.polygon) for zone in scene.zones}
-    outline = unary_union(list(polygons.values())).exterior
-    liquid = unary_union([polygons[name] for name in names])
+    names, liquid = liquefied_zones(scene), liquefied_soil(scene)
+    outline = unary_union([shapely.Polygon(zone.polygon) for zone in scene.zones]).exterior
     height = scene.extent[1] - scene.extent[0]
     near = ON_LINE * height
     # A closed domain cuts the section off: a boundary that ends there goes on beyond.

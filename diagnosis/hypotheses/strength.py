@@ -68,29 +68,27 @@ def _given(scene: Scene) -> dict[str, tuple[str, Span | None, Span | None]]:
     return found
 
 
+def liquefied_soil(scene: Scene) -> shapely.Geometry:
+    """What the liquefied zones cover together."""
+    names = liquefied_zones(scene)
+    return unary_union([shapely.Polygon(z.polygon) for z in scene.zones if z.name in names])
+
+
 def thirds(scene: Scene) -> tuple[list[Span], list[Span]]:
     """Intervals of x and of y [m] that each hold a third of the area of the liquefied zones."""
-    x, y = (_edges(scene, len(ALONG))[axis] for axis in (0, 1))
-    return _between(x), _between(y)
-
-
-def _edges(scene: Scene, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Ends in x and in y [m] of intervals that hold equal areas of the liquefied zones."""
-    names = liquefied_zones(scene)
-    zones = unary_union([shapely.Polygon(z.polygon) for z in scene.zones if z.name in names])
+    zones = liquefied_soil(scene)
     left, low, right, high = zones.bounds
     shares = (np.arange(SAMPLES) + 0.5) / SAMPLES
     places = np.stack(
         np.meshgrid(left + shares * (right - left), low + shares * (high - low)), axis=-1
     ).reshape(-1, 2)
     inside = places[shapely.contains_xy(zones, places)]
-    bounds = np.quantile(inside, np.arange(count + 1) / count, axis=0)
+    bounds = np.quantile(inside, (0.0, 1 / 3, 2 / 3, 1.0), axis=0)
     bounds[0], bounds[-1] = (left, low), (right, high)
-    return bounds[:, 0], bounds[:, 1]
-
-
-def _between(edges: np.ndarray) -> list[Span]:
-    return [(float(a), float(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return tuple(
+        [(float(a), float(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        for ends in bounds.T
+    )
 
 
 def _digits(extent: float) -> int:
@@ -130,7 +128,8 @@ def neighbours(scene: Scene, name: str) -> list[str]:
     spans = given[name][1:] if name in given else _spans(name)
     if spans is None:
         return []
-    whole = [(ends[0], ends[-1]) for ends in _edges(scene, 1)]
+    left, bottom, right, top = liquefied_soil(scene).bounds
+    whole = [(left, right), (bottom, top)]
     now = [span or all_of for span, all_of in zip(spans, whole, strict=True)]
     found = []
     for axis, count in enumerate((STRIPS, LAYERS)):

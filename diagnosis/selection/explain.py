@@ -61,6 +61,11 @@ class Explanation:
     context: RefitContext
 
     @property
+    def known(self) -> dict[str, Candidate]:
+        """Candidates by name."""
+        return {one.name: one for one in self.candidates}
+
+    @property
     def by_chance(self) -> frozenset[str]:
         """Candidates that are one random pattern of many."""
         return frozenset(one.name for one in self.candidates if one.by_chance)

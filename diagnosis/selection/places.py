@@ -43,7 +43,7 @@ def seek_places(selection: Selection, models: list[FittedModel]) -> list[FittedM
         all of them, and those at better places.
     """
     model = selection.runs.model
-    known = {one.name: one for one in selection.explanation.candidates}
+    known = selection.explanation.known
     singles = [one for one in models if len(one.names) == 1 and not one.unread]
     placed = [one for one in singles if known[one.names[0]].placed]
     if not placed or not isinstance(model, Seeking):
@@ -67,12 +67,14 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
     (name,) = now.names
     fit, runs = now.fit, selection.runs
     amplitude = fit.space.amplitudes(fit.x)[name]
-    known = {one.name: one for one in selection.explanation.candidates}
-    new = [other for other in model.neighbours(name) if other not in known]
-    there = [other for other in new if model.add_placed(other) is not None]
+    known = selection.explanation.known
+    there = [
+        other
+        for other in model.neighbours(name)
+        if other not in known and model.add_placed(other) is not None
+    ]
     own = replace(fit.space.state(fit.x, seed=JUDGES[0][0]), effects=())
-    acting = {n: a for n, a in fit.space.state(fit.x).effects if n != name}
-    states = [own.with_effects({**acting, one: amplitude}) for one in (name, *there)]
+    states = [own.with_effects({one: amplitude}) for one in (name, *there)]
     best = None
     if there and runs.affords(states, f"places near {name}"):
         rows = runs.predict(states)
@@ -82,8 +84,7 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
             if np.all(np.isfinite(row - rows[0])):
                 s = found.system.project(found.system.augmented(row - rows[0]))
                 drops[other] = float(2.0 * s @ found.residual - s @ s)
-        best = max(drops, key=lambda other: drops[other], default=None)
-        best = best if best is not None and drops[best] > PROMISE else None
+        best = max((o for o in drops if drops[o] > PROMISE), key=drops.get, default=None)
     model.drop_placed([other for other in there if other != best])
     return None if best is None else _refitted(selection, model, now, best)
 
@@ -93,7 +94,7 @@ def _refitted(
 ) -> FittedModel | None:
     """The thing at another place, refitted from where it fits at this one."""
     comparison, options = selection.comparison, selection.options
-    before = {one.name: one for one in selection.explanation.candidates}[now.names[0]]
+    before = selection.explanation.known[now.names[0]]
     candidate = model.add_placed(name, choices=before.placed)
     taken = take_signatures(
         selection.runs, comparison.base.surface, comparison.judged.system, [candidate],
@@ -107,8 +108,8 @@ def _refitted(
     selection.signatures[name] = taken[name]
     context, fit = selection.explanation.context, now.fit
     # What it changes and how the parameters act there is much the same: only the place is new.
-    ladders = {**selection.base.surface.ladders, name: taken[name].ladder}
-    base = replace(selection.base, surface=selection.base.surface.with_ladders(ladders))
+    surface = selection.base.surface.with_ladders({name: taken[name].ladder})
+    base = replace(selection.base, surface=surface)
     selection.tried.models[()] = selection.tried.way[0].model = base
     surface = Surface(context.space((name,)), fit.x, fit.prediction, fit.derivative)
     found = refit(context, surface, (name,), seeds=ANCHORED, near=fit.x)

@@ -89,7 +89,7 @@ def overlooked(selection: Selection) -> list[str]:
     Of those that are screened one of each family, none where one was refitted.
     """
     explanation = selection.explanation
-    known = {one.name: one for one in explanation.candidates}
+    known = explanation.known
     there = {key[0] for key in selection.tried.models if len(key) == 1}
     families = {known[name].family for name in there if known[name].screened}
     imitated = {}
@@ -129,7 +129,7 @@ def built_on(selection: Selection) -> list[Promise]:
 
 def starts(selection: Selection) -> list[tuple[str, ...]]:
     """The best switches and other single effects that were refitted, by their sum of squares."""
-    known = {one.name: one for one in selection.explanation.candidates}
+    known = selection.explanation.known
     models = selection.tried.models
     totals = {
         key: models[key].fit.total

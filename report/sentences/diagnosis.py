@@ -357,7 +357,7 @@ def bound_sentence(data: DiagnosisData) -> str:
 
 def error_sentence(data: DiagnosisData) -> str:
     """What the uncertainty of the comparison is made of, and what would reduce it."""
-    found = data.document.fitted_to if hasattr(data.document, "fitted_to") else None
+    found = getattr(data.document, "fitted_to", None)
     shares = {} if found is None else {k: v for k, v in found.shares.items() if v >= LEAST_SHARE}
     if len(shares) < 2:
         return ""
