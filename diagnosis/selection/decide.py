@@ -3,12 +3,13 @@
 - *adequate*: the base model passes its tests (combined p at least 0.20). Effects may still hide.
 - *identified*: an explanation was accepted, and alone it has 90 % of the probability; or all that
   share the 90 % are members of one family, which is then the answer.
-- *ambiguous*: an explanation was accepted, but it takes several to reach 90 %, or the runs that
-  were allowed did not suffice to try its rivals.
+- *ambiguous*: a single effect was accepted, but it takes several explanations to reach 90 %, or
+  the runs that were allowed did not suffice to try its rivals.
 - *unknown_effect*: the base model fails its tests and nothing passes, or what passes is not enough:
   a test still fails, the error of its own effects granted, or held-out data stay as bad as they
-  were (`not_enough`); or a random pattern passes that is one of many (`Candidate.by_chance`). It
-  fits by chance, and is a clue, not a name.
+  were (`not_enough`); or several effects pass together where others would do: together they imitate
+  nearly everything, also what is on no list; or a random pattern passes that is one of many
+  (`Candidate.by_chance`). It fits by chance, and is a clue, not a name.
 - *suspect*: p between 0.05 and 0.20, and nothing passes.
 
 Probabilities are those of ln Z among all models that were tried. A model that adds to another an
@@ -97,6 +98,9 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
     families, members = family_of(sets, final.model.names, explanation, options)
     one = len(sets) == 1 and next(iter(sets)) == final.model.names
     named = (one or families) and not untried
+    if len(final.model.names) > 1 and not named:
+        return Decision("unknown_effect", final, sets, probability, untried,
+                        not_enough="it takes several effects, and others would do")  # fmt: skip
     return Decision("identified" if named else "ambiguous", final, sets, probability, untried,
                     families=families, members=members)  # fmt: skip
 

@@ -149,15 +149,23 @@ def highest_ground(points: np.ndarray, weight: np.ndarray, length: float) -> tup
     x, y = found
     near = (np.abs(points - found) < (2.5 * length, 3.5 * length)).all(axis=1)
     points, weight = points[near], weight[near]
+
+    def surface(at: float) -> float:
+        return _surface_above(points, weight, length, at, y)
+
+    # Golden section: of the two places within, one is a place of the narrower interval as well.
     low, high = x - 0.5 * length, x + 0.5 * length
+    left, right = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
+    at_left, at_right = surface(left), surface(right)
     for _ in range(32):
-        left, right = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
-        if _surface_above(points, weight, length, left, y) < _surface_above(
-            points, weight, length, right, y
-        ):
-            low = left
+        if at_left < at_right:
+            low, left, at_left = left, right, at_right
+            right = high - GOLDEN * (high - low)
+            at_right = surface(right)
         else:
-            high = right
+            high, right, at_right = right, left, at_left
+            left = low + GOLDEN * (high - low)
+            at_left = surface(left)
     x = 0.5 * (low + high)
     return x, _surface_above(points, weight, length, x, y)
 
@@ -169,8 +177,17 @@ def _highest_on_grid(
     step = 0.25 * length
     x = np.arange(points[:, 0].min() - length, points[:, 0].max() + length, step)
     y = np.arange(points[:, 1].max() + 2.0 * length, lowest, -step)
-    across = kernel(x[:, None] - points[:, 0], length) * weight
-    ground = across @ kernel(points[:, 1][:, None] - y, length) >= GROUND_SHARE
+    # A point reaches 2 lengths, so only the nearest places of the grid hold any of it.
+    reach = np.arange(-int(2.0 * length / step), int(2.0 * length / step) + 1)
+    columns = np.rint((points[:, 0] - x[0]) / step).astype(np.intp)[:, None] + reach
+    rows = np.rint((y[0] - points[:, 1]) / step).astype(np.intp)[:, None] + reach
+    across = kernel(x[0] + step * columns - points[:, :1], length) * weight[:, None]
+    up = kernel(points[:, 1:] - (y[0] - step * rows), length)
+    cell = columns[:, :, None] * len(y) + rows[:, None, :]
+    within = ((columns >= 0) & (columns < len(x)))[:, :, None]
+    within = within & ((rows >= 0) & (rows < len(y)))[:, None, :]
+    share = (across[:, :, None] * up[:, None, :])[within]
+    ground = np.bincount(cell[within], share, len(x) * len(y)).reshape(len(x), -1) >= GROUND_SHARE
     rows = np.flatnonzero(ground.any(axis=0))
     if not len(rows):
         return None

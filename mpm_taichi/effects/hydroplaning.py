@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mpm_taichi.effects.framework.base import Amplitude, Effect, ti
 from mpm_taichi.effects.framework.free_water import FAR, pool_of
+from mpm_taichi.effects.obstacles import feet_with_room
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -24,18 +25,14 @@ def ground(effect, base, node):  # noqa: ANN001, ANN201
 def feet_in_water(scene: Scene) -> dict[str, float]:
     """Places [m] of the feet before which a pool stands; far away where none does."""
     pool = pool_of(scene)
-    feet = {"left_foot": -FAR, "right_foot": FAR}
     if pool is None:
-        return feet
+        return {"left_foot": -FAR, "right_foot": FAR}
     left, right = scene.foot("left"), scene.foot("right")
-    room = 2.0 * scene.cell_size
-    is_open = scene.domain.walls == "open"
-    if pool.left < left and pool.level > scene.ground.height(left):
-        if is_open or left - room > scene.domain.x_min:
-            feet["left_foot"] = left
-    if pool.right > right and pool.level > scene.ground.height(right):
-        if is_open or right + room < scene.domain.x_max:
-            feet["right_foot"] = right
+    feet = feet_with_room(scene)
+    if not (pool.left < left and pool.level > scene.ground.height(left)):
+        feet["left_foot"] = -FAR
+    if not (pool.right > right and pool.level > scene.ground.height(right)):
+        feet["right_foot"] = FAR
     return feet
 
 

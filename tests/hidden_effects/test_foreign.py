@@ -1,5 +1,7 @@
 """Truths by other codes: what is hidden acts; a slide is read by the measurements themselves."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
 from benchmarks.hidden_effects.foreign.loading import Loading, Moment
 from benchmarks.hidden_effects.foreign.slide import SOURCES, Slide, rooms, source
 from benchmarks.hidden_effects.making import surveys
+from benchmarks.hidden_effects.making.benchmark import load_benchmark
+from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes
 from benchmarks.hidden_effects.making.sections import load_section
 from pipeline.cli import InputError
 from pipeline.random_numbers import Stream
@@ -64,6 +68,16 @@ def test_every_family_and_strangers_can_be_hidden():
     families = {family for thing in THINGS.values() for family in thing.families}
     assert families == set(FAMILIES)
     assert sum(thing.stranger for thing in THINGS.values()) >= 4
+
+
+def test_the_first_sets_deal_nothing_that_came_later():
+    folder = Path(__file__).parents[2] / "benchmarks" / "hidden_effects"
+    fourth, fifth = (
+        {name for one in plan_by_codes(load_benchmark(folder / file)) for name in one.effects}
+        for file in ("foreign_fourth.yaml", "foreign_fifth.yaml")
+    )
+    assert not any(THINGS[name].later for name in fourth)
+    assert any(THINGS[name].later for name in fifth)
 
 
 def test_what_cannot_act_is_refused():

@@ -88,6 +88,7 @@ class Thing:
         acceleration: force per mass on the particles.
         base_share: of the ground's strength that is left.
         settled: the section has settled before the liquefaction.
+        later: added after the first four sets, whose plans do not deal it.
         survey: change of surveyed elevations at places x [m] within (first, last), [m].
     """
 
@@ -106,6 +107,7 @@ class Thing:
     acceleration: Callable[[Hidden, Loading, Moment], np.ndarray] = _no_force
     base_share: Callable[[Hidden], float] = lambda one: 1.0
     settled: bool = True
+    later: bool = False
     survey: Callable[[Hidden, np.ndarray], np.ndarray] | None = None
 
     @property
@@ -391,6 +393,21 @@ def _turbulent(one: Hidden, loading: Loading, moment: Moment) -> np.ndarray:
     return -one.amplitude * np.linalg.norm(moment.velocity, axis=1)[:, None] * moment.velocity
 
 
+def _slips_as_it_moves(
+    one: Hidden, loading: Loading, moment: Moment, cohesion: np.ndarray
+) -> np.ndarray:
+    """S = S_r / (1 + a |v|), a in s/m."""
+    speed = np.linalg.norm(moment.velocity, axis=1)
+    return np.where(loading.liquefied, cohesion / (1.0 + one.amplitude * speed), cohesion)
+
+
+def _upwelling(one: Hidden, loading: Loading, moment: Moment) -> np.ndarray:
+    """A force of a g upward on the liquefied soil, that fades within 10 s."""
+    size = one.amplitude * GRAVITY * np.clip(1.0 - moment.time / 10.0, 0.0, 1.0)
+    up = np.where(loading.liquefied, size, 0.0)
+    return np.column_stack([np.zeros_like(up), up])
+
+
 def _right(*names: str) -> frozenset[str]:
     return frozenset(names)
 
@@ -459,5 +476,15 @@ THINGS: dict[str, Thing] = {
               acceleration=_wave, alike=_right("shaking")),
         Thing("turbulence", "a resistance with the square of the speed", "1/m", [(0.02, 0.1)],
               acceleration=_turbulent, alike=_right("water_drag", "rate_strengthening")),
+        # Two of the strangers above are in the library since; as what can be named.
+        Thing("draining", "liquefied soil drains and regains strength", "", [(0.5, 2.0)],
+              _right("reconsolidation"), _right("physics"), cohesion=_regains, changes=True,
+              later=True),
+        Thing("obstacles", "obstacles beyond the foot", "kN/m3", [(0.5, 2.0)],
+              _right("obstacles"), _right("ground"), acceleration=_foreland_drag, later=True),
+        Thing("speed_weakening", "liquefied soil is weaker the faster it moves", "s/m",
+              [(0.1, 0.5)], cohesion=_slips_as_it_moves, changes=True, later=True),
+        Thing("upwelling", "water that wells up lifts the liquefied soil", "g", [(0.15, 0.4)],
+              acceleration=_upwelling, later=True),
     )
 }  # fmt: skip

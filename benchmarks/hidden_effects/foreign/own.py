@@ -57,6 +57,8 @@ _EFFECTS: dict[str, Callable[[Scene, Hidden], dict[str, dict[str, float]]]] = {
     "depth": lambda scene, one: {"overburden_strength": {"amplitude": one.amplitude}},
     "two_layers": lambda scene, one: {"two_layers": {"amplitude": one.amplitude}},
     "weak_base": lambda scene, one: {"weak_base": {"amplitude": one.amplitude}},
+    "draining": lambda scene, one: {"reconsolidation": {"amplitude": one.amplitude}},
+    "obstacles": lambda scene, one: {"obstacles": {"amplitude": one.amplitude}},
     "regaining": lambda scene, one: {"strength_in_time": {"amplitude": one.amplitude}},
     "foreland_drag": lambda scene, one: {"rough_foreland": {"amplitude": one.amplitude}},
 }

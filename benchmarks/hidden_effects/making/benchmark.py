@@ -138,6 +138,10 @@ class BenchmarkPlan(Document):
         3, gt=0, description="of another code, drawn at most until what is hidden can well be seen"
     )
     spacing_factor: float = Field(1.0, gt=0, description="spacing of the judge over the sections'")
+    things: list[str] = Field(
+        default_factory=list,
+        description="what may be hidden by another code; empty: what the first four sets hide",
+    )
     sizes: dict[str, list[tuple[float, float]]] = Field(
         default_factory=dict,
         description="thing hidden by another code -> ranges of its amplitude, in place of its own",

@@ -78,7 +78,11 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
         kind: Kind = kinds.deal()
         code = codes[kind].deal()
         effects: tuple[str, ...] = ()
-        able = [name for name in source(code).hides if _places(benchmark, code, name)]
+        able = [
+            name
+            for name in source(code).hides
+            if _dealt(benchmark, name) and _places(benchmark, code, name)
+        ]
         if kind == "single":
             family = families.deal()
             while not (members := [n for n in able if family in THINGS[n].families]):
@@ -91,6 +95,12 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
         survey = dealt((kind, "survey"), wanted.surveys)
         found.append(PlannedByCode(f"case_{k + 1:04d}", kind, effects, section, survey, 0, code))
     return found
+
+
+def _dealt(benchmark: Benchmark, name: str) -> bool:
+    """The plan may hide it: what it names, or all that was there for the first sets."""
+    things = benchmark.plan.things
+    return name in things if things else not THINGS[name].later
 
 
 def _places(benchmark: Benchmark, code: str, *names: str) -> list[str]:
