@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVar
 
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 from geometry.survey.blow_counts import BlowCount, load_blow_counts
-from geometry.survey.columns import Side
+from geometry.survey.columns import SIDES, Side
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
@@ -26,7 +26,6 @@ from pipeline.config import Config, SimulationSettings
 from pipeline.places import CASES, resolve
 
 SCENE_FILE = "scene.yaml"
-SIDES: tuple[Side, Side] = ("left", "right")
 
 Extended = TypeVar("Extended", bound="Case")
 

@@ -198,6 +198,7 @@ def _grow_exactly(points: np.ndarray, member: np.ndarray, reach: float) -> np.nd
 
 
 Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
 
 
 def outward_of(side: Side) -> int:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geometry.survey.columns import SIDES
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.data.scene_features import side_view
 
@@ -34,7 +35,7 @@ def described(start: np.ndarray, facts: SceneFacts) -> np.ndarray:
     """
     soil = facts.type == SOIL
     push = float(facts.properties[soil, 3].mean())
-    left, right = (side_view(start, facts, side).features for side in ("left", "right"))
+    left, right = (side_view(start, facts, side).features for side in SIDES)
     density = float(facts.properties[soil, 2].mean())
     unit = density * facts.gravity * facts.spacing
     height = (start[soil, 1] - facts.ground_height(start[soil, 0])).max()

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gns.direct.network import Answer, DirectModel
+from gns.direct.arrivals import SHARES
+from gns.direct.network import DirectModel
 from gns.direct.predictor import COVERED, Predictor, described, neighbourly
 from gns.direct.train import SPLITS, Sample, answers
 from pipeline.files import file_hash, write_text, yaml_text
@@ -23,6 +24,8 @@ FAR = 10.0
 #: Least scale of an error, so that a side that stands still has an interval as well [d].
 LEAST_SCALE = 0.05
 CARD_FILE = "card.yaml"
+#: Places in SHARES of the middle, and of the end of a duration, which begins at the first.
+_MIDDLE, _END = SHARES.index(0.5), SHARES.index(0.95)
 #: Column of the share of runouts within their interval.
 COVERAGE = "covered, %"
 
@@ -36,6 +39,9 @@ class Scores:
         travel: of the side that ran farther [d].
         runout: error of its toe [d]; profile: of the deposit [share of the section's area].
         covered: its interval held it.
+        arrival: error of the middle arrival time of that toe, as a share of it; NaN: it stays.
+        arrival_covered: share of its arrival times within their intervals.
+        duration: error of the duration, as a share of it; NaN: nothing moved.
     """
 
     template: np.ndarray
@@ -43,6 +49,9 @@ class Scores:
     runout: np.ndarray
     profile: np.ndarray
     covered: np.ndarray
+    arrival: np.ndarray
+    arrival_covered: np.ndarray
+    duration: np.ndarray
 
     def only(self, kept: np.ndarray) -> Scores:
         """The scores of some scenes."""
@@ -52,7 +61,7 @@ class Scores:
         """Numbers of a table."""
         far = self.travel > FAR
         per_cent = 100.0 * self.runout[far] / self.travel[far]
-        row = {
+        row: dict[str, float] = {
             "runs": len(self.runout),
             "far": int(far.sum()),
             "travel, d": _median(self.travel),
@@ -63,6 +72,12 @@ class Scores:
             "profile, % of area": 100.0 * _median(self.profile),
             COVERAGE: 100.0 * float(np.mean(self.covered)) if len(self.covered) else np.nan,
         }
+        if np.isfinite(self.arrival).any():
+            row |= {
+                "half-way time, %": 100.0 * float(np.nanmedian(self.arrival)),
+                "duration, %": 100.0 * float(np.nanmedian(self.duration)),
+                "times covered, %": 100.0 * float(np.nanmean(self.arrival_covered)),
+            }
         return {name: float(f"{value:.4g}") for name, value in row.items()}
 
     def table(self) -> dict[str, dict[str, float]]:
@@ -84,11 +99,13 @@ def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
     deposit = np.stack([one.fine.thickness for one in held])
     off = np.abs(answer.thickness.numpy() - deposit) / answer.thickness_scale.numpy()
     moved = deposit > 0.0
+    late = np.abs(answer.log_times.numpy() - np.log(_times(held))) / answer.time_scale.numpy()
     known = np.stack([described(one.section) for one in samples if one.split == "train"])
     return Predictor(
         model,
         _conformal(ratio),
         _conformal(off[moved]),
+        _conformal(late[np.isfinite(late)]),
         known,
         neighbourly(known),
     )
@@ -97,14 +114,22 @@ def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
 def judged(predictor: Predictor, samples: list[Sample]) -> Scores:
     """Scores of a model on samples."""
     answer = answers(predictor.model, samples)
-    return _scores(samples, answer, predictor.toe_factor)
+    return _errors(
+        samples,
+        answer.toes.numpy(),
+        answer.thickness.numpy(),
+        predictor.toe_factor * answer.toe_scale.numpy(),
+        answer.log_times.numpy(),
+        predictor.time_factor * answer.time_scale.numpy(),
+    )
 
 
 def coarse_alone(samples: list[Sample]) -> Scores:
     """Scores of the solver at twice the spacing."""
     toes = np.stack([one.coarse.toes for one in samples])
     deposit = np.stack([one.coarse.thickness for one in samples])
-    return _errors(samples, toes, deposit, np.zeros(toes.shape))
+    unknown = np.full(_times(samples).shape, np.nan)
+    return _errors(samples, toes, deposit, np.zeros(toes.shape), unknown, unknown)
 
 
 def seconds_a_case(predictor: Predictor, samples: list[Sample], count: int = 50) -> float:
@@ -151,30 +176,38 @@ def _without_intervals(table: dict[str, dict[str, float]]) -> dict[str, dict[str
     }
 
 
-def _scores(samples: list[Sample], answer: Answer, factor: float) -> Scores:
-    return _errors(
-        samples,
-        answer.toes.numpy(),
-        answer.thickness.numpy(),
-        factor * answer.toe_scale.numpy(),
-    )
-
-
 def _errors(
-    samples: list[Sample], toes: np.ndarray, deposit: np.ndarray, interval: np.ndarray
+    samples: list[Sample],
+    toes: np.ndarray,
+    deposit: np.ndarray,
+    interval: np.ndarray,
+    log_times: np.ndarray,
+    log_interval: np.ndarray,
 ) -> Scores:
     side, rows = _side(samples), np.arange(len(samples))
     spacing = np.array([one.section.spacing for one in samples])
     before = np.stack([one.fine.toes_before for one in samples])
     error = np.abs(toes - _toes(samples))[rows, side]
     true = np.stack([one.fine.thickness for one in samples])
+    times = _times(samples)
+    late = np.abs(log_times - np.log(times))[rows, side]
+    within = np.where(np.isfinite(late), late <= log_interval[rows, side], np.nan)
+    lasts = np.exp(log_times[:, 2, _END]) - np.exp(log_times[:, 2, 0])
+    duration = times[:, 2, _END] - times[:, 2, 0]
     return Scores(
         np.array([one.template for one in samples]),
         np.abs(_toes(samples) - before)[rows, side] / spacing,
         error / spacing,
         np.abs(deposit - true).sum(axis=1) / true.sum(axis=1),
         error <= interval[rows, side] + LEAST_SCALE * spacing,
+        np.expm1(late[:, _MIDDLE]),
+        within.mean(axis=1),
+        np.abs(lasts - duration) / duration,
     )
+
+
+def _times(samples: list[Sample]) -> np.ndarray:
+    return np.stack([one.times for one in samples])
 
 
 def _toes(samples: list[Sample]) -> np.ndarray:

@@ -1,16 +1,18 @@
 """The direct model: one pass of a network along the columns of a section.
 
 In: a `Section` as tensors, and the values of its zones, with respect to which everything has a
-derivative. Out: both toes with the scale of their error, and the thickness of the deposit with its
-own. Two kinds share the network: one sees the section alone; the other (`corrected`) sees what a
-run at twice the spacing left as well, and predicts the difference to it.
+derivative. Out: both toes with the scale of their error, the thickness of the deposit with its own,
+and the times of `gns.direct.arrivals` with theirs. Two kinds share the network: one sees the
+section alone; the other (`corrected`) sees what a run at twice the spacing left as well, and
+predicts the difference to it.
 
 The network halves and doubles the number of columns as a U-Net does (Ronneberger et al. 2015, here
 in one dimension). A toe is an expectation over the columns, of their place plus an offset that the
 column itself gives, so that it is not bound to a grid; errors are Laplace distributed, so that the
-median is learned. The deposit keeps the volume of the section.
+median is learned. The deposit keeps the volume of the section. Arrival times ascend; their errors
+are shares of them, and what they are seen in is the network's inner value where the toe ends.
 
-Shapes: B sections, C columns, K layers, Z zones.
+Shapes: B sections, C columns, K layers, Z zones, S shares of the way (`SHARES`).
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from gns.direct.arrivals import SHARES
 from gns.direct.sections import COLUMN, DEEPEST, LAYERS, Outcome, Section, places
 
 #: Strengths are taken as at least this [rho g height], for their logarithm.
@@ -32,10 +35,14 @@ PER_LAYER, PER_COLUMN, OF_COARSE = 4, 11, 4
 TOGETHER = 2
 #: Outputs of a column: for each toe a weight, an offset and a log scale; a change and a log scale.
 OUTPUTS = 8
-#: Share of the inner values of a block that a training step leaves out: a thousand runs are few.
-DROPPED = 0.15
+#: Share of the inner values of a block that a training step leaves out: five thousand runs are few.
+DROPPED = 0.1
 #: Log scales of errors lie within these [heights].
 LOG_SCALES = (-7.0, 1.5)
+#: Inner values of the heads for arrival times.
+OF_TIMES = 64
+#: Rows of arrival times (left toe, right toe, all soil) in the mirror image.
+TURNED = [1, 0, 2]
 
 
 @dataclass(frozen=True)
@@ -53,18 +60,22 @@ class DirectConfig:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a model predicts; all in heights.
+    """What a model predicts; lengths in heights, times in falls from the section's height.
 
     Attributes:
         toes: left and right of the middle, (B, 2).
         toe_scale: of their Laplace distribution, (B, 2).
         thickness: (B, C); thickness_scale: (B, C).
+        log_times: natural logarithm of the arrival times of the left toe, the right toe and all
+            soil on its way, (B, 3, S); time_scale: of its Laplace distribution, likewise.
     """
 
     toes: Tensor
     toe_scale: Tensor
     thickness: Tensor
     thickness_scale: Tensor
+    log_times: Tensor
+    time_scale: Tensor
 
 
 def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Tensor:
@@ -154,6 +165,23 @@ class Block(nn.Module):
         return x + self.second(self.drop(inner))
 
 
+class Times(nn.Module):
+    """Arrival times and the scale of their error, from inner values."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Linear(width, OF_TIMES), nn.SiLU(), nn.Linear(OF_TIMES, 2 * len(SHARES))
+        )
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """(..., width) to log times and their scale, both (..., S)."""
+        step, scale = self.layers(x).chunk(2, dim=-1)
+        low, high = LOG_SCALES
+        # exp(step) is the time from one share to the next.
+        return step.logcumsumexp(dim=-1), (scale - 2.0).clamp(low, high).exp()
+
+
 class DirectModel(nn.Module):
     """A network of a configuration; see the module."""
 
@@ -175,6 +203,8 @@ class DirectModel(nn.Module):
             nn.Linear(widths[-1], widths[-1]), nn.SiLU(), nn.Linear(widths[-1], widths[-1])
         )
         self.head = nn.Conv1d(widths[0], TOGETHER * OUTPUTS, 1)
+        self.of_toes = Times(widths[0] + widths[-1])
+        self.of_way = Times(widths[0] + widths[-1])
         with torch.no_grad():
             self.head.weight.mul_(0.1)
 
@@ -193,7 +223,8 @@ class DirectModel(nn.Module):
             kept.append(x)
             x = down(x)
         x = self.inward[-1](x)
-        x = x + self.bottom(x.mean(dim=2))[..., None]
+        whole = self.bottom(x.mean(dim=2))
+        x = x + whole[..., None]
         for block, up, side in zip(
             reversed(self.outward), reversed(self.up), reversed(kept), strict=True
         ):
@@ -211,7 +242,50 @@ class DirectModel(nn.Module):
         thickness = functional.relu(first + out[:, 6])
         volume = seen[:, 0].sum(dim=1, keepdim=True)
         thickness = thickness * volume / thickness.sum(dim=1, keepdim=True).clamp(min=1e-3)
-        return Answer(toes, scale, thickness, (out[:, 7] - 3.0).clamp(low, high).exp())
+        log_times, time_scale = self._times(x, weight, whole)
+        return Answer(
+            toes,
+            scale,
+            thickness,
+            (out[:, 7] - 3.0).clamp(low, high).exp(),
+            log_times,
+            time_scale,
+        )
+
+    def both_ways(self, seen: Tensor, start: Tensor) -> Answer:
+        """The mean of the answers for a section and for its mirror image, which should be one.
+
+        Arguments are those of `forward`.
+        """
+        corrected = self.config.corrected
+        turned, begin = mirrored(seen, start, corrected=corrected)
+        found = self(torch.cat([seen, turned]), torch.cat([start, begin]))
+        own, other = (
+            Answer(*pair) for pair in zip(*(v.chunk(2) for v in vars(found).values()), strict=True)
+        )
+        back = Answer(
+            -other.toes.flip(1),
+            other.toe_scale.flip(1),
+            other.thickness.flip(1),
+            other.thickness_scale.flip(1),
+            other.log_times[:, TURNED],
+            other.time_scale[:, TURNED],
+        )
+        means = zip(vars(own).values(), vars(back).values(), strict=True)
+        return Answer(*(0.5 * (one + mirror) for one, mirror in means))
+
+    def _times(self, x: Tensor, weight: Tensor, whole: Tensor) -> tuple[Tensor, Tensor]:
+        """Of both toes from the inner values where they end, of the way from those of all columns.
+
+        Args:
+            x: inner values (B, width, columns of TOGETHER).
+            weight: of each column for each toe, (B, 2, C).
+            whole: inner values of the section, (B, its width).
+        """
+        near = torch.einsum("bwn,bsn->bsw", x, weight.unflatten(2, (-1, TOGETHER)).sum(dim=3))
+        toes = self.of_toes(torch.cat([near, whole[:, None].expand(-1, 2, -1)], dim=2))
+        way = self.of_way(torch.cat([x.mean(dim=2), whole], dim=1))
+        return tuple(torch.cat([a, b[:, None]], dim=1) for a, b in zip(toes, way, strict=True))
 
 
 def mirrored(seen: Tensor, toes: Tensor, *, corrected: bool) -> tuple[Tensor, Tensor]:

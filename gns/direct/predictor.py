@@ -15,7 +15,7 @@ from pickle import UnpicklingError
 import numpy as np
 import torch
 
-from gns.direct.network import DirectConfig, DirectModel, features, with_coarse
+from gns.direct.network import Answer, DirectConfig, DirectModel, features, with_coarse
 from gns.direct.sections import COLUMN, Outcome, Section, places
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
@@ -46,12 +46,17 @@ class Forecast:
         toe_interval: half-width of an interval that covers COVERED of the runs, (2,) [m].
         thickness: of the deposit in each column, (C,) [m].
         thickness_interval: half-width of its interval, (C,) [m].
+        times: when the left toe, the right toe and all soil have done `SHARES` of their way,
+            (3, S) [s]; of a toe that stays they mean nothing.
+        times_within: factor by which the interval of a time goes above and below it, (3, S).
     """
 
     toes: np.ndarray
     toe_interval: np.ndarray
     thickness: np.ndarray
     thickness_interval: np.ndarray
+    times: np.ndarray
+    times_within: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,8 @@ class Predictor:
 
     Attributes:
         model: the network; its weights stay as they are.
-        toe_factor: half-width of a toe's interval over its scale; thickness_factor: likewise.
+        toe_factor: half-width of a toe's interval over its scale; thickness_factor, time_factor:
+            likewise.
         known: descriptors of the sections learned from, (N, F).
         unit: distance to the nearest neighbour that INSIDE of them have.
     """
@@ -68,6 +74,7 @@ class Predictor:
     model: DirectModel
     toe_factor: float
     thickness_factor: float
+    time_factor: float
     known: np.ndarray
     unit: float
 
@@ -88,18 +95,20 @@ class Predictor:
         """
         with torch.no_grad():
             values = torch.as_tensor(section.values, dtype=torch.float32)
-            toes, scale, thickness, spread = self._answer(section, before, coarse, values)
-        height = section.height
+            answer = self._answer(section, before, coarse, values)
+        height, found = section.height, {k: v[0].double().numpy() for k, v in vars(answer).items()}
         return Forecast(
-            section.middle + height * toes.numpy().astype(float),
-            height * self.toe_factor * scale.numpy().astype(float),
-            height * thickness.numpy().astype(float),
-            height * self.thickness_factor * spread.numpy().astype(float),
+            section.middle + height * found["toes"],
+            height * self.toe_factor * found["toe_scale"],
+            height * found["thickness"],
+            height * self.thickness_factor * found["thickness_scale"],
+            section.unit_s * np.exp(found["log_times"]),
+            np.exp(self.time_factor * found["time_scale"]),
         )
 
     def derivative(
         self, section: Section, before: np.ndarray, tangents: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Exact derivative along changes of the zones' values, in double precision.
 
         Args:
@@ -108,23 +117,24 @@ class Predictor:
             tangents: (p, Z, 3) in the units of `Section.values`.
 
         Returns:
-            of the toes (p, 2) and of the thickness (p, C) [m].
+            of the toes (p, 2), of the thickness (p, C) [m] and of the times (p, 3, S) [s].
         """
         model = DirectModel(self.model.config).double().eval()
         model.load_state_dict(self.model.state_dict())
         values = torch.as_tensor(section.values, dtype=torch.float64)
 
-        def outcome(at: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-            toes, _, thickness, _ = self._answer(section, before, None, at, model=model)
-            return toes, thickness
+        def outcome(at: torch.Tensor) -> tuple[torch.Tensor, ...]:
+            answer = self._answer(section, before, None, at, model=model)
+            return answer.toes[0], answer.thickness[0], answer.log_times[0].exp()
 
         found = [
             torch.func.jvp(outcome, (values,), (torch.as_tensor(one, dtype=torch.float64),))[1]
             for one in tangents
         ]
-        return (
-            section.height * np.stack([toes.detach().numpy() for toes, _ in found]),
-            section.height * np.stack([deposit.detach().numpy() for _, deposit in found]),
+        units = (section.height, section.height, section.unit_s)
+        slopes = zip(units, zip(*found, strict=True), strict=True)
+        return tuple(
+            unit * np.stack([one.detach().numpy() for one in slope]) for unit, slope in slopes
         )
 
     def distance(self, section: Section) -> float:
@@ -132,7 +142,7 @@ class Predictor:
         away = np.sqrt(np.mean((self.known - described(section)) ** 2, axis=1))
         return float(away.min() / self.unit)
 
-    def _answer(self, section, before, coarse, values, model=None):
+    def _answer(self, section, before, coarse, values, model=None) -> Answer:
         model = self.model if model is None else model
         if self.corrected and coarse is None:
             raise ValueError("a model that corrects needs a run at twice the spacing")
@@ -140,8 +150,7 @@ class Predictor:
         start = np.asarray(before)
         if self.corrected:
             seen, start = with_coarse(seen, [coarse]), coarse.toes
-        answer = model(seen, torch.as_tensor(start).to(seen)[None])
-        return answer.toes[0], answer.toe_scale[0], answer.thickness[0], answer.thickness_scale[0]
+        return model.both_ways(seen, torch.as_tensor(start).to(seen)[None])
 
     def save(self, path: Path) -> None:
         """Write the model; see `load`."""
@@ -151,7 +160,12 @@ class Predictor:
                 {
                     "config": asdict(self.model.config),
                     "weights": self.model.state_dict(),
-                    "factors": [self.toe_factor, self.thickness_factor, self.unit],
+                    "factors": [
+                        self.toe_factor,
+                        self.thickness_factor,
+                        self.time_factor,
+                        self.unit,
+                    ],
                     "known": torch.as_tensor(self.known, dtype=torch.float32),
                 },
                 temporary,
@@ -171,12 +185,12 @@ class Predictor:
             config = {**kept["config"], "widths": tuple(kept["config"]["widths"])}
             model = DirectModel(DirectConfig(**config))
             model.load_state_dict(kept["weights"])
-            toe, thickness, unit = kept["factors"]
+            toe, thickness, times, unit = kept["factors"]
             known = kept["known"].numpy().astype(float)
         except (*DAMAGE, UnpicklingError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(f"{path}: is not a direct model: {reason}") from None
-        return cls(model.eval().requires_grad_(False), toe, thickness, known, unit)
+        return cls(model.eval().requires_grad_(False), toe, thickness, times, known, unit)
 
 
 def described(section: Section) -> np.ndarray:

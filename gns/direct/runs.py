@@ -20,6 +20,7 @@ from pydantic import ValidationError
 from geometry.random_scenes.embankment_dam import draw_dam
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import Scene
+from gns.direct.arrivals import Arrivals, arrivals_of
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 
@@ -46,12 +47,14 @@ class Ended:
         initial: positions before the slide (N, 2) float32 [m]; final: after it.
         seconds: computing time [s].
         at_rest: it stopped by itself.
+        arrivals: when its toes and its soil got where.
     """
 
     initial: np.ndarray
     final: np.ndarray
     seconds: float
     at_rest: bool
+    arrivals: Arrivals
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,7 @@ def read_runs(folder: Path) -> Iterator[PairedRun]:
                         file[f"{number}_{name}_final"],
                         float(file[f"{number}_{name}_facts"][0]),
                         bool(file[f"{number}_{name}_facts"][1]),
+                        Arrivals(file[f"{number}_{name}_toes_s"], file[f"{number}_{name}_way_s"]),
                     )
                     for name in ("fine", "coarse")
                 ]
@@ -183,7 +187,8 @@ def _ended(
 
 def _kept(run: Run) -> Ended:
     first, last = run.positions[0], run.positions[-1]
-    return Ended(first.copy(), last.copy(), run.wall_time_s, run.came_to_rest)
+    arrivals = arrivals_of(run.positions, run.time, run.scene.spacing)
+    return Ended(first.copy(), last.copy(), run.wall_time_s, run.came_to_rest, arrivals)
 
 
 def _write(path: Path, runs: list[PairedRun]) -> None:
@@ -195,6 +200,8 @@ def _write(path: Path, runs: list[PairedRun]) -> None:
             arrays[f"{run.number}_{name}_initial"] = ended.initial
             arrays[f"{run.number}_{name}_final"] = ended.final
             arrays[f"{run.number}_{name}_facts"] = np.array([ended.seconds, ended.at_rest])
+            arrays[f"{run.number}_{name}_toes_s"] = ended.arrivals.toes
+            arrays[f"{run.number}_{name}_way_s"] = ended.arrivals.way
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import column_height, kernel_length, toe
+from geometry.survey.columns import SIDES, column_height, kernel_length, toe
 from gns.data.scene_facts import check_base_physics
 from mpm_taichi.solver.water import WATER_DENSITY
 from pipeline.cli import InputError
@@ -44,6 +44,7 @@ class Section:
         height: of the section above its ground, the unit of length [m].
         middle: x of the middle of the columns [m]; base: elevation of the ground there [m].
         unit_kpa: the unit of strength, rho g height of the mean density [kPa].
+        unit_s: the unit of time, sqrt(height / g) [s].
         feet: where the section ends, (left, right) [heights from the middle].
         thickness: of the soil, (C,) [heights]; ground: its elevation over `base`, likewise.
         water: level of the water over the ground, (C,) [heights]; -DEEPEST where there is none.
@@ -59,6 +60,7 @@ class Section:
     middle: float
     base: float
     unit_kpa: float
+    unit_s: float
     feet: tuple[float, float]
     thickness: np.ndarray
     ground: np.ndarray
@@ -150,6 +152,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         middle=middle,
         base=base,
         unit_kpa=unit,
+        unit_s=float(np.sqrt(height / gravity)),
         feet=((left - middle) / height, (right - middle) / height),
         thickness=thickness / height,
         ground=(ground - base) / height,
@@ -222,10 +225,7 @@ def toes_of(section: Section, points: np.ndarray, spacing: float) -> np.ndarray:
     Raises:
         ValueError: nothing is thick enough to be a dam.
     """
-    at = [
-        toe(points.astype(float), spacing**2, spacing=spacing, side=side)
-        for side in ("left", "right")
-    ]
+    at = [toe(points.astype(float), spacing**2, spacing=spacing, side=side) for side in SIDES]
     return (np.array(at) - section.middle) / section.height
 
 

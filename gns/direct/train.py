@@ -17,7 +17,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gns.direct.arrivals import Arrivals
 from gns.direct.network import (
+    TURNED,
     Answer,
     DirectConfig,
     DirectModel,
@@ -33,6 +35,8 @@ STATE_FILE = "state.pt"
 SPLITS = ("train", "calibration", "test")
 #: Weight of the thickness next to the toes.
 PROFILE = 1.0
+#: Weight of the arrival times.
+TIMES = 0.3
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class Sample:
     Attributes:
         run: number of its scene; name: of the scene.
         section, fine, coarse: see `gns.direct.sections`.
+        times: arrival times of the fine run, left toe, right toe and way, (3, S) [falls]; NaN of
+            what does not move.
         split: which of SPLITS.
         seconds: of the fine and of the coarse run [s].
     """
@@ -51,6 +57,7 @@ class Sample:
     section: Section
     fine: Outcome
     coarse: Outcome
+    times: np.ndarray
     split: str
     seconds: tuple[float, float]
 
@@ -64,7 +71,7 @@ class Sample:
 class TrainingPlan:
     """How long and how fast."""
 
-    steps: int = 4000
+    steps: int = 8000
     batch: int = 32
     rate: float = 2e-3
     warmup: int = 200
@@ -94,9 +101,15 @@ def sample_of(run: PairedRun) -> Sample | None:
         section,
         fine,
         coarse,
+        times_of(section, run.fine.arrivals),
         split_of(run.number),
         (run.fine.seconds, run.coarse.seconds),
     )
+
+
+def times_of(section: Section, arrivals: Arrivals) -> np.ndarray:
+    """Arrival times (3, S) [falls] of the left toe, the right toe and all soil on its way."""
+    return np.concatenate([arrivals.toes, arrivals.way[None]]) / section.unit_s
 
 
 def read_samples(folder: Path) -> list[Sample]:
@@ -138,6 +151,7 @@ def train(
     seen, start = inputs(ours, corrected=config.corrected)
     toes = torch.as_tensor(np.stack([one.fine.toes for one in ours]), dtype=torch.float32)
     thickness = torch.as_tensor(np.stack([one.fine.thickness for one in ours]), dtype=torch.float32)
+    times = torch.as_tensor(np.stack([one.times for one in ours]), dtype=torch.float32)
     optimiser = torch.optim.AdamW(model.parameters(), lr=plan.rate, weight_decay=plan.decay)
     average = {name: value.clone() for name, value in model.state_dict().items()}
     first, state = 0, folder / STATE_FILE
@@ -157,12 +171,13 @@ def train(
         drawn = torch.randint(len(ours), (plan.batch,), generator=numbers)
         torch.manual_seed(plan.seed * 1_000_003 + step)  # of what is dropped, also after a kill
         x, begin, want, deposit = seen[drawn], start[drawn], toes[drawn], thickness[drawn]
+        when = times[drawn]
         if step % 2:
             x, want = mirrored(x, want, corrected=config.corrected)
-            begin, deposit = -begin.flip(1), deposit.flip(1)
+            begin, deposit, when = -begin.flip(1), deposit.flip(1), when[:, TURNED]
         for group in optimiser.param_groups:
             group["lr"] = plan.rate * _schedule(step, plan)
-        loss = loss_of(model(x, begin), want, deposit)
+        loss = loss_of(model(x, begin), want, deposit, when)
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
@@ -190,13 +205,21 @@ def train(
     return model.eval()
 
 
-def loss_of(answer: Answer, toes: Tensor, thickness: Tensor) -> Tensor:
+def loss_of(answer: Answer, toes: Tensor, thickness: Tensor, times: Tensor) -> Tensor:
     """Mean negative log likelihood of Laplace errors."""
     toe = (answer.toes - toes).abs() / answer.toe_scale + answer.toe_scale.log()
     profile = (answer.thickness - thickness).abs()
     deposit = profile / answer.thickness_scale + answer.thickness_scale.log()
     moved = ((thickness > 0.0) | (answer.thickness > 0.0)).float()
-    return toe.mean() + PROFILE * (deposit * moved).sum() / moved.sum() + 2.0 * profile.mean()
+    known = times.isfinite()
+    off = (answer.log_times - torch.where(known, times, 1.0).log()).abs()
+    arrival = (off / answer.time_scale + answer.time_scale.log()) * known
+    return (
+        toe.mean()
+        + TIMES * arrival.sum() / known.sum().clamp(min=1)
+        + PROFILE * (deposit * moved).sum() / moved.sum()
+        + 2.0 * profile.mean()
+    )
 
 
 def answers(model: DirectModel, samples: list[Sample], batch: int = 64) -> Answer:
@@ -204,9 +227,8 @@ def answers(model: DirectModel, samples: list[Sample], batch: int = 64) -> Answe
     parts = []
     with torch.no_grad():
         for place in range(0, len(samples), batch):
-            parts.append(
-                model(*inputs(samples[place : place + batch], corrected=model.config.corrected))
-            )
+            some = samples[place : place + batch]
+            parts.append(model.both_ways(*inputs(some, corrected=model.config.corrected)))
     return Answer(
         *(torch.cat([getattr(one, name) for one in parts]) for name in Answer.__dataclass_fields__)
     )

@@ -21,11 +21,11 @@ from typing import Protocol
 
 import numpy as np
 
-from geometry.survey.columns import Side
+from geometry.survey.columns import SIDES, Side
 from gns.data.dataset import Windows
 from gns.data.scene_facts import SceneFacts
 from gns.data.scene_features import SideView, side_view
-from gns.evaluation.metrics import LEAST_TRAVEL, SIDES, farther_side, runout
+from gns.evaluation.metrics import LEAST_TRAVEL, farther_side, runout
 from gns.evaluation.score_tables import quantile
 
 FREE = 0.3

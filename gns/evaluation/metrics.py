@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.survey.columns import Side, kernel_length, toe
+from geometry.survey.columns import SIDES, Side, kernel_length, toe
 from geometry.survey.surface_profile import surface_profile
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.data.statistics import moving, velocities
@@ -26,7 +26,6 @@ from gns.data.statistics import moving, velocities
 LEAST_TRAVEL = 1.0
 """Travel [spacings] below which an error in per cent of it says nothing."""
 
-SIDES: tuple[Side, Side] = ("left", "right")
 
 OUTSIDE = 2.0
 """Distance [spacings] beyond a wall, the lid or the ground at which a point has left the scene: one

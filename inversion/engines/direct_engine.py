@@ -1,9 +1,10 @@
 """A direct model as a forward engine: the deposit in one pass, without stepping.
 
 In: requests as for every engine, and the model that ships under the engine's name (`models/`). Out:
-predictions of what is read on the deposit at the end: toes, surface, settlement of the crest,
-freeboard. What needs single points or the way between has no answer. The toe is the model's own;
-the others are read, by the definitions of the survey, on a deposit filled from its thickness.
+predictions of what is read on the deposit at the end (toes, surface, settlement of the crest,
+freeboard) and on arrival times (duration, history of a toe). What needs single points has no
+answer. The toe and the times are the model's own; the others are read, by the definitions of the
+survey, on a deposit filled from its thickness.
 
 A model that corrects starts from a run of the solver at twice the spacing, which the store keeps.
 """
@@ -26,14 +27,15 @@ from geometry.survey.measured import Measured, Reading
 from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
 from gns.direct.runs import COARSER
 from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of, with_strengths
+from inversion.engines.forecast_times import NORMAL, TIMED, read_times, time_error_std, timed
 from inversion.engines.run_store import KeptRun, RunStore, prediction_of
 from inversion.estimation.forward import Forward, Prediction, Request, Setup
 from inversion.problem.question import material_key
 from pipeline.cli import InputError
 from pipeline.places import MODELS, resolve
 
-#: Types of measurement that are read on the deposit at the end.
-READ = ("toe_runout", "no_flow", "surface_profile", "crest_settlement", "freeboard")
+#: Types of measurement that it predicts.
+READ = ("toe_runout", "no_flow", "surface_profile", "crest_settlement", "freeboard", *TIMED)
 #: Properties that change the soil but not the section before the slide.
 STRENGTHS = ("cohesion_kpa", "friction_deg")
 #: Columns thinner than this share of a spacing hold no soil.
@@ -83,6 +85,11 @@ class Asked:
     start: Start
     coarse: Outcome | None
 
+    @property
+    def toes_before(self) -> np.ndarray:
+        """Toes before the slide, x (2,) [m]."""
+        return self.section.middle + self.section.height * self.start.before
+
 
 class DirectEngine(Forward):
     """`inversion.estimation.forward.Forward` by a direct model.
@@ -126,13 +133,11 @@ class DirectEngine(Forward):
         forecast, seconds = self.forecast(asked)
         prediction = self._predicted(asked, forecast, seconds)
         unit = np.array([asked.section.unit_kpa, 1.0, 1.0])
-        toes, deposits = self.predictor.derivative(
-            asked.section, asked.start.before, tangents / unit
-        )
+        found = self.predictor.derivative(asked.section, asked.start.before, tangents / unit)
         columns = []
-        for toe_slope, deposit_slope in zip(toes, deposits, strict=True):
+        for slopes in zip(*found, strict=True):
             ends = [
-                self._predicted(asked, _moved(forecast, sign * STEP, toe_slope, deposit_slope))
+                self._predicted(asked, _moved(forecast, sign * STEP, *slopes))
                 for sign in (1.0, -1.0)
             ]
             columns.append((ends[0].values - ends[1].values) / (2.0 * STEP))
@@ -143,15 +148,15 @@ class DirectEngine(Forward):
         return self.predictor.distance(section_of(request.scene))
 
     def error_std(self, request: Request) -> np.ndarray:
-        """Standard deviation of the model's error of each number, (m,) [m]; 0: not known.
+        """Standard deviation of the model's error of each number, (m,) [m] or [s].
 
-        Of toes from their own interval, of elevations from the interval of the columns there; as of
-        a normal distribution with the same 90 % interval.
+        Of toes and times from their own interval, of elevations from the interval of the columns
+        there; as of a normal distribution with the same 90 % interval.
         """
         (asked,) = self._asked([request])
         forecast, _ = self.forecast(asked)
         return np.concatenate(
-            [_std(entry, forecast, asked.section.x) for entry in request.setup.targets.entries]
+            [_std(entry, forecast, asked) for entry in request.setup.targets.entries]
         )
 
     def forecast(self, asked: Asked) -> tuple[Forecast, float]:
@@ -219,13 +224,12 @@ class DirectEngine(Forward):
             end_s=0.0,
             at_rest=True,
             wall_time_s=seconds,
-            readings=_unread(setup),
+            readings=_histories(asked, forecast),
             volume=volume,
         )
         prediction = prediction_of(setup, run, asked.start.read)
         asked.start.read = prediction.at_start
-        values, place = prediction.values.copy(), 0
-        before = asked.section.middle + asked.section.height * asked.start.before
+        values, place, before = prediction.values.copy(), 0, asked.toes_before
         for entry in setup.targets.entries:
             if entry.type in ("toe_runout", "no_flow"):
                 number = 0 if entry.side == "left" else 1
@@ -248,7 +252,9 @@ def _loaded(path: Path) -> Predictor:
 
 
 def readable(entry: Measured) -> bool:
-    """Whether a measurement is read on the deposit at the end."""
+    """Whether the model predicts a measurement."""
+    if entry.type in TIMED:
+        return timed(entry)
     return entry.type in READ and getattr(entry, "at", "") != "crest_points"
 
 
@@ -258,16 +264,21 @@ def _check_readable(setup: Setup) -> None:
         count = len(entry.values)
         if setup.targets.fitted[place : place + count].any() and not readable(entry):
             raise InputError(
-                f"{entry.name}: {entry.type}: the direct model knows the surface at the end alone; "
-                f"it can fit {', '.join(READ)}"
+                f"{entry.name}: {entry.type}: the direct model does not predict it; it can fit "
+                f"{', '.join(READ)}, without single points"
             )
         place += count
 
 
-def _unread(setup: Setup) -> dict[str, Reading]:
-    """Readings of what needs a history: none."""
+def _histories(asked: Asked, forecast: Forecast) -> dict[str, Reading]:
+    """Readings of what needs a history: from the arrival times, or none."""
+    setup = asked.setup
     return {
-        entry.reading_key(setup.foot): Reading(np.full(len(entry.values), np.nan))
+        entry.reading_key(setup.foot): Reading(
+            read_times(entry, forecast, asked.toes_before, setup.foot)
+            if timed(entry)
+            else np.full(len(entry.values), np.nan)
+        )
         for entry in [*setup.targets.entries, *setup.also_read]
         if entry.needs_history
     }
@@ -315,22 +326,27 @@ def _filled(asked: Asked, thickness: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.column_stack([places[column], y]), volume
 
 
-def _moved(forecast: Forecast, step: float, toes: np.ndarray, deposit: np.ndarray) -> Forecast:
+def _moved(
+    forecast: Forecast, step: float, toes: np.ndarray, deposit: np.ndarray, times: np.ndarray
+) -> Forecast:
     return replace(
         forecast,
         toes=forecast.toes + step * toes,
         thickness=forecast.thickness + step * deposit,
+        times=forecast.times + step * times,
     )
 
 
-def _std(entry: Measured, forecast: Forecast, x: np.ndarray) -> np.ndarray:
+def _std(entry: Measured, forecast: Forecast, asked: Asked) -> np.ndarray:
     """Of the numbers of one measurement, see `DirectEngine.error_std`."""
-    count, normal = len(entry.values), 1.645
+    count, x = len(entry.values), asked.section.x
+    if timed(entry):
+        return time_error_std(entry, forecast, asked.toes_before)
     if entry.type in ("toe_runout", "no_flow"):
-        return np.array([forecast.toe_interval[0 if entry.side == "left" else 1] / normal])
+        return np.array([forecast.toe_interval[0 if entry.side == "left" else 1] / NORMAL])
     along = entry.along
     if entry.type == "surface_profile" and along is not None:
-        return np.interp(along.place, x, forecast.thickness_interval) / normal
+        return np.interp(along.place, x, forecast.thickness_interval) / NORMAL
     if getattr(entry, "x_m", None) is not None:
-        return np.full(count, np.interp(entry.x_m, x, forecast.thickness_interval) / normal)
-    return np.full(count, np.median(forecast.thickness_interval[forecast.thickness > 0]) / normal)
+        return np.full(count, np.interp(entry.x_m, x, forecast.thickness_interval) / NORMAL)
+    return np.full(count, np.median(forecast.thickness_interval[forecast.thickness > 0]) / NORMAL)

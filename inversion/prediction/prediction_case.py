@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.case import SIDES, Case
+from geometry.case import Case
 from geometry.scenes.scene import Scene
+from geometry.survey.columns import SIDES
 from geometry.survey.measured import Measured, single_lengths
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets

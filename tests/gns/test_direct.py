@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from geometry.random_scenes.embankment_dam import draw_dam
 from gns.direct import runs as runs_module
+from gns.direct.arrivals import SHARES, arrivals_of
 from gns.direct.judge import calibrated, card, coarse_alone, judged
 from gns.direct.network import DirectConfig, DirectModel, features, mirrored
 from gns.direct.predictor import MODEL_FILE, Predictor, described, neighbourly
 from gns.direct.runs import Ended, PairedRun, read_runs, simulate_parts
 from gns.direct.sections import COLUMN, COLUMNS, outcome_of, places, section_of
-from gns.direct.train import SPLITS, TrainingPlan, sample_of, split_of, train
+from gns.direct.train import SPLITS, TrainingPlan, inputs, sample_of, split_of, train
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import file_hash, read_yaml
@@ -34,7 +37,10 @@ def slid(number: int) -> PairedRun:
         final = initial.copy()
         weak = np.log10(scene.materials["first_lower"].cohesion_kpa + 1.0)
         final[:, 0] += (initial[:, 0] - initial[:, 0].mean()) * 0.3 * (2.5 - weak)
-        ended.append(Ended(initial, final, 0.1, True))
+        shares = np.linspace(0.0, 1.0, 40)[:, None, None]
+        frames = initial + shares * (final - initial)  # evenly, all points alike
+        time = np.linspace(0.0, 10.0 - 2.0 * weak, 40)
+        ended.append(Ended(initial, final, 0.1, True, arrivals_of(frames, time, spacing)))
     return PairedRun(number, scene, *ended)
 
 
@@ -92,6 +98,23 @@ def test_the_mirror_image_has_mirrored_features():
     assert torch.allclose(toes, torch.tensor([[-2.5, 2.0]], dtype=toes.dtype))
 
 
+@pytest.mark.parametrize("corrected", [False, True])
+def test_the_answer_for_the_mirror_image_is_the_mirror_image(samples, corrected):
+    torch.manual_seed(2)
+    model = DirectModel(DirectConfig(corrected, SMALL.widths)).eval()
+    for parameter in model.parameters():
+        torch.nn.init.normal_(parameter, std=0.2)
+    with torch.no_grad():
+        seen, start = inputs(samples[:3], corrected=corrected)
+        one = model.both_ways(seen, start)
+        other = model.both_ways(*mirrored(seen, start, corrected=corrected))
+    assert torch.allclose(other.toes, -one.toes.flip(1), atol=1e-5)
+    assert torch.allclose(other.toe_scale, one.toe_scale.flip(1), rtol=1e-4)
+    assert torch.allclose(other.thickness, one.thickness.flip(1), atol=1e-5)
+    assert torch.allclose(other.log_times[:, [1, 0, 2]], one.log_times, atol=1e-4)
+    assert torch.allclose(other.time_scale[:, [1, 0, 2]], one.time_scale, rtol=1e-4)
+
+
 @pytest.mark.parametrize("change", ["velocity", "law", "ground"])
 def test_what_it_has_never_seen_is_refused(change):
     scene = draw_dam(0, 3, 2.0)
@@ -112,26 +135,45 @@ def test_the_deposit_keeps_the_volume_and_the_answer_has_its_derivative(section)
     model = DirectModel(SMALL)
     for parameter in model.parameters():  # some weights begin at zero
         torch.nn.init.normal_(parameter, std=0.1)
-    predictor = Predictor(model.eval(), 1.0, 1.0, described(section)[None], 1.0)
+    predictor = Predictor(model.eval(), 1.0, 1.0, 1.0, described(section)[None], 1.0)
     before = np.array([section.feet])[0]
     forecast = predictor.predict(section, before)
     volume = section.thickness.sum() * section.height
     assert forecast.thickness.sum() == pytest.approx(volume, rel=1e-5)
     tangent = np.zeros((2, *section.values.shape))
     tangent[0, 0, 0] = tangent[1, 1, 1] = 1.0
-    toes, deposit = predictor.derivative(section, before, tangent)
-    double = Predictor(DirectModel(SMALL).double().eval(), 1.0, 1.0, predictor.known, 1.0)
+    slopes = predictor.derivative(section, before, tangent)
+    units = (section.height, section.height, section.unit_s)
+    double = replace(predictor, model=DirectModel(SMALL).double().eval())
     double.model.load_state_dict(model.state_dict())
     for place in (0, 1):
         ends = []
         for sign in (1.0, -1.0):
             values = torch.as_tensor(section.values + sign * 1e-5 * tangent[place])
-            toe, _, thickness, _ = double._answer(section, before, None, values, double.model)
-            ends.append((toe.detach().numpy(), thickness.detach().numpy()))
-        for exact, which in ((toes[place], 0), (deposit[place], 1)):
-            finite = section.height * (ends[0][which] - ends[1][which]) / 2e-5
-            assert np.abs(exact).max() > 0
-            assert exact == pytest.approx(finite, rel=1e-4, abs=1e-6)
+            answer = double._answer(section, before, None, values, double.model)
+            found = (answer.toes[0], answer.thickness[0], answer.log_times[0].exp())
+            ends.append([one.detach().numpy() for one in found])
+        for slope, unit, above, below in zip(slopes, units, *ends, strict=True):
+            finite = unit * (above - below) / 2e-5
+            assert np.abs(slope[place]).max() > 0
+            assert slope[place] == pytest.approx(finite, rel=1e-4, abs=1e-6)
+
+
+def test_arrival_times_are_those_of_the_motion():
+    scene = draw_dam(0, 3, 2.0)
+    from geometry.scenes.fill import fill
+
+    start = fill(scene).position.astype(float)
+    time = np.linspace(0.0, 8.0, 81)
+    far = 40.0 * (1.0 - (1.0 - time / 8.0) ** 2)  # braked evenly: all of it goes 40 m to the right
+    frames = start + np.stack([far, np.zeros_like(far)], axis=1)[:, None]
+    found = arrivals_of(frames, time, 2.0)
+    exact = 8.0 * (1.0 - np.sqrt(1.0 - np.array(SHARES)))
+    assert found.way == pytest.approx(exact, abs=0.02)
+    assert found.toes[1] == pytest.approx(exact, abs=0.02)
+    assert np.isnan(found.toes[0]).all()  # the left toe has gone inward
+    still = arrivals_of(np.repeat(start[None], 5, axis=0), time[:5], 2.0)
+    assert np.isnan(still.toes).all() and np.isnan(still.way).all()
 
 
 def test_a_killed_training_goes_on_where_it_stopped(samples, tmp_path):
@@ -175,6 +217,11 @@ def test_training_calibration_and_card(samples, tmp_path, corrected):
     ours, theirs = (p.predict(one.section, before, coarse) for p in (predictor, kept))
     assert np.array_equal(ours.toes, theirs.toes)
     assert np.all(ours.toe_interval > 0)
+    assert np.array_equal(ours.times, theirs.times) and np.all(np.diff(ours.times) > 0)
+    assert np.all(ours.times_within > 1.0)
+    (row,) = [row for name, row in judged(predictor, fine).table().items() if name == "all"]
+    assert row["half-way time, %"] > 0 and row["duration, %"] > 0
+    assert "duration, %" not in alone.row()
 
 
 def test_a_damaged_model_is_refused(tmp_path):

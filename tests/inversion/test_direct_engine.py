@@ -10,13 +10,15 @@ import torch
 
 from diagnosis.hypotheses.engine_model import EngineModel
 from geometry.case import load_case
+from geometry.survey.toe_history import ToeHistory
 from gns.direct.network import DirectConfig, DirectModel
-from gns.direct.predictor import Predictor, described
+from gns.direct.predictor import Forecast, Predictor, described
 from gns.direct.sections import section_of
 from inversion.back_analysis import with_direct_model
 from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.direct_engine import READ, DirectEngine
+from inversion.engines.forecast_times import read_times, time_error_std
 from inversion.engines.registry import engine_named, untrained
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward
@@ -42,7 +44,9 @@ def predictor_near(section, *, corrected: bool = False) -> Predictor:
     model = DirectModel(DirectConfig(corrected, (8, 8, 8, 8)))
     for parameter in model.parameters():
         torch.nn.init.normal_(parameter, std=0.15)
-    return Predictor(model.eval().requires_grad_(False), 1.5, 1.5, described(section)[None], 1.0)
+    return Predictor(
+        model.eval().requires_grad_(False), 1.5, 1.5, 1.5, described(section)[None], 1.0
+    )
 
 
 @pytest.fixture
@@ -140,8 +144,38 @@ def test_a_fit_to_what_it_cannot_read_is_refused(setup):
     duration = next(i for i, name in enumerate(names) if "duration" in name)
     roles[duration] = "fitted"
     asked = replace(setup, targets=replace(setup.targets, roles=roles))
-    with pytest.raises(InputError, match="knows the surface at the end alone"):
+    assert np.isfinite(engine_of(setup).predict([asked.at(np.array([25.0, 32.0]))])[0].values).all()
+    entries = [
+        entry.model_copy(update={"between": (0.001, 0.95)} if "duration" in entry.name else {})
+        for entry in setup.targets.entries
+    ]
+    asked = replace(setup, targets=replace(setup.targets, roles=roles, entries=entries))
+    with pytest.raises(InputError, match="duration: slide_duration: .* does not predict it"):
         engine_of(setup).predict([asked.at(np.array([25.0, 32.0]))])
+
+
+def test_duration_and_history_are_read_on_arrival_times(setup):
+    forecast = Forecast(
+        toes=np.array([-40.0, 90.0]), toe_interval=np.array([3.29, 3.29]),
+        thickness=np.ones(3), thickness_interval=np.ones(3),
+        times=np.array([[1.0, 2.0, 3.0, 4.0, 6.0, 8.0]] * 3),
+        times_within=np.full((3, 6), np.exp(0.1645)),
+    )  # fmt: skip
+    duration = next(one for one in setup.targets.entries if one.type == "slide_duration")
+    before, foot = np.array([-10.0, 60.0]), {"left": -8.0, "right": 60.0}
+    assert read_times(duration, forecast, before, foot) == pytest.approx([5.0])
+    assert time_error_std(duration, forecast, before) == pytest.approx([0.6])
+    history = ToeHistory(
+        type="toe_history", name="toe", side="left", times_s=[0.5, 3.0, 20.0],
+        values_m=[0.0, 1.0, 2.0], std_m=1.0, source="made up", confidence="constructed",
+    )  # fmt: skip
+    # Before the slide the toe is read 2 m out; it goes 30 m.
+    expected = [2.0 + 0.5 * 0.05 * 30.0, 2.0 + 0.5 * 30.0, 32.0]
+    assert read_times(history, forecast, before, foot) == pytest.approx(expected)
+    std = time_error_std(history, forecast, before)
+    rate = 0.25 * 30.0  # a quarter of the way in a second, on both sides of 3 s
+    assert std[1] == pytest.approx(np.hypot(0.5 * 2.0, rate * 3.0 * np.sinh(0.1)), rel=1e-3)
+    assert std[2] == pytest.approx(2.0)
 
 
 def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkeypatch):

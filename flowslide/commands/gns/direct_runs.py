@@ -8,7 +8,7 @@ from pathlib import Path
 from flowslide.commands import options
 from pipeline.cli import InputError, add_common
 
-PARTS = 60
+PARTS = 130
 
 DESCRIPTION = (
     "Draw random dams and slopes and simulate each at 2 m and at 4 m spacing, for the direct "

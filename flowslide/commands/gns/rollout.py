@@ -120,7 +120,8 @@ def save(result, folder: Path, name: str) -> None:
 
 
 def _print(result) -> None:
-    from gns.evaluation.metrics import SIDES, runout
+    from geometry.survey.columns import SIDES
+    from gns.evaluation.metrics import runout
     from pipeline.table import aligned
 
     first, last = result.positions[0], result.positions[-1]
