@@ -15,6 +15,8 @@ from geometry.survey.columns import SIDES, Side, outward_of, toe
 
 #: Shares of the travel of a toe, and of the way of all soil, at which the time is taken.
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+#: Row of all soil in times of the left toe, the right toe and all soil.
+WAY = 2
 #: A toe that goes less far than this has no arrival [spacings]; soil likewise.
 LEAST_TRAVEL, LEAST_WAY = 1.0, 1e-2
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gns.direct.arrivals import SHARES
+from gns.direct.arrivals import SHARES, WAY
 from gns.direct.network import DirectModel
 from gns.direct.predictor import COVERED, Predictor, described, neighbourly
 from gns.direct.train import SPLITS, Sample, answers
@@ -192,8 +192,8 @@ def _errors(
     times = _times(samples)
     late = np.abs(log_times - np.log(times))[rows, side]
     within = np.where(np.isfinite(late), late <= log_interval[rows, side], np.nan)
-    lasts = np.exp(log_times[:, 2, _END]) - np.exp(log_times[:, 2, 0])
-    duration = times[:, 2, _END] - times[:, 2, 0]
+    lasts = np.exp(log_times[:, WAY, _END]) - np.exp(log_times[:, WAY, 0])
+    duration = times[:, WAY, _END] - times[:, WAY, 0]
     return Scores(
         np.array([one.template for one in samples]),
         np.abs(_toes(samples) - before)[rows, side] / spacing,

@@ -12,13 +12,11 @@ import numpy as np
 
 from geometry.survey.columns import SIDES, Side, outward_of
 from geometry.survey.measured import Measured
-from gns.direct.arrivals import SHARES
+from gns.direct.arrivals import SHARES, WAY
 from gns.direct.predictor import Forecast
 
 #: Types of measurement that are read on these times.
 TIMED = ("slide_duration", "toe_history")
-#: Row of all soil in the times of a forecast.
-WAY = 2
 #: Half-width of a 90 % interval over the standard deviation of a normal distribution.
 NORMAL = 1.645
 
