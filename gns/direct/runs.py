@@ -21,6 +21,7 @@ from geometry.random_scenes.embankment_dam import draw_dam
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import Scene
 from gns.direct.arrivals import Arrivals, arrivals_of
+from gns.direct.sections import check_settings
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 
@@ -114,6 +115,9 @@ def simulate_parts(
         threads: CPU threads; None: all.
         tell: called with a line for each part.
         size: scenes of a part.
+
+    Raises:
+        InputError: settings by which the runs would be others than the models are shown as.
     """
     for part in parts:
         path = part_file(folder, part)
@@ -122,6 +126,8 @@ def simulate_parts(
         began = time.perf_counter()
         numbers = range(part * size, (part + 1) * size)
         scenes = {number: random_section(config, number) for number in numbers}
+        for scene in scenes.values():
+            check_settings(scene, config.simulation)
         coarse = {number: _coarser(scene) for number, scene in scenes.items()}
         numbers = [number for number in numbers if coarse[number] is not None]
         pairs = [

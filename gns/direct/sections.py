@@ -12,6 +12,7 @@ Shapes: C columns, K layers, Z zones.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -21,6 +22,9 @@ from geometry.survey.columns import SIDES, column_height, kernel_length, toe
 from gns.data.scene_facts import check_base_physics
 from mpm_taichi.solver.water import WATER_DENSITY
 from pipeline.cli import InputError
+
+if TYPE_CHECKING:
+    from pipeline.config import SimulationSettings
 
 COLUMNS, LAYERS = 192, 8
 #: Width of a column, and half that of all columns [heights].
@@ -32,6 +36,10 @@ SAMPLES = 3
 SMOOTHING = 0.7
 #: Properties of a zone that the model sees.
 PROPERTIES = ("cohesion", "tan_friction", "density")
+#: Settings of the runs that are learned from, which the columns do not hold; those of water matter
+#: where there is water.
+LEARNED = {"initial_stress": "settled", "k0": None}
+LEARNED_OF_WATER = {"water": "pore_pressure", "water_face": "moving"}
 #: Levels of water are cut at this many heights above and below the surface.
 DEEPEST = 2.0
 
@@ -99,6 +107,22 @@ def check_known(scene: Scene) -> None:
             f"{scene.name}: ground.contact: {scene.ground.contact}; the direct model knows rough "
             "ground alone"
         )
+
+
+def check_settings(scene: Scene, settings: SimulationSettings) -> None:
+    """Refuse settings by which a run is another than those learned from.
+
+    Raises:
+        InputError: the start or the water is taken otherwise.
+    """
+    learned = {**LEARNED, **(LEARNED_OF_WATER if scene.has_water else {})}
+    for name, known in learned.items():
+        asked = getattr(settings, name)
+        if asked != known:
+            raise InputError(
+                f"{scene.name}: simulation.{name}: {asked}; the direct model knows "
+                f"{'none' if known is None else known} alone"
+            )
 
 
 def section_of(scene: Scene, gravity: float = 9.81) -> Section:

@@ -26,7 +26,15 @@ from geometry.survey.columns import outward_of
 from geometry.survey.measured import Measured, Reading
 from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
 from gns.direct.runs import COARSER
-from gns.direct.sections import Outcome, Section, outcome_of, section_of, toes_of, with_strengths
+from gns.direct.sections import (
+    Outcome,
+    Section,
+    check_settings,
+    outcome_of,
+    section_of,
+    toes_of,
+    with_strengths,
+)
 from inversion.engines.forecast_times import NORMAL, TIMED, read_times, time_error_std, timed
 from inversion.engines.run_store import KeptRun, RunStore, prediction_of
 from inversion.estimation.forward import Forward, Prediction, Request, Setup
@@ -201,6 +209,7 @@ class DirectEngine(Forward):
         strengths = all(material_key(one.property) in STRENGTHS for one in setup.parameters.specs)
         if last is not None and strengths and last.serves(setup):
             return last
+        check_settings(scene, setup.settings)
         section = section_of(scene, setup.settings.gravity_m_per_s2)
         points = fill(scene)
         initial = points.position.astype(float)

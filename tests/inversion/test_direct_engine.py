@@ -13,7 +13,7 @@ from geometry.case import load_case
 from geometry.survey.toe_history import ToeHistory
 from gns.direct.network import DirectConfig, DirectModel
 from gns.direct.predictor import Forecast, Predictor, described
-from gns.direct.sections import section_of
+from gns.direct.sections import check_settings, section_of
 from inversion.back_analysis import with_direct_model
 from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
@@ -152,6 +152,16 @@ def test_a_fit_to_what_it_cannot_read_is_refused(setup):
     asked = replace(setup, targets=replace(setup.targets, roles=roles, entries=entries))
     with pytest.raises(InputError, match="duration: slide_duration: .* does not predict it"):
         engine_of(setup).predict([asked.at(np.array([25.0, 32.0]))])
+
+
+@pytest.mark.parametrize("change", [{"water": "buoyant"}, {"k0": 0.5}, {"initial_stress": "k0"}])
+def test_a_run_by_other_settings_than_it_has_learned_is_refused(setup, change):
+    asked = replace(setup, settings=setup.settings.model_copy(update=change))
+    with pytest.raises(InputError, match=f"simulation.{next(iter(change))}: .* knows .* alone"):
+        engine_of(setup).predict([asked.at(np.array([25.0, 32.0]))])
+    dry = setup.scene.model_copy(update={"water_level": None})
+    if "water" in change:
+        check_settings(dry, asked.settings)  # without water it is all the same
 
 
 def test_duration_and_history_are_read_on_arrival_times(setup):
