@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 from diagnosis.question import CodeError, load_diagnosis_question
-from pipeline.files import read_yaml
+from pipeline.cli import InputError
+from pipeline.files import read_yaml, yaml_text
 from tests.hidden_effects.judges import digest
 
 FOLDER = "benchmarks/hidden_effects"
@@ -54,6 +56,15 @@ def test_learning_set_has_other_cases(benchmark):
     assert 24 <= learn.plan.cases <= 32
     same = {**learn.plan.model_dump(), "seed": 0, "cases": 1}
     assert same == {**benchmark.plan.model_dump(), "seed": 0, "cases": 1}
+
+
+@pytest.mark.parametrize("more", [{"things": ["drainng"]}, {"sizes": {"drainng": [(1.0, 2.0)]}}])
+def test_a_thing_that_nobody_can_hide_is_refused(tmp_path, more):
+    plan = read_yaml(Path(f"{FOLDER}/foreign_fifth.yaml"))
+    path = tmp_path / "set.yaml"
+    path.write_text(yaml_text({**plan, **more}))
+    with pytest.raises(InputError, match=f"{next(iter(more))}: 'drainng': allowed are .*draining"):
+        load_benchmark(path)
 
 
 def test_ground_is_as_the_plan_says(benchmark):

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from benchmarks.hidden_effects.foreign.hidden import THINGS
 from benchmarks.hidden_effects.foreign.slide import source
 from benchmarks.hidden_effects.making.plan import ROUND, Kind, Planned, Reach, plan
 from benchmarks.hidden_effects.making.sections import Section, load_section
@@ -244,6 +245,10 @@ def load_benchmark(text: str | Path) -> Benchmark:
     for name in wanted.effects or ():
         if name not in library:
             raise InputError(f"{path}: effects: {name!r} is unknown; known: {', '.join(library)}")
+    for key in ("things", "sizes"):
+        for name in getattr(wanted, key):
+            if name not in THINGS:
+                raise InputError(f"{path}: {key}: {name!r}: allowed are {', '.join(THINGS)}")
     outside = list(wanted.other_realisation)
     if wanted.outside is not None:
         outside += [one.name for one in load_effects_file(folder / wanted.outside)]
