@@ -26,7 +26,7 @@ from inversion.engines.finite_width import FiniteWidth
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.forward import Request, Setup
+from inversion.estimation.forward import Prediction, Request, Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Sensitivity
 from inversion.problem.state import State
@@ -314,13 +314,30 @@ class EngineModel:
                 requests[state] = self._request(state, targets)
             except InputError as error:
                 self.failures[state] = str(error)
-        predictions = self._forward.predict(list(requests.values()))
-        for state, prediction in zip(requests, predictions, strict=True):
+        for state, prediction in self._answered(requests).items():
             found[state] = prediction.values
             unread = not np.any(np.isfinite(prediction.values))
             if prediction.reason and (unread or targets is self.targets):
                 self.failures[state] = prediction.reason
         return found
+
+    def _answered(self, requests: Mapping[State, Request]) -> dict[State, Prediction]:
+        """Predictions as one batch; where the engine refuses one, of those that it does not refuse.
+
+        Raises:
+            InputError: it refuses the base model.
+        """
+        try:
+            return dict(zip(requests, self._forward.predict(list(requests.values())), strict=True))
+        except InputError as error:
+            if len(requests) > 1:
+                each = (self._answered({state: one}) for state, one in requests.items())
+                return {state: found for answer in each for state, found in answer.items()}
+            (state,) = requests
+            if not state.effects:
+                raise
+            self.failures[state] = str(error)
+            return {}
 
     def _moved_by_survey(self, state: State) -> np.ndarray:
         """What the survey's errors add to a prediction, (m,)."""

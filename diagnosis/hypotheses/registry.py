@@ -26,7 +26,8 @@ class FamilyModule:
 
     Attributes:
         module: that has them.
-        solver: only an engine that simulates water, soil and effects can say what they do.
+        solver: an engine that simulates water, soil and effects says what they do; another one
+            only of those that it sees.
         dear: its runs cost so much that it is on trial only where that is asked for.
     """
 
@@ -56,11 +57,23 @@ def assumptions_of(
             continue
         own, idle = family.module.assumptions(setup, sensitivities)
         if family.solver and not engine.effects:
-            idle = {one.candidate.name: f"{engine.description} knows no other" for one in own}
-            own = []
+            unseen = {one.candidate.name: _unseen(one, setup, engine) for one in own}
+            idle |= {name: why for name, why in unseen.items() if why}
+            own = [one for one in own if not unseen[one.candidate.name]]
         found += own
         left_out |= idle
     return found, left_out
+
+
+def _unseen(assumption: Assumption, setup: Setup, engine: Engine) -> str:
+    """Why an engine cannot say what an assumption does; empty: it can."""
+    if engine.unseen is None:
+        return f"{engine.description} knows no other"
+    try:
+        changed = assumption.change(setup, assumption.candidate.ladder[-1])
+    except InputError as error:
+        return str(error)
+    return engine.unseen(setup, changed)
 
 
 def neighbours_of(scene: Scene, name: str) -> list[str]:

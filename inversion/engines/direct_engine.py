@@ -267,6 +267,23 @@ def readable(entry: Measured) -> bool:
     return entry.type in READ and getattr(entry, "at", "") != "crest_points"
 
 
+def unseen(before: Setup, after: Setup) -> str:
+    """Why the models have no answer to a changed setup, or the same one; empty: they have one."""
+    sections = []
+    try:
+        for setup in (before, after):
+            check_settings(setup.scene, setup.settings)
+            sections.append(section_of(setup.scene, setup.settings.gravity_m_per_s2))
+    except InputError as error:
+        return str(error).removeprefix(f"{setup.scene.name}: ")
+    if before.scene.ground != after.scene.ground:
+        return "the direct model has learned from level and evenly sloping ground alone"
+    own, other = sections
+    if all(np.array_equal(getattr(own, name), getattr(other, name)) for name in vars(own)):
+        return "the direct model does not see it"
+    return ""
+
+
 def _check_readable(setup: Setup) -> None:
     place = 0
     for entry in setup.targets.entries:

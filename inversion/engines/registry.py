@@ -40,8 +40,11 @@ class Engine:
         store: the store that its runs need, from the folder of a case, a setup and a plain store,
             or an `InputError`; None: the plain one.
         trained: it needs a trained model, whose folder its back-analysis is given.
-        effects: it simulates the physical effects of a scene.
+        effects: it simulates the physical effects of a scene, and whatever may be assumed of its
+            soils, its water and its ground.
         reads: whether it can predict a measurement.
+        unseen: of an engine without effects: why it has no answer to a changed setup, or the same
+            as to the setup before; empty: it has one. None: it knows sections and surveys alone.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Engine:
     trained: bool = False
     effects: bool = True
     reads: Callable[[Measured], bool] = lambda entry: True
+    unseen: Callable[[Setup, Setup], str] | None = None
 
     def store_of(self, folder: Path, setup: Setup, plain: RunStore) -> RunStore:
         """The store of its runs for a case.
@@ -91,6 +95,12 @@ def _on_the_deposit(entry: Measured) -> bool:
     from inversion.engines.direct_engine import readable
 
     return readable(entry)
+
+
+def _unseen_by_columns(before: Setup, after: Setup) -> str:
+    from inversion.engines.direct_engine import unseen
+
+    return unseen(before, after)
 
 
 _engines: dict[str, Engine] = {}
@@ -190,6 +200,7 @@ register_engine(
         forward=partial(_shipped, "direct"),
         effects=False,
         reads=_on_the_deposit,
+        unseen=_unseen_by_columns,
     )
 )
 register_engine(
@@ -202,5 +213,6 @@ register_engine(
         forward=partial(_shipped, "corrected"),
         effects=False,
         reads=_on_the_deposit,
+        unseen=_unseen_by_columns,
     )
 )

@@ -88,6 +88,46 @@ def test_a_diagnosis_asks_it_for_nothing_that_it_cannot_read(setup):
     assert not {"remoulding", "shaking"} & {one.name for one in model.candidates}
 
 
+def test_a_diagnosis_puts_on_trial_what_it_sees_and_nothing_else(setup):
+    engine = engine_of(setup)
+    known = replace(engine_named("direct"), forward=lambda store: engine)
+    model = EngineModel(setup, engine.store, engine=known)
+    state = State(tuple(float(value) for value in setup.parameters.start))
+    on_trial = [one for one in model.candidates if one.family in ("soil", "water")]
+    assert {"no_water", "drawdown"} < {one.name for one in on_trial}
+    base, *moved = model.predict(
+        [state, *(state.with_effects({one.name: one.ladder[-1]}) for one in on_trial)]
+    )
+    for one, row in zip(on_trial, moved, strict=True):
+        assert np.nanmax(np.abs(row - base)) > 0.0, one.name
+    reasons = {
+        "stiffness": "does not see it", "bump_near": "level and evenly sloping ground",
+        "bonded_base": "knows rough ground", "lateral_stress": "knows none alone",
+        "water_as_weight": "knows pore_pressure", "lower_layer": "effects: strength_contrast is on",
+    }  # fmt: skip
+    for begin, why in reasons.items():
+        names = [name for name in model.left_out if name.startswith(begin)]
+        assert names and all(why in model.left_out[name] for name in names), begin
+
+
+def test_a_hypothesis_that_it_refuses_is_no_answer_and_stops_nothing(setup):
+    engine = engine_of(setup)
+    known = replace(engine_named("direct"), forward=lambda store: engine)
+    model = EngineModel(setup, engine.store, engine=known)
+    state = State(tuple(float(value) for value in setup.parameters.start))
+    base_section = section_of(setup.at(np.array(state.values)).scene)
+    # All but the base model is far outside its training.
+    near = replace(engine.predictor, known=described(base_section)[None], unit=1e-6)
+    engine.predictor = near
+    other = state.with_effects({"no_water": 1.0})
+    base, gone = model.predict([state, other])
+    assert np.isfinite(base).any() and np.isnan(gone).all()
+    assert "from the training" in model.failures[other]
+    engine.predictor = replace(near, known=near.known + 1.0)
+    with pytest.raises(InputError, match="from the training"):
+        model.predict([state, other])
+
+
 def test_what_strengths_do_not_change_is_taken_over_and_nothing_else(setup):
     engine, alone = engine_of(setup), engine_of(setup)
     first, second = (setup.at(np.array([s, 30.0 + 0.1 * s])) for s in (10.0, 40.0))
