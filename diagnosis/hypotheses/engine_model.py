@@ -19,7 +19,7 @@ from diagnosis.hypotheses.assumption import possible, with_setting
 from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
 from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.possible_measurements import possible_measurements, proposal_of
-from diagnosis.hypotheses.registry import assumptions_of, neighbours_of, placed_at
+from diagnosis.hypotheses.registry import assumptions_of, neighbours_of, placed_at, unseen_by
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import scene_from_mapping
 from inversion.engines.finite_width import FiniteWidth
@@ -203,7 +203,7 @@ class EngineModel:
 
     def neighbours(self, name: str) -> list[str]:
         """See `Seeking`."""
-        return neighbours_of(self.setup.scene, name) if self.engine.effects else []
+        return neighbours_of(self.setup.scene, name)
 
     def add_placed(self, name: str, *, choices: int = 1) -> Candidate | None:
         """Put a thing that is called after its place on trial.
@@ -215,8 +215,10 @@ class EngineModel:
         Returns:
             its candidate; None where it is no such name, or there is no such section.
         """
-        one = placed_at(self.setup.scene, name) if self.engine.effects else None
+        one = placed_at(self.setup.scene, name)
         if one is None or not possible(one, self.setup, one.candidate.ladder[-1]):
+            return None
+        if unseen_by(self.engine, one, self.setup):
             return None
         self._assumptions[name] = one
         candidate = self._with_prior(replace(one.candidate, choices=choices))

@@ -56,8 +56,8 @@ def assumptions_of(
         if family.dear and not dear:
             continue
         own, idle = family.module.assumptions(setup, sensitivities)
-        if family.solver and not engine.effects:
-            unseen = {one.candidate.name: _unseen(one, setup, engine) for one in own}
+        if family.solver:
+            unseen = {one.candidate.name: unseen_by(engine, one, setup) for one in own}
             idle |= {name: why for name, why in unseen.items() if why}
             own = [one for one in own if not unseen[one.candidate.name]]
         found += own
@@ -65,8 +65,10 @@ def assumptions_of(
     return found, left_out
 
 
-def _unseen(assumption: Assumption, setup: Setup, engine: Engine) -> str:
+def unseen_by(engine: Engine, assumption: Assumption, setup: Setup) -> str:
     """Why an engine cannot say what an assumption does; empty: it can."""
+    if engine.effects:
+        return ""
     if engine.unseen is None:
         return f"{engine.description} knows no other"
     try:

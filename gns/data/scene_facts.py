@@ -9,7 +9,7 @@ Shapes: N material points, P vertices of the ground, L of the phreatic line.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -288,20 +288,20 @@ def _thrusts(scene: Scene, settings: SimulationSettings) -> bool:
     return scene.head_falls and settings.water == "pore_pressure"
 
 
-def check_base_physics(scene: Scene, model: str) -> None:
+def check_base_physics(scene: Scene, model: str, *, known: Collection[str] = ()) -> None:
     """Refuse effects and other material laws, of which no learned model knows.
 
     Args:
         scene: the section.
         model: words for what would answer.
+        known: effects that it knows all the same.
 
     Raises:
         InputError: one line.
     """
-    if on := effects_on(scene):
+    if on := [one.effect.name for one in effects_on(scene) if one.effect.name not in known]:
         raise InputError(
-            f"{scene.name}: effects: {on[0].effect.name} is on; {model} knows the base physics "
-            "alone"
+            f"{scene.name}: effects: {on[0]} is on; {model} knows the base physics alone"
         )
     if scene.law != MOHR_COULOMB:
         raise InputError(f"{scene.name}: law: {scene.law}; {model} knows {MOHR_COULOMB} alone")

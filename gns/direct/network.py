@@ -93,8 +93,8 @@ def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Ten
     thickness, water, share = stacked("thickness"), stacked("water"), stacked("zone_share")
     sat = stacked("saturated")
     mean_density = torch.as_tensor([one.density for one in sections]).to(values)[:, None, None]
-    held = torch.einsum("bckz,bzp->bpck", share, values)
-    cohesion, friction, density = held[:, 0], held[:, 1], held[:, 2]
+    cohesion = torch.einsum("bckz,bz->bck", stacked("strength_share"), values[..., 0])
+    friction, density = torch.einsum("bckz,bzp->pbck", share, values[..., 1:])
     swell = torch.einsum("bckz,bz->bck", share, sat)
     middle = (torch.arange(LAYERS).to(values) + 0.5) / LAYERS
     step = thickness[..., None] / LAYERS

@@ -201,10 +201,12 @@ def described(section: Section) -> np.ndarray:
     """
     soil = section.thickness > 0.0
     depth = section.thickness[soil]
-    held = np.einsum("ckz,zp->ckp", section.zone_share[soil], section.values)
-    cover = depth[:, None] * (1.0 - (np.arange(held.shape[1]) + 0.5) / held.shape[1])
-    weight = depth[:, None] * np.ones(held.shape[1])
-    strength = np.maximum(held[..., 0] + 0.7 * held[..., 1] * cover, 2e-3)
+    cohesion = np.einsum("ckz,z->ck", section.strength_share[soil], section.values[:, 0])
+    friction = np.einsum("ckz,z->ck", section.zone_share[soil], section.values[:, 1])
+    layers = friction.shape[1]
+    cover = depth[:, None] * (1.0 - (np.arange(layers) + 0.5) / layers)
+    weight = depth[:, None] * np.ones(layers)
+    strength = np.maximum(cohesion + 0.7 * friction * cover, 2e-3)
     weakest = np.quantile(strength, 0.1)
     x = places()
     peak = x[soil][depth > 0.95 * depth.max()]
@@ -222,7 +224,7 @@ def described(section: Section) -> np.ndarray:
             np.log(np.average(strength, weights=weight)) * 1.5,
             np.log(strength[:, 0].mean()) * 1.2,
             np.log(weakest),
-            np.average(held[..., 1], weights=weight) * 4.0,
+            np.average(friction, weights=weight) * 4.0,
             (section.density - 1.9) * 4.0,
             wet.mean() * 1.5,
             (water[0] - water[-1]) * 1.5,

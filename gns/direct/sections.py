@@ -20,6 +20,7 @@ import shapely
 from geometry.scenes.scene import Scene
 from geometry.survey.columns import SIDES, column_height, kernel_length, toe
 from gns.data.scene_facts import check_base_physics
+from mpm_taichi.effects import effects_on, liquefied_zones
 from mpm_taichi.solver.water import WATER_DENSITY
 from pipeline.cli import InputError
 
@@ -40,6 +41,8 @@ PROPERTIES = ("cohesion", "tan_friction", "density")
 #: where there is water.
 LEARNED = {"initial_stress": "settled", "k0": None}
 LEARNED_OF_WATER = {"water": "pore_pressure", "water_face": "moving"}
+#: Effects that the columns hold: a factor on the strength of the liquefied soil at each place.
+FIELDS = ("strength_contrast",)
 #: Levels of water are cut at this many heights above and below the surface.
 DEEPEST = 2.0
 
@@ -58,6 +61,8 @@ class Section:
         water: level of the water over the ground, (C,) [heights]; -DEEPEST where there is none.
         wall: 1 beyond a wall, (C,).
         zone_share: (C, K, Z), of each layer from the lowest; sums to 1 where there is soil.
+        strength_share: the same times the factor by which the strength of the zone differs there,
+            where an effect of FIELDS is on.
         values: of the zones (Z, 3), see PROPERTIES: [rho g height], -, [mean density].
         saturated: density under water over that above it, (Z,).
         density: mean over that of water.
@@ -75,6 +80,7 @@ class Section:
     water: np.ndarray
     wall: np.ndarray
     zone_share: np.ndarray
+    strength_share: np.ndarray
     values: np.ndarray
     saturated: np.ndarray
     density: float
@@ -95,9 +101,10 @@ def check_known(scene: Scene) -> None:
     """Refuse what the model has never seen.
 
     Raises:
-        InputError: effects, another law, soil that moves at t = 0, a ground of its own friction.
+        InputError: other effects than FIELDS, another law, soil that moves at t = 0, a ground of
+            its own friction.
     """
-    check_base_physics(scene, "the direct model")
+    check_base_physics(scene, "the direct model", known=FIELDS)
     if any(any(zone.initial_velocity) for zone in scene.zones):
         raise InputError(
             f"{scene.name}: initial_velocity: the direct model knows soil at rest alone"
@@ -145,6 +152,8 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     thickness = np.zeros(COLUMNS)
     offsets = ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5) * COLUMN * height
     share = np.zeros((COLUMNS, LAYERS, len(polygons)))
+    strong = np.zeros_like(share)
+    factors = _Factors(scene)
     rows = (np.arange(LAYERS * SAMPLES) + 0.5) / (LAYERS * SAMPLES)
     for shift in offsets:
         at = x + shift
@@ -154,12 +163,18 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         columns = np.flatnonzero(depth > 0.0)
         grid_x = np.repeat(at[columns], len(rows))
         grid_y = (base[columns, None] + depth[columns, None] * rows).ravel()
+        factor = factors.at(grid_x, grid_y)
         for number, polygon in enumerate(polygons):
             held = shapely.contains_xy(polygon, grid_x, grid_y)
-            layers = held.reshape(len(columns), LAYERS, SAMPLES).sum(axis=2)
-            share[columns, :, number] += layers
+            share[columns, :, number] += _of_layers(held)
+            if factors.acts_in(number):
+                strong[columns, :, number] += _of_layers(held * factor)
+            else:
+                strong[columns, :, number] += _of_layers(held)
     total = share.sum(axis=2, keepdims=True)
-    share = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
+    share, strong = (
+        np.divide(one, total, out=np.zeros_like(one), where=total > 0) for one in (share, strong)
+    )
     inside &= thickness > 0.0
     level = scene.phreatic_level(x)
     water = np.clip((level - ground) / height, -DEEPEST, DEEPEST)
@@ -183,12 +198,39 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         water=water,
         wall=wall.astype(float),
         zone_share=share,
+        strength_share=strong,
         values=np.column_stack([_strengths(scene, unit), spans]),
         saturated=np.array([(one.saturated_density or one.density) / one.density
                             for one in materials]),
         density=density / WATER_DENSITY,
         spacing=scene.spacing / height,
     )  # fmt: skip
+
+
+class _Factors:
+    """By what effects of FIELDS multiply the strength of a scene's liquefied soil."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._on = effects_on(scene)
+        liquefied = liquefied_zones(scene) if self._on else ()
+        self._zones = {n for n, zone in enumerate(scene.zones) if zone.name in liquefied}
+
+    def acts_in(self, zone: int) -> bool:
+        """Whether a zone, by its place in the scene, has another strength somewhere."""
+        return zone in self._zones
+
+    def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The factor in liquefied soil at places (N,) [m], (N,)."""
+        place, factor = np.column_stack([x, y]), np.ones(len(x))
+        for one in self._on if len(x) else ():
+            factor *= one.field_of(self.scene, place)
+        return factor
+
+
+def _of_layers(held: np.ndarray) -> np.ndarray:
+    """Sums over the samples of each layer, (columns, LAYERS), of those of all columns."""
+    return held.reshape(-1, LAYERS, SAMPLES).sum(axis=2)
 
 
 def with_strengths(section: Section, scene: Scene) -> Section:

@@ -115,6 +115,26 @@ def test_the_answer_for_the_mirror_image_is_the_mirror_image(samples, corrected)
     assert torch.allclose(other.time_scale[:, [1, 0, 2]], one.time_scale, rtol=1e-4)
 
 
+def test_a_stronger_part_is_seen_where_it_lies():
+    scene = draw_dam(0, 3, 2.0)
+    zone = next(z for z in scene.zones if scene.materials[z.material].liquefied)
+    left, right = (end(x for x, _ in zone.polygon) for end in (min, max))
+    middle, half = 0.5 * (left + right), 0.25 * (right - left)
+    entry = {"amplitude": 0.7, "x_m": middle, "half_width_m": half, "edge": 0.01}
+    section = section_of(scene.changed(effects={"strength_contrast": entry}))
+    plain = section_of(scene)
+    assert np.array_equal(section.zone_share, plain.zone_share)
+    number = scene.zones.index(zone)
+    held = plain.zone_share[..., number] > 0.0
+    factor = (section.strength_share / np.maximum(plain.zone_share, 1e-9))[..., number]
+    away, width = np.abs(section.x - middle) / half, COLUMN * section.height / half
+    inner, outer = held & (away < 1.0 - width)[:, None], held & (away > 1.0 + width)[:, None]
+    assert inner.any() and np.allclose(factor[inner], np.exp(0.7), rtol=1e-3)
+    assert outer.any() and np.allclose(factor[outer], 1.0)
+    dry = [n for n, z in enumerate(scene.zones) if not scene.materials[z.material].liquefied]
+    assert np.array_equal(section.strength_share[..., dry], plain.zone_share[..., dry])
+
+
 @pytest.mark.parametrize("change", ["velocity", "law", "ground"])
 def test_what_it_has_never_seen_is_refused(change):
     scene = draw_dam(0, 3, 2.0)

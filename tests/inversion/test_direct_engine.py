@@ -93,8 +93,10 @@ def test_a_diagnosis_puts_on_trial_what_it_sees_and_nothing_else(setup):
     known = replace(engine_named("direct"), forward=lambda store: engine)
     model = EngineModel(setup, engine.store, engine=known)
     state = State(tuple(float(value) for value in setup.parameters.start))
-    on_trial = [one for one in model.candidates if one.family in ("soil", "water")]
-    assert {"no_water", "drawdown"} < {one.name for one in on_trial}
+    on_trial = [one for one in model.candidates if one.family in ("soil", "water", "strength")]
+    assert {"no_water", "drawdown", "lower_layer"} < {one.name for one in on_trial}
+    (part, *_) = model.neighbours("lower_layer")
+    assert model.add_placed(part) and not model.add_placed("bump_17_m_before_the_left_foot")
     base, *moved = model.predict(
         [state, *(state.with_effects({one.name: one.ladder[-1]}) for one in on_trial)]
     )
@@ -103,7 +105,7 @@ def test_a_diagnosis_puts_on_trial_what_it_sees_and_nothing_else(setup):
     reasons = {
         "stiffness": "does not see it", "bump_near": "level and evenly sloping ground",
         "bonded_base": "knows rough ground", "lateral_stress": "knows none alone",
-        "water_as_weight": "knows pore_pressure", "lower_layer": "effects: strength_contrast is on",
+        "water_as_weight": "knows pore_pressure", "shaking": "has no such effect",
     }  # fmt: skip
     for begin, why in reasons.items():
         names = [name for name in model.left_out if name.startswith(begin)]
