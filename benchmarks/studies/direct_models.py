@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot as plt
 
+from benchmarks.studies import learned_screening
 from gns.direct.judge import FAR
 from gns.direct.predictor import MODEL_FILE, Predictor
 from gns.direct.sections import places
@@ -58,6 +59,7 @@ def main() -> None:
     pictures.mkdir(parents=True, exist_ok=True)
     _draw_runouts(samples, models, pictures / "runout.png")
     _draw_deposits(samples, models, pictures / "deposits.png")
+    learned_screening.draw(pictures / "screening.png")
     write_text(Path(arguments.page), page(cards))
 
 
@@ -118,7 +120,7 @@ def page(cards: dict[str, dict]) -> str:
     for name, table in rows.items():
         own = {key: row for key, row in table.items() if key != "all"}
         lines += [_table(own, name), ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, learned_screening.shown()])
 
 
 def _table(rows: dict[str, dict[str, float]], title: str) -> str:
