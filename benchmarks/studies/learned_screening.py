@@ -47,9 +47,9 @@ PARTS, LEAST = ("_layer", "_stretch", "_block"), 0.02
 SHOWN = """## Screening for a diagnosis
 
 May the direct model do the first run of each screened hypothesis of a diagnosis? It was asked
-for those of the first {cases} blind cases of all families
-(`benchmarks/hidden_effects/screening.yaml`), at the fit of the base model and with the covariance
-of the solver's diagnosis. **No**: it costs more than it saves.
+for those of {cases} blind cases of all families (`benchmarks/hidden_effects/screening.yaml`), at
+the fit of the base model and with the covariance of the solver's diagnosis. **No**: it costs more
+than it saves.
 
     plan=benchmarks/hidden_effects/screening.yaml
     python -m benchmarks.hidden_effects make --benchmark $plan --out results/screening

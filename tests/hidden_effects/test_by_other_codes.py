@@ -60,11 +60,24 @@ def test_learning_set_has_other_cases(benchmark):
 
 @pytest.mark.parametrize("more", [{"things": ["drainng"]}, {"sizes": {"drainng": [(1.0, 2.0)]}}])
 def test_a_thing_that_nobody_can_hide_is_refused(tmp_path, more):
-    plan = read_yaml(Path(f"{FOLDER}/foreign_fifth.yaml"))
-    path = tmp_path / "set.yaml"
-    path.write_text(yaml_text({**plan, **more}))
     with pytest.raises(InputError, match=f"{next(iter(more))}: 'drainng': allowed are .*draining"):
-        load_benchmark(path)
+        load_benchmark(_changed(tmp_path, "foreign_fifth", **more))
+
+
+def _changed(folder, name, **changes):
+    """A plan that ships, changed, where its sections are found."""
+    plan = read_yaml(Path(f"{FOLDER}/{name}.yaml"))
+    (folder / "sections").symlink_to(Path(f"{FOLDER}/sections").resolve())
+    path = folder / "set.yaml"
+    path.write_text(yaml_text({**plan, **changes}))
+    return path
+
+
+def test_codes_that_know_water_as_weight_alone_are_not_judged_by_its_pressure(tmp_path):
+    with pytest.raises(InputError, match="weight alone, .* not so in reservoir_dam"):
+        load_benchmark(_changed(tmp_path, "foreign_fifth", water="pore_pressure"))
+    level = load_benchmark(f"{FOLDER}/screening.yaml")
+    assert level.plan.water == "pore_pressure" and level.plan.sources
 
 
 def test_ground_is_as_the_plan_says(benchmark):

@@ -259,6 +259,12 @@ def load_benchmark(text: str | Path) -> Benchmark:
         name: coarser(load_section(folder / "sections" / name), wanted.spacing_factor, str(path))
         for name in wanted.sections
     }
+    pushing = [name for name, one in sections.items() if one.scene.head_falls]
+    if wanted.sources and wanted.water != "buoyant" and pushing:
+        raise InputError(
+            f"{path}: water: {wanted.water}: slides of other codes have water as weight alone, "
+            f"which is the same where it is level; not so in {', '.join(pushing)}"
+        )
     everywhere = [name for name, one in effects().items() if not one.place]
     inside = [name for name in wanted.effects or everywhere if name not in outside]
     return Benchmark(wanted, sections, inside, outside)
