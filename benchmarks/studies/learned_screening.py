@@ -63,7 +63,7 @@ than it saves.
   more it would screen out {large_lost}. The rank correlation of both is {rank:.2f}: small
   differences between two slides are within its error, those of parts of a zone above all.
 - It takes {learned:.0f} ms where the solver takes {solver:.0f} at the spacing of these cases, and
-  so saves {saved:.1f} s of a diagnosis that takes one to three minutes.
+  so saves {saved:.1f} s of a diagnosis that takes 11 to 76 s.
 
 A diagnosis goes on screening by the solver. By the direct model *alone* (`--engine direct`) its
 error is part of the covariance, so that what it cannot see is not named.
