@@ -71,7 +71,7 @@ class Sample:
 class TrainingPlan:
     """How long and how fast."""
 
-    steps: int = 8000
+    steps: int = 10000
     batch: int = 32
     rate: float = 2e-3
     warmup: int = 200

@@ -8,7 +8,7 @@ from pathlib import Path
 from flowslide.commands import options
 from pipeline.cli import add_common
 
-STEPS = 8000
+STEPS = 10000
 
 DESCRIPTION = (
     "Learn the deposit of a section in one pass, without stepping; calibrate the intervals, judge "
