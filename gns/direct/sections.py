@@ -38,7 +38,7 @@ SMOOTHING = 0.7
 #: Properties of a zone that the model sees.
 PROPERTIES = ("cohesion", "tan_friction", "density")
 #: Settings of the runs that are learned from, which the columns do not hold; those of water matter
-#: where there is water.
+#: where its level falls: pressure and reduced weight are one elsewhere.
 LEARNED = {"initial_stress": "settled", "k0": None}
 LEARNED_OF_WATER = {"water": "pore_pressure", "water_face": "moving"}
 #: Effects that the columns hold: a factor on the strength of the liquefied soil at each place.
@@ -122,7 +122,7 @@ def check_settings(scene: Scene, settings: SimulationSettings) -> None:
     Raises:
         InputError: the start or the water is taken otherwise.
     """
-    learned = {**LEARNED, **(LEARNED_OF_WATER if scene.has_water else {})}
+    learned = {**LEARNED, **(LEARNED_OF_WATER if scene.head_falls else {})}
     for name, known in learned.items():
         asked = getattr(settings, name)
         if asked != known:
