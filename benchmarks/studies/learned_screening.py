@@ -14,7 +14,7 @@ in `learned_screening.json`, and shown by `benchmarks.studies.direct_models`.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -147,23 +147,17 @@ def promised(
 
 def figures(found: Sequence[Screened]) -> dict[str, float]:
     """Numbers of all cases together."""
-    pairs = [
-        (one.solver[name], one.learned[name])
-        for one in found
-        for name in one.solver
-        if name in one.learned
-    ]
-    solver, learned = np.array(pairs).T
+    solver, learned = _promises(found)
     kept = solver >= PROMISE
-    sizes = [(one.runs, one.hypotheses, one.screened, one.seen) for one in found if one.seen]
-    _, hypotheses, in_all, seen = np.mean(sizes, axis=0)
+    sizes = [(one.hypotheses, one.screened, one.seen) for one in found if one.seen]
+    hypotheses, in_all, seen = np.mean(sizes, axis=0)
     return {
         "cases": len(found),
         "cases that it reads": len(sizes),
         "on trial": hypotheses,
         "screened": in_all,
         "seen": seen,
-        "pairs": len(pairs),
+        "pairs": len(solver),
         "kept by the solver": int(kept.sum()),
         "kept by both": int((kept & (learned >= PROMISE)).sum()),
         "kept by the model alone": int((~kept & (learned >= PROMISE)).sum()),
@@ -175,15 +169,33 @@ def figures(found: Sequence[Screened]) -> dict[str, float]:
     }
 
 
+def _promises(
+    found: Sequence[Screened], of: Callable[[str], bool] = lambda name: True
+) -> np.ndarray:
+    """Falls (2, n) that the solver and the model promise, of hypotheses of some names."""
+    pairs = [
+        (one.solver[name], one.learned[name])
+        for one in found
+        for name in one.solver
+        if name in one.learned and of(name)
+    ]
+    return np.array(pairs).T
+
+
+def _kept() -> list[Screened]:
+    """Cases that were screened."""
+    return [Screened(**one) for one in read_json(RECORD)] if RECORD.exists() else []
+
+
 def _mean_time(found: Sequence[Screened], which: str) -> float:
     return sum(getattr(one, which) for one in found) / max(sum(one.seen for one in found), 1)
 
 
 def shown() -> str:
     """Section of the record of the direct models; none where nothing was screened."""
-    if not RECORD.exists():
+    found = _kept()
+    if not found:
         return ""
-    found = [Screened(**one) for one in read_json(RECORD)]
     value = figures(found)
     saved = value["seen"] * (value["solver, ms"] - value["learned, ms"]) / 1000.0
     return SHOWN.format(
@@ -199,19 +211,14 @@ def shown() -> str:
 
 def draw(path: Path) -> None:
     """Promised falls by both, of all hypotheses."""
-    found = [Screened(**one) for one in read_json(RECORD)]
+    found = _kept()
     figure, axis = plt.subplots(figsize=(4.6, 4.3))
     for parts, label, colour in (
         (True, "parts of the liquefied soil", "#c26a2d"),
         (False, "soils, water, start", "#3b6ea5"),
     ):
-        pairs = [
-            (one.solver[name], one.learned[name])
-            for one in found
-            for name in one.solver
-            if name in one.learned and name.endswith(PARTS) == parts
-        ]
-        axis.plot(*(np.array(pairs).T + LEAST), "o", markersize=3.5, color=colour, label=label)
+        falls = _promises(found, lambda name, parts=parts: name.endswith(PARTS) == parts)
+        axis.plot(*(falls + LEAST), "o", markersize=3.5, color=colour, label=label)
     axis.axhline(PROMISE, color="0.6", linewidth=0.8)
     axis.axvline(PROMISE, color="0.6", linewidth=0.8)
     axis.set(
@@ -229,7 +236,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = base_parser("python -m benchmarks.studies.learned_screening", __doc__.split("\n")[0])
     parser.add_argument("--cases", default="results/screening", metavar="DIR")
     folder = Path(parser.parse_args(argv).cases)
-    found = {one["case"]: Screened(**one) for one in (read_json(RECORD) if RECORD.exists() else [])}
+    found = {one.case: one for one in _kept()}
     for name in sorted(path.name for path in (folder / "cases").iterdir()):
         if name not in found:
             found[name] = screened(folder, name)
