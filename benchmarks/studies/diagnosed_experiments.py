@@ -168,6 +168,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--page", action="store_true", help="only renew the page")
     options = parser.parse_args(argv)
+    version = code_version()  # before the record itself changes
     for name in [] if options.page else options.cases:
         folder = FOLDER / name
         verdict = flowslide.diagnose(CASES / name, out=folder, spacing_m=options.spacing,
@@ -177,7 +178,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{name}: {kept['verdict']} {kept['named']} ({kept['judged']})", flush=True)
         cases = _stored()["cases"] | {name: kept}
         ordered = {each: cases[each] for each in EXPERIMENTS if each in cases}
-        write_json(RECORD, {"code_version": code_version(), "cases": ordered})
+        write_json(RECORD, {"code_version": version, "cases": ordered})
     renew(PAGE, experiments=shown(_stored()))
     return 0
 
