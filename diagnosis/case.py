@@ -225,10 +225,10 @@ def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Pa
         entries = [entry.without_hold_out() for entry in entries]
     targets = make_targets(entries, fit=None, loss="misfit", source=str(folder / MEASUREMENTS_FILE))
     try:
-        split(targets, question.held_out)
+        fitted = split(targets, question.held_out).fitted
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    return targets
+    return replace(targets, limits_alone=bool(targets.censored[fitted].all()))
 
 
 def _check_freedom(

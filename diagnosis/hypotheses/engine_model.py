@@ -42,6 +42,8 @@ RATES = (-2.0, 1.0)
 STRAINS = (0.0, 2.0)
 #: Duration of a slide in times of a fall from the section's height.
 FALLS = 6.0
+#: Strengths that are tried at a time where a limit of flow is looked for.
+LEVELS = 7
 
 
 @dataclass(frozen=True)
@@ -121,15 +123,65 @@ class EngineModel:
 
     # --- what the statistics see ---
 
-    @property
+    @cached_property
     def parameters(self) -> Parameters:
-        """The calibrated parameters."""
-        return self.setup.parameters
+        """The calibrated parameters; of limits alone the first guess is near that of flow."""
+        own = self.setup.parameters
+        if self._limit is None:
+            return own
+        start = self._multiplied(self._limit[1])
+        return Parameters([
+            spec.model_copy(update={"start": value})
+            for spec, value in zip(own.specs, start.tolist(), strict=True)
+        ])  # fmt: skip
 
-    @property
+    @cached_property
     def targets(self) -> Targets:
-        """The measurements."""
-        return self.setup.targets
+        """The measurements; of limits alone that which is broken first counts as measured."""
+        targets = self.setup.targets
+        return targets if self._limit is None else replace(targets, met=self._limit[0])
+
+    @cached_property
+    def _limit(self) -> tuple[int, float] | None:
+        """Of limits alone that which the strongest soil that runs breaks, and that strength.
+
+        The strength is a multiple of the first guess. None: other things were measured as well, no
+        strength is unknown, or nothing runs at any that is believed.
+        """
+        own = self.setup.parameters
+        strengths = own.strengths
+        if not self.setup.targets.limits_alone or not strengths.any():
+            return None
+        weak = float(np.min((own.low / own.start)[strengths]))
+        strong = float(np.max((own.high / own.start)[strengths]))
+        first = None
+        for _ in range(2):  # all that is believed, then between two levels of that
+            factors = np.geomspace(weak, strong, LEVELS)
+            excess = self._excess([self._multiplied(factor) for factor in factors])
+            runs = np.flatnonzero((excess > 0.0).any(axis=1))
+            if not len(runs):
+                return None
+            last = int(runs[-1])
+            first = int(np.argmax(excess[last])), float(factors[last])
+            weak, strong = factors[last], factors[min(last + 1, LEVELS - 1)]
+        return first
+
+    def _multiplied(self, factor: float) -> np.ndarray:
+        """The question's first guess (p,) with its strengths multiplied."""
+        own = self.setup.parameters
+        return own.clipped(own.start * np.where(own.strengths, factor, 1.0))
+
+    def _excess(self, values: Sequence[np.ndarray]) -> np.ndarray:
+        """Predictions over the fitted limits [std], (n, m), at values of the parameters.
+
+        Minus infinity of what is no limit, and where a run failed.
+        """
+        targets = self.setup.targets
+        states = [State(tuple(one.tolist())) for one in values]
+        found = self._read_all(list(dict.fromkeys(states)), targets)
+        rows = np.array([found[state] for state in states])
+        excess = (rows - targets.measured) / np.sqrt(np.diag(targets.covariance))
+        return np.where(targets.fitted & np.isfinite(excess), excess, -np.inf)
 
     @property
     def runs(self) -> int:
@@ -197,7 +249,7 @@ class EngineModel:
     @property
     def _first(self) -> State:
         """The question's first guess, which every calibration begins with."""
-        return State(tuple(float(value) for value in self.parameters.start))
+        return State(tuple(float(value) for value in self.setup.parameters.start))
 
     # --- what is called after its place ---
 
@@ -256,7 +308,7 @@ class EngineModel:
         for name, one in self._assumptions.items():
             if name in acting:
                 setup = one.change(setup, acting.pop(name))
-        scene = self.parameters.scene(setup.scene, np.array(state.values))
+        scene = self.setup.parameters.scene(setup.scene, np.array(state.values))
         changes: dict = {}
         if acting:
             changes["effects"] = {**scene.effects, **self._entries(acting)}
@@ -301,7 +353,7 @@ class EngineModel:
         Raises:
             InputError: there is no such section.
         """
-        both = (*self.targets.entries, *self._possible.entries)
+        both = (*self.setup.targets.entries, *self._possible.entries)
         setup = replace(self.setup_of(state), targets=targets, also_read=both)
         return setup.at(np.array(state.values))
 
@@ -319,7 +371,7 @@ class EngineModel:
         for state, prediction in self._answered(requests).items():
             found[state] = prediction.values
             unread = not np.any(np.isfinite(prediction.values))
-            if prediction.reason and (unread or targets is self.targets):
+            if prediction.reason and (unread or targets is not self._possible):
                 self.failures[state] = prediction.reason
         return found
 

@@ -87,6 +87,11 @@ class QuotedValue(StrictDocument):
         description="that hold 50 %, 80 %, 95 % of the probability, cut at the bounds"
     )
     models: list[NamedSet] = Field(description="models it is a mixture of, with their weights")
+    at_least: float | None = Field(
+        None,
+        description="one-sided 95 % lower bound of a strength, its assumed errors counted, where "
+        "all that is fitted are limits that were kept; null elsewhere",
+    )
 
 
 class Check(StrictDocument):

@@ -36,7 +36,7 @@ from diagnosis.verdict.fitted_models import (
     step_of,
 )
 from inversion.estimation.data import Data
-from inversion.estimation.misfit import system
+from inversion.estimation.misfit import lower_bound, system
 
 
 def compare_document(
@@ -402,6 +402,11 @@ def sentence(found: Diagnosis) -> str:
     p = found.tried_models.way[0].adequacy.p_combined
     among = f"among the {len(found.explanation.names)} effects tested"
     match decision.verdict:
+        case "adequate" if found.model.targets.limits_alone:
+            return (
+                "Nothing ran. Any strength above the limit of flow explains that, so nothing can "
+                f"be seen to be missing {among}."
+            )
         case "adequate":
             return (
                 f"The base model explains the measurements within their errors (p {p:.2g}); "
@@ -517,7 +522,20 @@ def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
         error=found.tried_models.error,
         widened=not explained or decision.final.adequacy.p_combined < found.options.still_failing,
     )
-    return quoted_part(mixed, models[()].fit)
+    part = quoted_part(mixed, models[()].fit)
+    targets = found.model.targets
+    if not targets.limits_alone:
+        return part
+    assumed = _stage_of(found, found.tried_models.way[0]).std_assumed
+    space = models[()].fit.space.parameters
+    for name, strength, low in zip(space.names, space.strengths, space.low, strict=True):
+        if strength:
+            own = part[name]
+            least = low  # nothing runs at any strength that is believed
+            if targets.met is not None:
+                least = max(low, lower_bound(own.value, max(own.std, assumed.get(name, 0.0))))
+            part[name] = own.model_copy(update={"at_least": least})
+    return part
 
 
 def _stage_of(found: Diagnosis, adopted: AdoptedModel) -> verdict.FittedModelSummary:

@@ -155,6 +155,13 @@ def verdict(document: Verdict) -> Found:
         low, high = used.intervals["95%"]
         value = quoted_value(document, p.name, p.unit)
         only = document.verdict in UNEXPLAINED
+        if used.at_least is not None:
+            lines.append(f"{p.words}: {value} (95 %)")
+            if p.strength:
+                ends = (used.at_least, None)
+                strengths.append(_strength("diagnosis", p.words, used.at_least, ends,
+                                           "at least, 95 %"))  # fmt: skip
+            continue
         if only:
             lines.append(f"{p.words}: only a range, no result: 95 % {value}")
         else:

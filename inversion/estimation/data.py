@@ -40,6 +40,9 @@ class Targets:
         measured: (m,) in the unit of each.
         covariance: of the survey's errors and what the model is granted, (m, m).
         roles: of the numbers, (m,).
+        limits_alone: all that is fitted are limits: every answer on one side is as good.
+        met: place of the limit that counts as if it had been measured, so that the end of that
+            side is what is found; None: none.
     """
 
     entries: list[Measured]
@@ -47,6 +50,8 @@ class Targets:
     measured: np.ndarray
     covariance: np.ndarray
     roles: list[Role]
+    limits_alone: bool = False
+    met: int | None = None
 
     @property
     def fitted(self) -> np.ndarray:
@@ -61,7 +66,10 @@ class Targets:
     def kept(self, values: np.ndarray) -> np.ndarray:
         """(..., m) bool: censored numbers whose prediction (..., m) is below the limit."""
         with np.errstate(invalid="ignore"):
-            return self.censored & (values < self.measured)
+            kept = self.censored & (values < self.measured)
+        if self.met is not None:
+            kept[..., self.met] = False
+        return kept
 
     def counted(self, values: np.ndarray) -> np.ndarray:
         """Predictions (..., m) as a sum of squares counts them: a limit that is kept costs nothing.

@@ -1,4 +1,4 @@
-"""A diagnosis next to a side that did not flow: the limit costs nothing while it is kept."""
+"""A diagnosis of what did not flow: a limit costs nothing while it is kept, and alone it is met."""
 
 from __future__ import annotations
 
@@ -60,6 +60,46 @@ def test_a_kept_limit_is_predicted_as_the_limit_and_a_broken_one_as_it_is(
         assert found[toe] > LIMIT + 5.0
         # From the toe of the points before the slide, which the foot of a gentle slope is short of.
         assert found[number] >= found[toe] if broken else found[number] == LIMIT
+
+
+@pytest.fixture(scope="module")
+def stood(folder, tmp_path_factory):
+    """The same section, of which only is known that neither side ran."""
+    place = tmp_path_factory.mktemp("stood") / "embankment"
+    shutil.copytree(folder, place)
+    survey = yaml.safe_load((place / "measurements.yaml").read_text())
+    survey["sets"] = {"survey": [
+        {"name": f"{side} side", "type": "no_flow", "side": side, "limit_m": LIMIT, "std_m": 0.5,
+         "confidence": "published", "source": "a test"}
+        for side in ("left", "right")
+    ]}  # fmt: skip
+    (place / "measurements.yaml").write_text(yaml.safe_dump(survey))
+    return place
+
+
+def test_of_limits_alone_that_which_is_broken_first_counts_as_measured(stood, kept_runs):
+    targets = diagnosis_case(load_case(stood)).model(kept_runs).targets
+    assert targets.names[targets.met] == "left side", "the side that ran"
+    raw = np.array([[0.2, 0.7], [0.9, 0.1], [1.4, 0.3], [1.4, 2.0]])
+    met = np.array([[0.2, LIMIT], [0.9, LIMIT], [1.4, LIMIT], [1.4, 2.0]])
+    np.testing.assert_array_equal(targets.counted(raw), met)
+
+
+def test_of_a_slope_that_stood_a_lower_bound_is_quoted(stood, kept_runs, tmp_path, capsys):
+    assert not main(["run", str(stood), "--out", str(tmp_path), *QUICK])
+    assert "quoted" in (said := capsys.readouterr().out) and "at least" in said
+    verdict = load_verdict(tmp_path)
+    found = verdict.quoted["residual_strength"]
+    assert verdict.verdict == "adequate" and "Nothing ran" in verdict.sentence
+    assert verdict.quoted["friction_fill"].at_least is None, "a bound is one of a strength"
+    model = diagnosis_case(load_case(stood)).model(kept_runs)
+    friction = verdict.base.values["friction_fill"]
+    at, below = (
+        np.mean(model.predict([state((value, friction), seed=seed) for seed in range(4)])[:, 0])
+        for value in (found.value, found.at_least)
+    )
+    assert abs(at - LIMIT) < 0.5 < below - at, "at the limit one is met; below it something runs"
+    assert 0.6 * found.value < found.at_least < found.value
 
 
 @pytest.mark.slow
