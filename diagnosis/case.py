@@ -24,7 +24,7 @@ from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements, check_places
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.data import Targets, make_targets
+from inversion.estimation.data import Role, Targets, make_targets
 from inversion.estimation.forward import Setup
 from inversion.estimation.hold_out import split
 from inversion.estimation.unknowns import Parameters
@@ -228,7 +228,10 @@ def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Pa
         fitted = split(targets, question.held_out).fitted
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    return replace(targets, limits_alone=bool(targets.censored[fitted].all()))
+    if not targets.censored[fitted].all():
+        return targets
+    roles: list[Role] = ["compared" if one == "held out" else one for one in targets.roles]
+    return replace(targets, limits_alone=True, roles=roles)
 
 
 def _check_freedom(

@@ -217,6 +217,7 @@ def measurement_lines(
                     place=_number(where),
                     unit=entry.unit,
                     measured=measured,
+                    censored=entry.censored,
                     std_total=float(total[number]),
                     std_survey=float(own[number]),
                     predicted_base=predicted[0],

@@ -259,6 +259,7 @@ class MeasurementVerdict(StrictDocument):
     place: float | None = Field(description="where or when along its series")
     unit: str = Field(description="m, or m/s")
     measured: float = Field(description="value")
+    censored: bool = Field(False, description="`measured` is an upper limit that was not exceeded")
     std_total: float = Field(description="survey and model error together")
     std_survey: float = Field(description="of the survey, and what the model was granted")
     predicted_base: float | None = Field(description="by the base model")

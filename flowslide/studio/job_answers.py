@@ -156,7 +156,7 @@ def verdict(document: Verdict) -> Found:
         value = quoted_value(document, p.name, p.unit)
         only = document.verdict in UNEXPLAINED
         if used.at_least is not None:
-            lines.append(f"{p.words}: {value} (95 %)")
+            lines.append(f"{p.words}: {value}")
             if p.strength:
                 ends = (used.at_least, None)
                 strengths.append(_strength("diagnosis", p.words, used.at_least, ends,

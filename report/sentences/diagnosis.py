@@ -23,6 +23,7 @@ from diagnosis.verdict.verdict import (
 from report.data.diagnosis import DiagnosisData
 from report.numbers import (
     MINUS,
+    at_least,
     chance,
     number,
     percent,
@@ -377,12 +378,13 @@ def error_sentence(data: DiagnosisData) -> str:
 def quoted_value(verdict: Verdict, name: str, unit: str) -> str:
     """The value of a parameter that is quoted; where nothing explains only its 95 % interval.
 
-    Of a slope that did not run it is a lower bound. A standard deviation says nothing of a range that ends at the bounds of what is believed.
+    Of a slope that did not run it is a lower bound. A standard deviation says nothing of a range
+    that ends at the bounds of what is believed.
     """
     used = verdict.quoted[name]
     low, high = used.intervals["95%"]
     if used.at_least is not None:
-        return f"at least {with_unit(used.at_least, unit)}"
+        return at_least(used.at_least, used.std, unit)
     if verdict.verdict in UNEXPLAINED:
         return f"{number(low)} to {with_unit(high, unit)}"
     return plus_minus(used.value, used.std, unit)
@@ -398,7 +400,7 @@ def quoted_words(data: DiagnosisData, name: str, unit: str) -> str:
     value = quoted_value(data.verdict, name, unit)
     if used.at_least is not None:
         limit = plus_minus(used.value, used.std, unit)
-        return f"Quoted: {value} (95 %); the limit of flow is {limit}. No upper bound follows."
+        return f"Quoted: {value}; the limit of flow is {limit}. No upper bound follows."
     if data.verdict.verdict in UNEXPLAINED:
         return (
             f"Not a result, only a range: {value} (95 % interval of the base model and all tried "

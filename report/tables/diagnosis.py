@@ -247,9 +247,9 @@ def hidden_table(data: DiagnosisData) -> Table:
 def measurements_table(lines: Sequence[MeasurementVerdict]) -> Table:
     """Every number, measured and modelled."""
     rows = [
-        [m.name, m.role, with_unit(fixed(m.measured, 2), m.unit), fixed(m.std_total, 2),
-         fixed(m.std_survey, 2), fixed(m.predicted_base, 2), signed(m.residual_base),
-         fixed(m.predicted_final, 2), signed(m.residual_final)]
+        [m.name, m.role, "< " * m.censored + with_unit(fixed(m.measured, 2), m.unit),
+         fixed(m.std_total, 2), fixed(m.std_survey, 2), fixed(m.predicted_base, 2),
+         signed(m.residual_base), fixed(m.predicted_final, 2), signed(m.residual_final)]
         for m in lines
     ]  # fmt: skip
     header = ["number", "role", "measured", "std, total", "of which survey", "base model",
@@ -260,8 +260,8 @@ def measurements_table(lines: Sequence[MeasurementVerdict]) -> Table:
 def singles_table(data: DiagnosisData) -> Table:
     """Single numbers: measured, before, after."""
     rows = [
-        [m.name, m.role, plus_minus(m.measured, m.std_total, m.unit), fixed(m.predicted_base, 2),
-         None if data.final is None else fixed(m.predicted_final, 2)]
+        [m.name, m.role, "< " * m.censored + plus_minus(m.measured, m.std_total, m.unit),
+         fixed(m.predicted_base, 2), None if data.final is None else fixed(m.predicted_final, 2)]
         for m in data.singles
     ]  # fmt: skip
     return Table(["measurement", "role", "measured ± std", "base model", "after"], rows)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from flowslide.commands import options
 from pipeline.cli import add_common
-
-STEPS = 10000
 
 DESCRIPTION = (
     "Learn the deposit of a section in one pass, without stepping; calibrate the intervals, judge "
@@ -26,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="start from the run at twice the spacing and learn the difference to it",
     )
-    parser.add_argument("--steps", type=int, default=STEPS, help=f"default: {STEPS}")
+    parser.add_argument("--steps", type=int, help="default: as the models that ship")
     options.add_threads(parser)
     add_common(parser)
 
@@ -45,7 +44,9 @@ def run(arguments: argparse.Namespace) -> None:
     config = load_config(arguments.config, arguments.overrides)
     base = Path(config.results_folder) / "direct"
     folder = Path(arguments.out or base / ("corrected" if arguments.corrected else "direct"))
-    plan = TrainingPlan(steps=at_least_one("--steps", arguments.steps))
+    plan = TrainingPlan()
+    if arguments.steps is not None:
+        plan = replace(plan, steps=at_least_one("--steps", arguments.steps))
     use_threads(arguments.threads)
     with Progress(0, "direct model", quiet=arguments.quiet) as bar:
         samples = read_samples(Path(arguments.data or base / "runs"))
