@@ -1,6 +1,6 @@
 # Learned models without steps: paired runs of random sections -> trained models with their cards.
 
-DIRECT_PARTS = 400
+DIRECT_PARTS = 500
 DIRECT_KINDS = ("direct", "corrected")
 
 

@@ -7,10 +7,13 @@ section alone; the other (`corrected`) sees what a run at twice the spacing left
 predicts the difference to it.
 
 The network halves and doubles the number of columns as a U-Net does (Ronneberger et al. 2015, here
-in one dimension). A toe is an expectation over the columns, of their place plus an offset that the
-column itself gives, so that it is not bound to a grid; errors are Laplace distributed, so that the
-median is learned. The deposit keeps the volume of the section. Arrival times ascend; their errors
-are shares of them, and what they are seen in is the network's inner value where the toe ends.
+in one dimension). A convolution sees neighbours, but what holds a slide is the whole base from a
+column to the foot: so each column is also told what pushes there, and what the weakest layers on
+either side can bear together (`_balance`). A toe is an expectation over the columns, of their place
+plus an offset that the column itself gives, so that it is not bound to a grid; errors are Laplace
+distributed, so that the median is learned. The deposit keeps the volume of the section. Arrival
+times ascend; their errors are shares of them; they are seen in the network's inner value
+where the toe ends.
 
 Shapes: B sections, C columns, K layers, Z zones, S shares of the way (`SHARES`).
 """
@@ -30,13 +33,19 @@ from gns.direct.sections import COLUMN, DEEPEST, LAYERS, Outcome, Section, place
 #: Strengths are taken as at least this [rho g height], for their logarithm.
 LEAST_STRENGTH = 3e-3
 #: Features of a layer, and of a column.
-PER_LAYER, PER_COLUMN, OF_COARSE = 4, 11, 4
+PER_LAYER, PER_COLUMN, OF_COARSE = 4, 19, 4
 #: Neighbouring columns that the network takes as one.
 TOGETHER = 2
 #: Outputs of a column: for each toe a weight, an offset and a log scale; a change and a log scale.
 OUTPUTS = 8
-#: Share of the inner values of a block that a training step leaves out: five thousand runs are few.
-DROPPED = 0.1
+#: Channels that are turned over and change sides in the mirror image, and those that change sides.
+TURNED_OVER, SIDES_CHANGED = [7, 8], ([13, 14], [16, 17])
+#: Push and resistance of a column below which their quotient says nothing [rho g height^2].
+LEAST_PUSH = 0.02
+#: Layers count as the weakest of their column by this power of their strength.
+WEAKEST = 8.0
+#: Share of the inner values of a block that a training step leaves out.
+DROPPED = 0.05
 #: Log scales of errors lie within these [heights].
 LOG_SCALES = (-7.0, 1.5)
 #: Inner values of the heads for arrival times.
@@ -52,10 +61,12 @@ class DirectConfig:
     Attributes:
         corrected: it starts from a run at twice the spacing.
         widths: channels of each level, from the finest.
+        blocks: of each level, on the way down and on the way up.
     """
 
     corrected: bool = False
     widths: tuple[int, ...] = (48, 64, 96, 128)
+    blocks: int = 2
 
 
 @dataclass(frozen=True)
@@ -102,11 +113,9 @@ def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Ten
     soaked = (depth + 0.5).clamp(0.0, 1.0)
     weight = (density * (1.0 + soaked * (swell - 1.0)) - soaked / mean_density) * step
     above = weight.flip(-1).cumsum(-1).flip(-1) - 0.5 * weight
-    strength = cohesion + friction * above
+    strength = (cohesion + friction * above).clamp(min=0.0)
     inside = (thickness > 0.0).to(values)
-    logs = [
-        (one.clamp(min=0.0) + LEAST_STRENGTH).log() + 3.0 for one in (cohesion, strength)
-    ]  # fmt: skip
+    logs = [_log_strength(one) for one in (cohesion.clamp(min=0.0), strength)]
     layers = torch.stack([*logs, friction, soaked], dim=1) * inside[:, None, :, None]
     layers = layers.permute(0, 1, 3, 2).flatten(1, 2)
     x = torch.as_tensor(places()).to(values).expand(len(sections), -1)
@@ -126,10 +135,53 @@ def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Ten
             (x - toes[:, 1:]) / 4.0,
             ones * fineness[:, None],
             ones * (mean_density[:, :, 0] - 1.9) * 4.0,
+            *_balance(thickness, water, strength, (above * step).sum(dim=2), mean_density[:, :, 0]),
         ],
         dim=1,
     )
     return torch.cat([columns, layers], dim=1)
+
+
+def _balance(
+    thickness: Tensor, water: Tensor, strength: Tensor, weight: Tensor, density: Tensor
+) -> list[Tensor]:
+    """What pushes a column and what holds it: eight channels, (B, C) each.
+
+    A column could slide outwards on its weakest layer and those of all columns before it. Their
+    strengths add up from either end of the section; the push is that of soil and water without
+    strength. The last channel is how far a heap of the mean of these strengths would spread: its
+    final slope is h dh/dx = 2 s (in rho g), so its length goes with (area^2 / s)^(1/3).
+
+    Args:
+        thickness: of the soil [heights].
+        water: level over the ground [heights].
+        strength: of the layers (B, C, K) [rho g height].
+        weight: effective stress integrated over the column [rho g height^2].
+        density: mean over that of water, (B, 1).
+    """
+    inside = (thickness > 0.0).to(thickness)
+    push = weight + 0.5 * water.clamp(min=0.0) ** 2 / density
+    # A minimum over layers of one strength would jump from one to the other.
+    weight_of = (-WEAKEST * (strength + LEAST_STRENGTH).log()).softmax(dim=2)
+    weakest = (weight_of * strength).sum(dim=2)
+    place = (weight_of * torch.arange(LAYERS).to(thickness)).sum(dim=2)
+    held = weakest * inside * COLUMN
+    resistance = held.cumsum(dim=1), held.flip(1).cumsum(dim=1).flip(1)
+    area = thickness.sum(dim=1, keepdim=True)
+    mean = (weakest * thickness).sum(dim=1, keepdim=True) / area.clamp(min=1e-6)
+    spread = (2.0 * (area * COLUMN).log() - (mean + LEAST_STRENGTH).log()) / 3.0 - 1.0
+    return [
+        push,
+        _log_strength(weakest) * inside,
+        *resistance,
+        place / LAYERS * inside,
+        *(((push + LEAST_PUSH) / (one + LEAST_PUSH)).log() * inside for one in resistance),
+        spread.expand_as(thickness),
+    ]
+
+
+def _log_strength(strength: Tensor) -> Tensor:
+    return (strength + LEAST_STRENGTH).log() + 3.0
 
 
 def with_coarse(seen: Tensor, coarse: list[Outcome]) -> Tensor:
@@ -148,14 +200,29 @@ def with_coarse(seen: Tensor, coarse: list[Outcome]) -> Tensor:
     )
 
 
+class Convolution(nn.Module):
+    """A convolution of three columns that keeps the width; its weights are a matrix, for Muon."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        begin = nn.Conv1d(width, width, 3)
+        self.weight = nn.Parameter(begin.weight.detach().flatten(1))
+        self.bias = nn.Parameter(begin.bias.detach())
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, width, columns) to the same."""
+        weight = self.weight.unflatten(1, (x.shape[1], 3))
+        return functional.conv1d(x, weight, self.bias, padding=1)
+
+
 class Block(nn.Module):
     """Two convolutions along the columns, added to their input."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
         self.norm = nn.GroupNorm(1, width)
-        self.first = nn.Conv1d(width, width, 3, padding=1)
-        self.second = nn.Conv1d(width, width, 3, padding=1)
+        self.first = Convolution(width)
+        self.second = Convolution(width)
         self.drop = nn.Dropout(DROPPED)
         nn.init.zeros_(self.second.weight)
 
@@ -163,6 +230,10 @@ class Block(nn.Module):
         """(B, width, columns) to the same."""
         inner = functional.silu(self.first(functional.silu(self.norm(x))))
         return x + self.second(self.drop(inner))
+
+
+def _blocks(width: int, count: int) -> nn.Sequential:
+    return nn.Sequential(*(Block(width) for _ in range(count)))
 
 
 class Times(nn.Module):
@@ -197,8 +268,8 @@ class DirectModel(nn.Module):
         self.up = nn.ModuleList(
             nn.Conv1d(b, a, 1) for a, b in zip(widths, widths[1:], strict=False)
         )
-        self.inward = nn.ModuleList(Block(width) for width in widths)
-        self.outward = nn.ModuleList(Block(width) for width in widths[:-1])
+        self.inward = nn.ModuleList(_blocks(width, config.blocks) for width in widths)
+        self.outward = nn.ModuleList(_blocks(width, config.blocks) for width in widths[:-1])
         self.bottom = nn.Sequential(
             nn.Linear(widths[-1], widths[-1]), nn.SiLU(), nn.Linear(widths[-1], widths[-1])
         )
@@ -291,9 +362,11 @@ class DirectModel(nn.Module):
 def mirrored(seen: Tensor, toes: Tensor, *, corrected: bool) -> tuple[Tensor, Tensor]:
     """Features (B, channels, C) and toes (B, 2) of the mirror images."""
     turned = seen.flip(2).clone()
-    swapped = [[7, 8]] + ([[turned.shape[1] - 2, turned.shape[1] - 1]] if corrected else [])
-    for left, right in swapped:
+    ends = [turned.shape[1] - 2, turned.shape[1] - 1]
+    for left, right in [TURNED_OVER, *([ends] if corrected else [])]:
         turned[:, [left, right]] = -turned[:, [right, left]]
+    for left, right in SIDES_CHANGED:
+        turned[:, [left, right]] = turned[:, [right, left]]
     turned[:, 2] = -turned[:, 2]
     return turned, -toes.flip(1)
 

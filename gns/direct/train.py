@@ -29,6 +29,7 @@ from gns.direct.network import (
 )
 from gns.direct.runs import COARSER, PairedRun, read_runs
 from gns.direct.sections import Outcome, Section, outcome_of, section_of
+from gns.training.optimizers import Optimizers
 from pipeline.files import atomic_path, content_hash
 
 STATE_FILE = "state.pt"
@@ -71,7 +72,7 @@ class Sample:
 class TrainingPlan:
     """How long and how fast."""
 
-    steps: int = 10000
+    steps: int = 14000
     batch: int = 32
     rate: float = 2e-3
     warmup: int = 200
@@ -152,7 +153,13 @@ def train(
     toes = torch.as_tensor(np.stack([one.fine.toes for one in ours]), dtype=torch.float32)
     thickness = torch.as_tensor(np.stack([one.fine.thickness for one in ours]), dtype=torch.float32)
     times = torch.as_tensor(np.stack([one.times for one in ours]), dtype=torch.float32)
-    optimiser = torch.optim.AdamW(model.parameters(), lr=plan.rate, weight_decay=plan.decay)
+    optimiser = Optimizers(
+        list(model.parameters()),
+        rate=plan.rate,
+        muon_rate=plan.rate,
+        decay=plan.decay,
+        as_adam=True,
+    )
     average = {name: value.clone() for name, value in model.state_dict().items()}
     first, state = 0, folder / STATE_FILE
     folder.mkdir(parents=True, exist_ok=True)
@@ -175,8 +182,7 @@ def train(
         if step % 2:
             x, want = mirrored(x, want, corrected=config.corrected)
             begin, deposit, when = -begin.flip(1), deposit.flip(1), when[:, TURNED]
-        for group in optimiser.param_groups:
-            group["lr"] = plan.rate * _schedule(step, plan)
+        optimiser.set_rate(_schedule(step, plan))
         loss = loss_of(model(x, begin), want, deposit, when)
         optimiser.zero_grad()
         loss.backward()

@@ -1,9 +1,9 @@
-"""Optimisers: Adam (paper), or Muon for the matrices inside the network.
+"""Optimisers: Adam (paper), or Muon for the matrices inside a network.
 
 Muon makes the momentum of a matrix orthogonal before it is subtracted (Jordan et al. 2024), so that
 all its directions are learned alike. In a short training on two cores the same loss was reached in
-two thirds of the steps (docs/method/gns.md). Adam still updates vectors, convolutions and narrow
-matrices (`LEAST_SIDE`: of outputs and of few features).
+two thirds of the steps (docs/method/gns.md). Adam still updates vectors, what is no matrix and
+narrow matrices (`LEAST_SIDE`: of outputs and of few features).
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from typing import Any
 
 import torch
 from torch import nn
-
-from pipeline.config import TrainSettings
 
 LEAST_SIDE = 16
 """Matrices with a shorter side are left to Adam."""
@@ -24,20 +22,35 @@ class Optimizers:
 
     Args:
         parameters: of the model.
-        settings: of the training.
+        rate: learning rate of Adam.
+        muon_rate: of Muon; None: Adam updates all.
+        decay: of the weights, decoupled from the gradient (Loshchilov and Hutter 2019).
+        as_adam: steps of Muon are as large as those of Adam at the same rate (Liu et al. 2025).
     """
 
-    def __init__(self, parameters: list[nn.Parameter], settings: TrainSettings) -> None:
-        first = settings.learning_rate
-        own = [p for p in parameters if settings.optimizer == "muon" and _is_inner_matrix(p)]
+    def __init__(
+        self,
+        parameters: list[nn.Parameter],
+        *,
+        rate: float,
+        muon_rate: float | None = None,
+        decay: float = 0.0,
+        as_adam: bool = False,
+    ) -> None:
+        own = [p for p in parameters if muon_rate is not None and _is_inner_matrix(p)]
         chosen = {id(p) for p in own}
         others = [p for p in parameters if id(p) not in chosen]
-        self.rates = {"adam": first}
-        self.of: dict[str, torch.optim.Optimizer] = {"adam": torch.optim.Adam(others, lr=first)}
+        self.rates = {"adam": rate}
+        self.of: dict[str, torch.optim.Optimizer] = {
+            "adam": torch.optim.AdamW(others, lr=rate, weight_decay=decay)
+        }
         if own:
-            self.rates["muon"] = settings.muon_learning_rate
+            self.rates["muon"] = muon_rate
             self.of["muon"] = torch.optim.Muon(
-                own, lr=settings.muon_learning_rate, weight_decay=0.0
+                own,
+                lr=muon_rate,
+                weight_decay=decay,
+                adjust_lr_fn="match_rms_adamw" if as_adam else "original",
             )
 
     def set_rate(self, share: float) -> None:

@@ -272,7 +272,11 @@ def _begin(
     if settings.precision == "bfloat16":
         simulator.network.edge_precision = torch.bfloat16
     simulator.known = _known_scenes(learned)
-    optimizer = Optimizers(list(simulator.parameters()), settings)
+    optimizer = Optimizers(
+        list(simulator.parameters()),
+        rate=settings.learning_rate,
+        muon_rate=settings.muon_learning_rate if settings.optimizer == "muon" else None,
+    )
     made_from = _made_from(learned, settings, group, start)
     training = _Training(
         settings=settings,

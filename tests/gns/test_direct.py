@@ -15,7 +15,7 @@ from gns.direct.judge import calibrated, card, coarse_alone, judged
 from gns.direct.network import DirectConfig, DirectModel, features, mirrored
 from gns.direct.predictor import MODEL_FILE, Predictor, described, neighbourly
 from gns.direct.runs import Ended, PairedRun, read_runs, simulate_parts
-from gns.direct.sections import COLUMN, COLUMNS, outcome_of, places, section_of
+from gns.direct.sections import COLUMN, COLUMNS, LAYERS, outcome_of, places, section_of
 from gns.direct.train import SPLITS, TrainingPlan, inputs, sample_of, split_of, train
 from pipeline.cli import InputError
 from pipeline.config import load_config
@@ -96,6 +96,34 @@ def test_the_mirror_image_has_mirrored_features():
     # The ground's height counts from that at the middle, and slopes are one-sided at the ends.
     assert torch.allclose(flipped, seen[1], atol=0.05)
     assert torch.allclose(toes, torch.tensor([[-2.5, 2.0]], dtype=toes.dtype))
+
+
+def test_columns_know_what_pushes_and_what_holds_them(section):
+    first, count, strength = 60, 70, 0.1
+    inside = (np.arange(COLUMNS) >= first) & (np.arange(COLUMNS) < first + count)
+    share = np.zeros((COLUMNS, LAYERS, 2))
+    share[inside, 1:, 1] = share[inside, 0, 0] = 1.0  # a weak layer below a strong fill
+    block = replace(
+        section,
+        thickness=inside.astype(float),
+        water=np.full(COLUMNS, -2.0),
+        zone_share=share,
+        strength_share=share,
+        values=np.array([[strength, 0.0, 1.0], [10.0 * strength, 0.0, 1.0]]),
+        saturated=np.ones(2),
+    )
+    seen = features([block], np.array([[-4.5, 4.5]]), torch.as_tensor(block.values)[None])
+    push, weakest, left, right, layer, over_left, over_right, spread = seen[0, 11:19].numpy()
+    assert push[inside] == pytest.approx(0.5), "half the weight of a column of unit height"
+    assert weakest[inside] == pytest.approx(np.log(strength + 3e-3) + 3.0, abs=1e-3)
+    assert layer[inside] == pytest.approx(0.0, abs=1e-3) and not layer[~inside].any()
+    held = strength * COLUMN * np.arange(1, count + 1)
+    assert left[inside] == pytest.approx(held, rel=1e-3)
+    assert right[inside] == pytest.approx(held[::-1], rel=1e-3)
+    for quotient, held_there in ((over_left, held), (over_right, held[::-1])):
+        assert quotient[inside] == pytest.approx(np.log(0.52 / (held_there + 0.02)), abs=1e-3)
+    area = count * COLUMN
+    assert spread == pytest.approx(np.log(area**2 / (strength + 3e-3)) / 3.0 - 1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("corrected", [False, True])
