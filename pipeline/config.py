@@ -228,6 +228,13 @@ class InversionSettings(Settings):
         description="of gns, direct and corrected: answer also for a section far outside "
         "what the model has learned from",
     )
+    paired_runs: int = Field(
+        0,
+        ge=0,
+        le=32,
+        description="of the engines direct and corrected: states at which the material point "
+        "method also runs, to correct the answer; 0: none, and the model's own error counts",
+    )
     surrogate_pairs: int = Field(
         5,
         ge=3,
@@ -290,6 +297,12 @@ class InversionSettings(Settings):
     variants: bool = Field(True, description="solve the variants of the question")
     sensitivities: bool = Field(True, description="solve its sensitivities")
     waterfall: bool = Field(True, description="solve the readings on the way to it")
+
+    @model_validator(mode="after")
+    def _pairs_are_enough(self) -> InversionSettings:
+        if self.paired_runs in (1, 2):
+            raise ValueError(f"paired_runs is {self.paired_runs}: none, or at least 3")
+        return self
 
 
 class PosteriorSettings(Settings):

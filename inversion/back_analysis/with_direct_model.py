@@ -1,9 +1,11 @@
 """A back-analysis by a direct model: an answer in seconds, with the model's error in it.
 
 The stages of `inversion.back_analysis.back_analysis`. The answer is found twice: the second time
-with the model's own error, as it is at the first answer, in the covariance of the measurements. How
-far the section lies from the training is among the remarks, and an answer far outside is refused
-(`inversion.engines.direct_engine`).
+with the model's own error, as it is at the first answer, in the covariance of the measurements. Or,
+where runs of the material point method are asked for (`inversion.paired_runs`), with their mean
+difference around the first answer added to every prediction, and what it varies by in the
+covariance (`inversion.engines.model_error`). How far the section lies from the training is among
+the remarks, and an answer far outside is refused (`inversion.engines.direct_engine`).
 """
 
 from __future__ import annotations
@@ -14,6 +16,8 @@ import numpy as np
 
 from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engines.direct_engine import DirectEngine, shipped
+from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
+from inversion.engines.mpm_engine import MPMEngine
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, posterior
 
@@ -27,9 +31,11 @@ class DirectAnalysis(LearnedAnalysis):
 
     Attributes:
         error_std: of the model's error of each number, by its name [m]; empty: not known yet.
+        pairs: the model and the material point method around an answer; None: not run.
     """
 
     error_std: dict[str, float] = field(default_factory=dict)
+    pairs: Pairs | None = None
 
     @property
     def coarse_spacing_m(self) -> float | None:
@@ -37,14 +43,22 @@ class DirectAnalysis(LearnedAnalysis):
         return None
 
     def engine_of(self) -> Forward:
-        """The model that ships under the engine's name."""
+        """The model that ships under the engine's name, corrected as soon as pairs are known."""
+        engine = self._uncorrected()
+        if self.pairs is None:
+            return engine
+        return Corrected(engine, dict(zip(self.pairs.names, self.pairs.mean, strict=True)))
+
+    def _uncorrected(self) -> DirectEngine:
         engine: DirectEngine = shipped(self.engine_name, self.store)
         engine.anywhere = self.case.config.inversion.outside_training
         return engine
 
     def objective_of(self, setup: Setup) -> Objective:
         """With the model's error in the covariance as soon as it is known."""
-        if self.error_std:
+        if self.pairs is not None:
+            setup = replace(setup, targets=with_error(setup.targets, self.pairs))
+        elif self.error_std:
             variance = [self.error_std.get(name, 0.0) ** 2 for name in setup.targets.names]
             covariance = setup.targets.covariance + np.diag(variance)
             setup = replace(setup, targets=replace(setup.targets, covariance=covariance))
@@ -58,11 +72,10 @@ class DirectAnalysis(LearnedAnalysis):
             "direct model (1: as far as its outermost sections lie from each other)"
         )
         super().search()
-        std = self.engine.error_std(self.case.setup.at(self.found.values))
-        names = self.case.setup.targets.names
-        self.error_std = dict(zip(names, map(float, std), strict=True))
-        self.objective = self.objective_of(self.case.setup)
-        super().search()
+        if self.case.config.inversion.paired_runs:
+            self._correct()
+        else:
+            self._doubt()
         derivative, values = self.found.best.derivative, self.found.values
         whole = posterior(self.objective, derivative, values)
         survey = self.case.objective().covariance
@@ -71,3 +84,53 @@ class DirectAnalysis(LearnedAnalysis):
         self.more_sources[SOURCE] = dict(
             zip(self.case.parameters.names, map(float, more), strict=True)
         )
+
+    def _doubt(self) -> None:
+        """Answer again with the model's own error, as it is at the first answer."""
+        std = self.engine.error_std(self.case.setup.at(self.found.values))
+        names = self.case.setup.targets.names
+        self.error_std = dict(zip(names, map(float, std), strict=True))
+        self.objective = self.objective_of(self.case.setup)
+        super().search()
+
+    def _correct(self) -> None:
+        """Answer again with the mean difference to the solver; once more where that is far off."""
+        for _ in range(2):
+            self._pair()
+            super().search()
+            if self.pairs.holds(self.case.parameters, self.found.values):
+                break
+        else:
+            self.remark(
+                "the answer lies outside the states at which the material point method ran next to "
+                "the direct model: the correction there is extrapolated"
+            )
+        std, fitted = np.sqrt(np.diag(self.pairs.covariance)), self.objective.targets.fitted
+        self.remark(
+            f"corrected by {len(self.pairs.states)} runs of the material point method: "
+            + ", ".join(
+                f"{name} {mean:+.2f} +- {own:.2f} {unit}"
+                for name, mean, own, unit, used in zip(
+                    self.pairs.names, self.pairs.mean, std, self._units(), fitted, strict=True
+                )
+                if used
+            )
+        )
+
+    def _pair(self) -> None:
+        """Run the solver next to the model around the present answer."""
+        parameters, values = self.case.parameters, self.found.values
+        around = posterior(self.objective, self.found.best.derivative, values)
+        states, width = states_around(
+            parameters, values, np.sqrt(np.diag(around.scaled)),
+            self.case.config.inversion.paired_runs,
+        )  # fmt: skip
+        truth = MPMEngine(self.store)
+        self.pairs, _ = paired(self._uncorrected(), truth, self.case.setup, states, width)
+        self.runs += truth.runs
+        self.engine = self.engine_of()
+        self.objective = self.objective_of(self.case.setup)
+
+    def _units(self) -> list[str]:
+        targets = self.case.setup.targets
+        return [targets.entries[group].unit for group in targets.groups]

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.case import Reading
+from inversion.back_analysis.perturbed_answers import Problem
 from inversion.back_analysis.variants import Changed
 from inversion.engines.workers import Job
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.search import SearchResult
 from inversion.problem.question import Sensitivity, Variant
 from pipeline.cli import InputError
@@ -45,12 +47,24 @@ class LearnedAnalysis(BackAnalysis):
         ]
         return kept, [*left_out, *reasons]
 
-    def _calibrated(self, name: str, setup: Setup, start: np.ndarray) -> SearchResult | None:
+    def _calibrated(
+        self, name: str, setup: Setup, start: np.ndarray, engine: Forward | None = None
+    ) -> SearchResult | None:
         """Another search; None, and a line, also where the engine does not know the reading."""
         try:
-            return super()._calibrated(name, setup, start)
+            return super()._calibrated(name, setup, start, engine)
         except InputError as error:
             self.remark(f"{name}: no answer: {error}")
+            return None
+
+    def _solved_reading(
+        self, reading: Reading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
+    ) -> Problem | None:
+        """A reading of the waterfall; None, and a line, where the engine does not know it."""
+        try:
+            return super()._solved_reading(reading, setup, begin, slope)
+        except InputError as error:
+            self.remark(f"{reading.name}: no answer: {error}")
             return None
 
 

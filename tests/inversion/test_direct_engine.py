@@ -17,8 +17,9 @@ from gns.direct.sections import check_settings, section_of
 from inversion.back_analysis import with_direct_model
 from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
-from inversion.engines.direct_engine import READ, DirectEngine
+from inversion.engines.direct_engine import READ, DirectEngine, shipped
 from inversion.engines.forecast_times import read_times, time_error_std
+from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.registry import engine_named, untrained
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward
@@ -31,6 +32,7 @@ from inversion.problem.state import State
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.progress import Watch
+from tests.conftest import ROOT
 
 QUICK = [
     "inversion.starts=1", "inversion.noise_seeds=0", "inversion.step_seeds=0",
@@ -238,6 +240,35 @@ def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkey
     assert result.engine == "direct"
     assert any("from the training of the direct model" in line for line in result.remarks)
     assert untrained("direct").name == "direct"
+
+
+def test_runs_of_the_solver_correct_the_answer(lsfd):
+    runs = RunStore(None, threads=1)
+    settings = load_config(None, [*QUICK, "inversion.paired_runs=3"])
+    case = inversion_case(load_case(lsfd, settings))
+    result = back_analysis_by(engine_named("direct"), case, runs, Watch()).run()
+    (told,) = [line for line in result.remarks if "corrected by 3 runs" in line]
+    assert "upstream toe" in told
+    values = np.array([one.value for one in result.answer.parameters])
+    truth, alone = (
+        engine.predict([case.setup.at(values)])[0].values[0]
+        for engine in (MPMEngine(runs), shipped("direct", runs))
+    )
+    measured = case.setup.targets.measured[0]
+    assert abs(truth - measured) < 1.0 < abs(alone - measured), "the model alone is off"
+
+
+def test_readings_that_it_does_not_know_are_left_out_of_the_waterfall():
+    settings = [one for one in QUICK if "waterfall" not in one] + ["inversion.spacing_factor=2"]
+    folder = ROOT / "case_histories" / "lower_san_fernando"
+    case = inversion_case(load_case(folder, load_config(None, settings)))
+    runs = RunStore(None, threads=1)
+    result = back_analysis_by(engine_named("direct"), case, runs, Watch()).run()
+    unknown = [line for line in result.remarks if "no answer" in line]
+    assert any("simulation.water: buoyant" in line for line in unknown)
+    bars = result.waterfall.bars
+    assert 2 <= len(bars) <= len(case.waterfall) - len(unknown) + 1
+    assert bars[-1].value == pytest.approx(result.answer.parameters[0].value)
 
 
 def test_posterior_and_prediction_have_its_error(lsfd, setup, monkeypatch):
