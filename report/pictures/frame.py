@@ -52,8 +52,10 @@ class DrawnWater:
         """Draw the water where it is in `frame`: it follows the soil, or stays."""
         scene = self.run.scene
         level = scene.phreatic_level(self.x)
-        if self.face is not None and frame > 0:
-            level = self.face.head(self.x, self.run.positions[frame][~self.run.kinematic])
+        points = self.run.positions[frame][~self.run.kinematic]
+        # A model without points knows a deposit and not where each of them went.
+        if self.face is not None and frame > 0 and np.all(np.isfinite(points)):
+            level = self.face.head(self.x, points)
         ground = scene.ground.height(self.x)
         upper, lower = np.maximum(level, ground), ground
         outline = np.concatenate([np.stack([self.x, upper], axis=1),

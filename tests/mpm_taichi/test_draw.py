@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import builtins
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,6 +44,23 @@ def test_a_picture_of_each_quantity(tmp_path, run, colour):
     assert picture.shape[1] == round(simulated_run.WIDTH_IN * DPI)
     assert len(np.unique(picture @ [65536, 256, 1])) > 50
     assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
+
+
+def test_water_stays_where_nobody_knows_where_the_points_went():
+    pool = {"water_level": 7.0, "phreatic_line": [[0, 7], [9, 7], [25, 3], [60, 3]]}
+    run = fly(make_scene(1).changed(**pool), FAST)
+    levels = {}
+    for known in (True, False):
+        last = run.positions[-1] if known else np.full_like(run.positions[-1], np.nan)
+        shown = replace(run, positions=np.concatenate([run.positions[:-1], last[None]]))
+        ax = Figure().subplots()
+        soil = draw_frame(ax, shown, 0, colour="material")
+        before = soil.water.line.get_ydata().copy()
+        assert soil.water.face is not None, "the pool follows the soil"
+        soil.water.show(run.frames - 1)
+        levels[known] = before, soil.water.line.get_ydata()
+    np.testing.assert_array_equal(*levels[False])
+    assert not np.array_equal(*levels[True], equal_nan=True)
 
 
 def test_points_are_drawn_where_they_are(run):
