@@ -230,8 +230,12 @@ def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Pa
         raise InputError(f"{source}: {error}") from None
     if not targets.censored[fitted].all():
         return targets
-    roles: list[Role] = ["compared" if one == "held out" else one for one in targets.roles]
-    return replace(targets, limits_alone=True, roles=roles)
+    # Which of all strengths above the limit it was, nobody knows: nothing can be held against one.
+    roles: list[Role] = [
+        "compared" if role in ("fitted", "held out") and not used else role
+        for role, used in zip(targets.roles, fitted, strict=True)
+    ]
+    return replace(targets, roles=roles)
 
 
 def _check_freedom(

@@ -58,7 +58,7 @@ class InversionCase(Case):
         settings, loss = self.config.inversion, self.question.loss
         chosen = self.setup if setup is None else setup
         targets = chosen.targets
-        if limit := bool(np.all(targets.censored[targets.fitted])):
+        if limit := targets.limits_alone:
             loss = "runout"  # the limit is to be met, however well the movement is known
         tolerance = settings.tolerance_misfit if loss == "misfit" else settings.tolerance_m2
         return Objective(chosen.parameters, targets, loss, tolerance, limit=limit)

@@ -16,9 +16,8 @@ import numpy as np
 
 from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engines.direct_engine import DirectEngine, shipped
-from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
 from inversion.engines.mpm_engine import MPMEngine
-from inversion.estimation.forward import Forward, Setup
+from inversion.estimation.forward import Setup
 from inversion.estimation.misfit import Objective, posterior
 
 #: Source of the model's error among the sources of uncertainty.
@@ -31,38 +30,28 @@ class DirectAnalysis(LearnedAnalysis):
 
     Attributes:
         error_std: of the model's error of each number, by its name [m]; empty: not known yet.
-        pairs: the model and the material point method around an answer; None: not run.
     """
 
     error_std: dict[str, float] = field(default_factory=dict)
-    pairs: Pairs | None = None
 
     @property
     def coarse_spacing_m(self) -> float | None:
         """None: a forecast costs the same at every spacing."""
         return None
 
-    def engine_of(self) -> Forward:
-        """The model that ships under the engine's name, corrected as soon as pairs are known."""
-        engine = self._uncorrected()
-        if self.pairs is None:
-            return engine
-        return Corrected(engine, dict(zip(self.pairs.names, self.pairs.mean, strict=True)))
-
-    def _uncorrected(self) -> DirectEngine:
+    def uncorrected(self) -> DirectEngine:
+        """The model that ships under the engine's name."""
         engine: DirectEngine = shipped(self.engine_name, self.store)
         engine.anywhere = self.case.config.inversion.outside_training
         return engine
 
     def objective_of(self, setup: Setup) -> Objective:
-        """With the model's error in the covariance as soon as it is known."""
-        if self.pairs is not None:
-            setup = replace(setup, targets=with_error(setup.targets, self.pairs))
-        elif self.error_std:
+        """With the model's own error where no runs of the solver have corrected it."""
+        if self.pairs is None and self.error_std:
             variance = [self.error_std.get(name, 0.0) ** 2 for name in setup.targets.names]
             covariance = setup.targets.covariance + np.diag(variance)
             setup = replace(setup, targets=replace(setup.targets, covariance=covariance))
-        return self.case.objective(setup)
+        return super().objective_of(setup)
 
     def search(self) -> None:
         """The answer; again with the model's error at it."""
@@ -95,8 +84,9 @@ class DirectAnalysis(LearnedAnalysis):
 
     def _correct(self) -> None:
         """Answer again with the mean difference to the solver; once more where that is far off."""
+        truth = MPMEngine(self.store)
         for _ in range(2):
-            self._pair()
+            self.run_pairs(truth, self.case.config.inversion.paired_runs)
             super().search()
             if self.pairs.holds(self.case.parameters, self.found.values):
                 break
@@ -105,32 +95,8 @@ class DirectAnalysis(LearnedAnalysis):
                 "the answer lies outside the states at which the material point method ran next to "
                 "the direct model: the correction there is extrapolated"
             )
-        std, fitted = np.sqrt(np.diag(self.pairs.covariance)), self.objective.targets.fitted
+        self.runs += truth.runs
         self.remark(
             f"corrected by {len(self.pairs.states)} runs of the material point method: "
-            + ", ".join(
-                f"{name} {mean:+.2f} +- {own:.2f} {unit}"
-                for name, mean, own, unit, used in zip(
-                    self.pairs.names, self.pairs.mean, std, self._units(), fitted, strict=True
-                )
-                if used
-            )
+            + ", ".join(self.differences())
         )
-
-    def _pair(self) -> None:
-        """Run the solver next to the model around the present answer."""
-        parameters, values = self.case.parameters, self.found.values
-        around = posterior(self.objective, self.found.best.derivative, values)
-        states, width = states_around(
-            parameters, values, np.sqrt(np.diag(around.scaled)),
-            self.case.config.inversion.paired_runs,
-        )  # fmt: skip
-        truth = MPMEngine(self.store)
-        self.pairs, _ = paired(self._uncorrected(), truth, self.case.setup, states, width)
-        self.runs += truth.runs
-        self.engine = self.engine_of()
-        self.objective = self.objective_of(self.case.setup)
-
-    def _units(self) -> list[str]:
-        targets = self.case.setup.targets
-        return [targets.entries[group].unit for group in targets.groups]

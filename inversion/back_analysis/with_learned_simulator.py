@@ -20,14 +20,13 @@ from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, Surr
 from inversion.back_analysis.result_files import own_answer
 from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engines.gns_engine import GNSEngine
-from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.registry import engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.trained_model import Model
 from inversion.estimation.calibrate import calibrate
-from inversion.estimation.forward import Forward, Prediction, Setup
-from inversion.estimation.misfit import Objective, posterior
+from inversion.estimation.forward import Prediction
+from inversion.estimation.misfit import posterior
 from inversion.estimation.search import SearchResult
 
 #: Source of the surrogate's error among the sources of uncertainty.
@@ -43,7 +42,6 @@ class SurrogateAnalysis(LearnedAnalysis):
         rollouts: where its rollouts and their derivatives are kept.
         on_frame: called for each frame of a rollout.
         left_out: what of the case's water neither engine has here, in words.
-        pairs: both engines around the fit; None: not asked yet.
         alone: the answer without any correction.
         judged: what the material point method predicts at the answer.
     """
@@ -54,7 +52,6 @@ class SurrogateAnalysis(LearnedAnalysis):
     rollouts: RolloutStore
     on_frame: Callable[[int, int], None] | None = None
     left_out: str = ""
-    pairs: Pairs | None = None
     alone: SearchResult | None = None
     judged: Prediction | None = None
     judged_alone: Prediction | None = None
@@ -65,20 +62,6 @@ class SurrogateAnalysis(LearnedAnalysis):
         self.truth = MPMEngine(self.store)
 
     # --- what the engine decides ---
-
-    def engine_of(self) -> Forward:
-        """The learned simulator, corrected as soon as its error is known."""
-        engine = self._uncorrected()
-        if self.pairs is None:
-            return engine
-        mean = dict(zip(self.pairs.names, self.pairs.mean, strict=True))
-        return Corrected(engine, mean)
-
-    def objective_of(self, setup: Setup) -> Objective:
-        """With the surrogate's error in the covariance as soon as it is known."""
-        if self.pairs is not None:
-            setup = replace(setup, targets=with_error(setup.targets, self.pairs))
-        return self.case.objective(setup)
 
     def stages_to_answer(self) -> list[tuple[str, Callable[[], None]]]:
         """Alone, compared, corrected."""
@@ -96,7 +79,7 @@ class SurrogateAnalysis(LearnedAnalysis):
             self.remark(self.left_out)
         start = self.case.setup.at(self.case.parameters.start)
         anywhere = self.case.config.inversion.outside_training
-        away = self._uncorrected().distance(start, anywhere=anywhere)
+        away = self.uncorrected().distance(start, anywhere=anywhere)
         if away is not None:
             self.remark(
                 f"the section lies at {away:.2f} from the training of the model {self.model.name} "
@@ -110,29 +93,12 @@ class SurrogateAnalysis(LearnedAnalysis):
 
     def compare(self) -> None:
         """Run the material point method next to it around the answer: its error from now on."""
-        parameters, values = self.case.parameters, self.found.values
-        around = posterior(self.objective, self.found.best.derivative, values)
-        states, width = states_around(
-            parameters,
-            values,
-            np.sqrt(np.diag(around.scaled)),
-            self.case.config.inversion.surrogate_pairs,
-        )
-        surrogate = self._uncorrected()
-        self.pairs, _ = paired(surrogate, self.truth, self.case.setup, states, width)
+        surrogate = self.run_pairs(self.truth, self.case.config.inversion.surrogate_pairs)
         self.runs += surrogate.runs
-        self.engine = self.engine_of()
-        self.objective = self.objective_of(self.case.setup)
         self.steps = self._steps(np.zeros(int(self.objective.targets.fitted.sum())), self.objective)
-        std = np.sqrt(np.diag(self.pairs.covariance))
-        differences = [
-            f"{name} {mean:+.2f} +- {own:.2f}"
-            for name, mean, own, fitted in zip(
-                self.pairs.names, self.pairs.mean, std, self.objective.targets.fitted, strict=True
-            )
-            if fitted
-        ]
-        self.say(f"material point method minus learned simulator: {', '.join(differences[:6])}")
+        self.say(
+            f"material point method minus learned simulator: {', '.join(self.differences()[:6])}"
+        )
 
     def search(self) -> None:
         """The answer with the correction; where it lies far from the pairs, these are run again."""
@@ -161,7 +127,7 @@ class SurrogateAnalysis(LearnedAnalysis):
         surrogate = Surrogate(
             model=self.model.name,
             model_sha256=self.model.sha256,
-            outside=self._uncorrected().outside(self.case.setup.at(self.found.values)),
+            outside=self.uncorrected().outside(self.case.setup.at(self.found.values)),
             pairs=[
                 SurrogatePair(
                     values=parameters.as_mapping(state),
@@ -204,7 +170,8 @@ class SurrogateAnalysis(LearnedAnalysis):
 
     # --- what the stages share ---
 
-    def _uncorrected(self) -> GNSEngine:
+    def uncorrected(self) -> GNSEngine:
+        """The learned simulator."""
         return GNSEngine(self.rollouts, self.model, on_frame=self.on_frame)
 
     def _fit(self, start: np.ndarray) -> SearchResult:

@@ -1,9 +1,15 @@
-"""What back-analyses by learned engines share: these have no solver whose settings could change."""
+"""What back-analyses by learned engines share.
+
+They have no solver whose settings could change, and the material point method may run next to them
+at a few states around an answer: the mean difference then corrects every prediction, and what it
+varies by enters the covariance of the measurements (`inversion.engines.model_error`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,11 +17,15 @@ from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.case import Reading
 from inversion.back_analysis.perturbed_answers import Problem
 from inversion.back_analysis.variants import Changed
+from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
 from inversion.engines.workers import Job
 from inversion.estimation.forward import Forward, Setup
+from inversion.estimation.misfit import Objective, posterior
 from inversion.estimation.search import SearchResult
 from inversion.problem.question import Sensitivity, Variant
 from pipeline.cli import InputError
+
+Found = TypeVar("Found")
 
 #: Kinds of sensitivities of which a learned engine knows nothing.
 UNKNOWN_TO_IT = {"time_step": "no time step", "simulation": "no settings of the solver"}
@@ -23,7 +33,60 @@ UNKNOWN_TO_IT = {"time_step": "no time step", "simulation": "no settings of the 
 
 @dataclass(kw_only=True)
 class LearnedAnalysis(BackAnalysis):
-    """A case under back-analysis by an engine that has learned."""
+    """A case under back-analysis by an engine that has learned.
+
+    Attributes:
+        pairs: it and the material point method around an answer; None: not run.
+    """
+
+    pairs: Pairs | None = None
+
+    def uncorrected(self) -> Forward:
+        """The engine as it has learned."""
+        raise NotImplementedError
+
+    def engine_of(self) -> Forward:
+        """The engine, corrected as soon as its error is known."""
+        engine = self.uncorrected()
+        if self.pairs is None:
+            return engine
+        return Corrected(engine, dict(zip(self.pairs.names, self.pairs.mean, strict=True)))
+
+    def objective_of(self, setup: Setup) -> Objective:
+        """With the engine's error in the covariance as soon as it is known."""
+        if self.pairs is not None:
+            setup = replace(setup, targets=with_error(setup.targets, self.pairs))
+        return self.case.objective(setup)
+
+    def run_pairs(self, truth: Forward, count: int) -> Forward:
+        """Run the material point method next to it around the present answer.
+
+        Args:
+            truth: the material point method.
+            count: states, the answer among them.
+
+        Returns:
+            the engine without correction, with its runs.
+        """
+        parameters, values = self.case.parameters, self.found.values
+        around = posterior(self.objective, self.found.best.derivative, values)
+        states, width = states_around(parameters, values, np.sqrt(np.diag(around.scaled)), count)
+        learned = self.uncorrected()
+        self.pairs, _ = paired(learned, truth, self.case.setup, states, width)
+        self.engine = self.engine_of()
+        self.objective = self.objective_of(self.case.setup)
+        return learned
+
+    def differences(self) -> list[str]:
+        """Mean and standard deviation of each fitted number's difference, in words."""
+        targets, std = self.objective.targets, np.sqrt(np.diag(self.pairs.covariance))
+        units = [targets.entries[group].unit for group in targets.groups]
+        each = zip(self.pairs.names, self.pairs.mean, std, units, targets.fitted, strict=True)
+        return [
+            f"{name} {mean:+.2f} +- {own:.2f} {unit}"
+            for name, mean, own, unit, used in each
+            if used
+        ]
 
     def side_by_side(self, jobs: Sequence[Job]) -> None:
         """One after the other: a forecast leaves no core idle."""
@@ -51,20 +114,22 @@ class LearnedAnalysis(BackAnalysis):
         self, name: str, setup: Setup, start: np.ndarray, engine: Forward | None = None
     ) -> SearchResult | None:
         """Another search; None, and a line, also where the engine does not know the reading."""
-        try:
-            return super()._calibrated(name, setup, start, engine)
-        except InputError as error:
-            self.remark(f"{name}: no answer: {error}")
-            return None
+        search = super()._calibrated
+        return self._if_known(name, lambda: search(name, setup, start, engine))
 
     def _solved_reading(
         self, reading: Reading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
     ) -> Problem | None:
         """A reading of the waterfall; None, and a line, where the engine does not know it."""
+        solve = super()._solved_reading
+        return self._if_known(reading.name, lambda: solve(reading, setup, begin, slope))
+
+    def _if_known(self, name: str, solve: Callable[[], Found | None]) -> Found | None:
+        """What was solved; None, and a line, where the engine refuses it."""
         try:
-            return super()._solved_reading(reading, setup, begin, slope)
+            return solve()
         except InputError as error:
-            self.remark(f"{reading.name}: no answer: {error}")
+            self.remark(f"{name}: no answer: {error}")
             return None
 
 

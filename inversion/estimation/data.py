@@ -40,7 +40,6 @@ class Targets:
         measured: (m,) in the unit of each.
         covariance: of the survey's errors and what the model is granted, (m, m).
         roles: of the numbers, (m,).
-        limits_alone: all that is fitted are limits: every answer on one side is as good.
         met: place of the limit that counts as if it had been measured, so that the end of that
             side is what is found; None: none.
     """
@@ -50,7 +49,6 @@ class Targets:
     measured: np.ndarray
     covariance: np.ndarray
     roles: list[Role]
-    limits_alone: bool = False
     met: int | None = None
 
     @property
@@ -62,6 +60,11 @@ class Targets:
     def censored(self) -> np.ndarray:
         """(m,) bool: an upper limit that was not exceeded, in place of a measured value."""
         return np.array([self.entries[group].censored for group in self.groups], dtype=bool)
+
+    @property
+    def limits_alone(self) -> bool:
+        """All that is fitted are limits: every answer on one side is as good."""
+        return bool(np.all(self.censored[self.fitted]))
 
     def kept(self, values: np.ndarray) -> np.ndarray:
         """(..., m) bool: censored numbers whose prediction (..., m) is below the limit."""

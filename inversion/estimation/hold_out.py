@@ -68,7 +68,7 @@ def split(targets: Targets, wanted: HoldOut | None, predictions: np.ndarray | No
     fitted = may & ~held
     if not fitted.any():
         raise InputError("hold_out: nothing is left to fit; hold out less")
-    if targets.limits_alone:  # which of all strengths above the limit it was, nobody knows
+    if targets.limits_alone:
         return Split(fitted, np.zeros_like(held), "nothing can contradict a strength that held")
     return Split(fitted, held, words if held.any() else "nothing is held out")
 

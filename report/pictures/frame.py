@@ -52,10 +52,11 @@ class DrawnWater:
         """Draw the water where it is in `frame`: it follows the soil, or stays."""
         scene = self.run.scene
         level = scene.phreatic_level(self.x)
-        points = self.run.positions[frame][~self.run.kinematic]
-        # A model without points knows a deposit and not where each of them went.
-        if self.face is not None and frame > 0 and np.all(np.isfinite(points)):
-            level = self.face.head(self.x, points)
+        if self.face is not None and frame > 0:
+            points = self.run.positions[frame][~self.run.kinematic]
+            # A model without points knows a deposit and not where each of them went.
+            if np.all(np.isfinite(points)):
+                level = self.face.head(self.x, points)
         ground = scene.ground.height(self.x)
         upper, lower = np.maximum(level, ground), ground
         outline = np.concatenate([np.stack([self.x, upper], axis=1),

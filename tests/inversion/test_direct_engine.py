@@ -258,6 +258,11 @@ def test_runs_of_the_solver_correct_the_answer(lsfd):
     assert abs(truth - measured) < 1.0 < abs(alone - measured), "the model alone is off"
 
 
+def test_too_few_runs_to_correct_it_are_refused():
+    with pytest.raises(InputError, match="paired_runs is 2: none, or at least 3"):
+        load_config(None, ["inversion.paired_runs=2"])
+
+
 def test_readings_that_it_does_not_know_are_left_out_of_the_waterfall():
     settings = [one for one in QUICK if "waterfall" not in one] + ["inversion.spacing_factor=2"]
     folder = ROOT / "case_histories" / "lower_san_fernando"
