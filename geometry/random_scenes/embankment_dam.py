@@ -9,40 +9,34 @@ and La Marquesa well inside; none of them is copied. A dam follows from (seed, i
 
 from __future__ import annotations
 
-import math
-
-from pydantic import ValidationError
-
 from geometry.random_scenes.sketch import Point
+from geometry.random_scenes.standing_dam import (
+    DENSITY,
+    GRAVITY,
+    HEIGHT,
+    RESIDUAL,
+    STIFFNESS,
+    across,
+    first_valid,
+    log_uniform,
+    standing_dam,
+)
 from geometry.scenes.scene import Scene
-from pipeline.cli import InputError
 from pipeline.random_numbers import Stream
 
-GRAVITY = 9.81
-#: Height over spacing; lengths below in heights.
-HEIGHT = (10.0, 26.0)
-#: Horizontal over vertical of either face, and of the core's.
+#: Horizontal over vertical of either face, and of the core's; lengths in heights of the dam.
 FACE, CORE_FACE = (1.2, 3.4), (0.1, 0.8)
 #: Width of the crest, and of the core at its top.
 CREST, CORE_TOP = (0.1, 0.7), (0.08, 0.4)
-#: Residual strength of a liquefied zone [rho g height], evenly over its logarithm.
-RESIDUAL = (0.01, 0.25)
-#: Strength of a clay core or cap [rho g height], likewise.
+#: Strength of a clay core or cap [rho g height], evenly over its logarithm.
 CLAY = (0.05, 0.5)
-#: Friction angle of a shell [deg]; density [kg/m3]; Young's modulus [MPa].
-FRICTION, DENSITY, STIFFNESS = (26.0, 44.0), (1700.0, 2200.0), (20.0, 60.0)
-#: Share of the dams with a pool; its level over the height.
-POOL_SHARE, POOL = 0.75, (0.3, 0.93)
-#: Share of the dams on sloping ground, and the steepest slope there.
-SLOPING_SHARE, SLOPE = 0.3, 0.05
+#: Friction angle of a shell [deg].
+FRICTION = (26.0, 44.0)
 #: Chance that a zone is liquefied.
 LIQUEFIED = {
     "first_lower": 0.85, "first_upper": 0.45, "other_lower": 0.35, "other_upper": 0.12,
     "core": 0.15,
 }  # fmt: skip
-
-#: Draws after which something is wrong with the ranges above.
-MOST_DRAWS = 200
 
 # Stream of these scenes, apart from those of the templates.
 _DAM = 71
@@ -57,18 +51,12 @@ def draw_dam(seed: int, index: int, spacing: float) -> Scene:
         spacing: between the material points [m]; everything scales with it. Each zone is wide
             enough for twice this spacing as well.
     """
-    for attempt in range(MOST_DRAWS):
-        try:
-            scene = _drawn(Stream(seed, _DAM, index, attempt), index, spacing)
-            scene.changed(spacing=2.0 * spacing)
-        except ValidationError:  # a zone is a sliver
-            continue
-        return scene
-    raise InputError(f"dam {index}: no valid section in {MOST_DRAWS} draws")
+    key = (seed, _DAM, index)
+    return first_valid(lambda stream: _drawn(stream, index, spacing), key, spacing)
 
 
 def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
-    height = spacing * _log(stream, *HEIGHT)
+    height = spacing * log_uniform(stream, *HEIGHT)
     faces = [stream.uniform(*FACE), stream.uniform(*FACE)]
     crest, top = stream.uniform(*CREST), stream.uniform(*CORE_TOP)
     core_faces = [stream.uniform(*CORE_FACE), stream.uniform(*CORE_FACE)]
@@ -82,11 +70,6 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
     face_at = [lambda y, s=s: 0.5 * crest + sign[s] * shift + (1.0 - y) * faces[s] for s in (0, 1)]
     # A core never comes nearer to a face than this share of the face's way from the axis.
     inner = [lambda y, s=s: min(core_at[s](y), 0.72 * face_at[s](y)) for s in (0, 1)]
-
-    def across(side: int, low: float, high: float, near, far) -> list[Point]:
-        points = [(near(low), low), (far(low), low), (far(high), high), (near(high), high)]
-        points = [(sign[side] * x, y) for x, y in points]
-        return points if side else points[::-1]
 
     zones: list[tuple[str, list[Point]]] = []
     for side, name in enumerate(("first", "other")):
@@ -114,46 +97,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
         (face_at[1](cap), cap), (face_at[1](1.0), 1.0), (-face_at[0](1.0), 1.0),
     ]))  # fmt: skip
     materials = _materials(stream, height, [name for name, _ in zones])
-    tilt = stream.uniform(-SLOPE, SLOPE) if stream.unit() < SLOPING_SHARE else 0.0
-    mirror = -1.0 if stream.unit() < 0.5 else 1.0
-    base = [(-face_at[0](0.0) - 12.0, 0.0), (face_at[1](0.0) + 12.0, 0.0)]
-    left, right = -face_at[0](0.0) - 8.0, face_at[1](0.0) + 8.0
-    line = _line(stream, inner, face_at, left, right)
-
-    def placed(point: Point, *, tilted: bool = True) -> Point:
-        x, y = mirror * point[0], point[1]
-        y += tilt * x if tilted else 0.0
-        return round(height * (x + 15.0), 4), round(height * (y + 2.0), 4)
-
-    def turned(points: list[Point]) -> list[Point]:
-        return points if mirror > 0 else points[::-1]
-
-    return Scene.model_validate(
-        {
-            "name": f"dam_{index:05d}",
-            "domain": {
-                "x_min": 0.0,
-                "x_max": round(height * 30.0, 4),
-                "y_max": round(height * 5.0, 4),
-                "walls": "open",
-            },
-            "ground": {"points": [placed(p) for p in turned(base)]},
-            "zones": [
-                {"name": name, "polygon": [placed(p) for p in turned(polygon)], "material": name}
-                for name, polygon in zones
-            ],
-            "materials": materials,
-            "water_level": None if line is None else placed(line[0], tilted=False)[1],
-            "phreatic_line": None
-            if line is None
-            else [placed(p, tilted=False) for p in turned(line)],
-            "spacing": spacing,
-        }
-    )  # fmt: skip
-
-
-def _log(stream: Stream, low: float, high: float) -> float:
-    return math.exp(stream.uniform(math.log(low), math.log(high)))
+    return standing_dam(stream, index, spacing, height, zones, materials, inner, face_at)
 
 
 def _behind_dike(face, core, slope: float, reach: float):
@@ -171,13 +115,13 @@ def _place_of_face(points: list[Point]) -> int:
 
 def _materials(stream: Stream, height: float, names: list[str]) -> dict[str, dict]:
     density = stream.uniform(*DENSITY)
-    stiffness = _log(stream, *STIFFNESS)
+    stiffness = log_uniform(stream, *STIFFNESS)
     unit_kpa = density * GRAVITY * height / 1000.0
-    residual = _log(stream, *RESIDUAL)
+    residual = log_uniform(stream, *RESIDUAL)
     found = {}
     for name in names:
         chance, clay, own = stream.unit(), stream.unit(), stream.uniform(0.7, 1.4)
-        strong, friction = _log(stream, *CLAY), stream.uniform(*FRICTION)
+        strong, friction = log_uniform(stream, *CLAY), stream.uniform(*FRICTION)
         cohesion = stream.uniform(0.0, 0.01)
         liquefied = chance < LIQUEFIED.get(name, 0.0)
         if liquefied:
@@ -193,17 +137,3 @@ def _materials(stream: Stream, height: float, names: list[str]) -> dict[str, dic
             "liquefied": liquefied,
         }
     return found
-
-
-def _line(stream: Stream, inner, face_at, left: float, right: float) -> list[Point] | None:
-    """Phreatic line of a pool on the first side, or on both, in heights; None: no water."""
-    wet, level = stream.unit() < POOL_SHARE, stream.uniform(*POOL)
-    kind, tail = stream.unit(), stream.uniform(0.0, 0.25)
-    if not wet:
-        return None
-    start = -inner[0](level)
-    if kind < 0.15:
-        return [(left, level), (right, level)]
-    tail = min(tail if kind < 0.4 else 0.0, 0.9 * level)
-    end = inner[1](tail) if kind < 0.7 else face_at[1](tail)
-    return [(left, level), (start, level), (end, tail), (right, tail)]
