@@ -18,7 +18,6 @@ from gns.network.edge_chunks import (
     EdgeWeights,
     Hidden,
     chunks_of,
-    for_each,
     forward,
     layers,
     sum_by_receiver,
@@ -158,10 +157,9 @@ class _Backward:
     def run(self, hidden: list[Hidden | None]) -> list[Tensor | None]:
         """Go through all chunks; return the gradients of the parameters."""
         chunks = chunks_of(self.graph, self.weights.width, self.edges.element_size())
-        kept = dict(zip((id(chunk) for chunk in chunks), hidden, strict=True))
-        results = for_each(lambda chunk: self._chunk(chunk, kept[id(chunk)]), chunks)
         totals: list[Tensor | None] = [None] * len(self.wanted)
-        for chunk, (to_senders, gradients) in zip(chunks, results, strict=True):
+        for chunk, kept in zip(chunks, hidden, strict=True):
+            to_senders, gradients = self._chunk(chunk, kept)
             if self.to_shares is not None:
                 self.to_shares[0::2][chunk.senders] += to_senders
             for place, value in enumerate(gradients):

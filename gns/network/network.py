@@ -5,8 +5,9 @@ the normalised acceleration. Perceptrons have two hidden layers; LayerNorm follo
 decoder's; messages are summed; points and edges are updated by residuals (Sanchez-Gonzalez 2020).
 
 The edges are worked through as `edge_chunks` says, which gives the numbers of the textbook's form
-(`benchmarks.performance.gns_textbook`, equal in a test) in a third of its time. Parameters have the
-textbook's shapes: the first layer of a message is one matrix over [edge, sender, receiver].
+(`benchmarks.performance.gns_textbook`, equal in a test) in a half to a quarter of its time.
+Parameters have the textbook's shapes: the first layer of a message is one matrix over [edge,
+sender, receiver].
 """
 
 from __future__ import annotations

@@ -15,11 +15,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from gns.network.edge_chunks import (
-    Chunk,
     EdgeWeights,
     Hidden,
     chunks_of,
-    for_each,
     layers,
     sum_by_receiver,
 )
@@ -146,13 +144,12 @@ def _encode_edges(weights: EdgeWeights, features: Moving, graph: Graph) -> Movin
     value = features.value.new_empty(graph.edges, weights.width)
     change = features.value.new_empty(count, graph.edges, weights.width)
 
-    def work(chunk: Chunk) -> None:
+    for chunk in chunks_of(graph, weights.width, value.element_size()):
         hidden, value[chunk.edges] = layers(chunk, features.value, None, weights)
         for direction in range(count):
             before = features.change[direction, chunk.edges] @ weights.first.t()
             change[direction, chunk.edges] = _message_change(before, hidden, weights)
 
-    for_each(work, chunks_of(graph, weights.width, value.element_size()))
     return Moving(value, change)
 
 
@@ -170,7 +167,7 @@ def _edge_update(
     value = edges.value.new_empty(graph.points, weights.width)
     change = edges.value.new_empty(count, graph.points, weights.width)
 
-    def work(chunk: Chunk) -> None:
+    for chunk in chunks_of(graph, weights.width, value.element_size()):
         hidden, message = layers(chunk, edges.value, shares.value, weights)
         for direction in range(count):
             before = functional.embedding_bag(
@@ -190,7 +187,6 @@ def _edge_update(
             message *= fading.value[chunk.edges]
         value[chunk.receivers] = sum_by_receiver(chunk, message)
 
-    for_each(work, chunks_of(graph, weights.width, value.element_size()))
     return Moving(value, change)
 
 
