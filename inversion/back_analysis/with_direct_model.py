@@ -18,7 +18,7 @@ from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engines.direct_engine import DirectEngine, shipped
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.estimation.forward import Setup
-from inversion.estimation.misfit import Objective, posterior
+from inversion.estimation.misfit import Objective
 
 #: Source of the model's error among the sources of uncertainty.
 SOURCE = "error of the direct model"
@@ -65,14 +65,7 @@ class DirectAnalysis(LearnedAnalysis):
             self._correct()
         else:
             self._doubt()
-        derivative, values = self.found.best.derivative, self.found.values
-        whole = posterior(self.objective, derivative, values)
-        survey = self.case.objective().covariance
-        self.spread = posterior(self.objective, derivative, values, errors=survey)
-        more = np.sqrt(np.maximum(whole.std**2 - self.spread.std**2, 0.0))
-        self.more_sources[SOURCE] = dict(
-            zip(self.case.parameters.names, map(float, more), strict=True)
-        )
+        self.share_of_engine(SOURCE)
 
     def _doubt(self) -> None:
         """Answer again with the model's own error, as it is at the first answer."""

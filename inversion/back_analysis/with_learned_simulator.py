@@ -26,7 +26,6 @@ from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.trained_model import Model
 from inversion.estimation.calibrate import calibrate
 from inversion.estimation.forward import Prediction
-from inversion.estimation.misfit import posterior
 from inversion.estimation.search import SearchResult
 
 #: Source of the surrogate's error among the sources of uncertainty.
@@ -207,13 +206,8 @@ class SurrogateAnalysis(LearnedAnalysis):
 
     def _uncertainty(self) -> None:
         """The uncertainty from the survey, and how much the surrogate's error adds to it."""
-        derivative, values = self.found.best.derivative, self.found.values
-        survey = self.case.objective().covariance
-        whole = posterior(self.objective, derivative, values)
-        self.spread = posterior(self.objective, derivative, values, errors=survey)
-        self.answer_std = np.sqrt(np.maximum(whole.std**2 - self.spread.std**2, 0.0))
+        self.answer_std = self.share_of_engine(SOURCE)
         names = self.case.parameters.names
-        self.more_sources[SOURCE] = dict(zip(names, map(float, self.answer_std), strict=True))
         sigma = self.found.best.prediction.sigma_v0_kpa
         self.ratio_changes[SOURCE] = {
             name: float(std / stress)

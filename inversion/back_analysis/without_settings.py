@@ -77,6 +77,25 @@ class LearnedAnalysis(BackAnalysis):
         self.objective = self.objective_of(self.case.setup)
         return learned
 
+    def share_of_engine(self, source: str) -> np.ndarray:
+        """Take the engine's error out of the spread; it becomes a source of its own.
+
+        Args:
+            source: its name among the sources of uncertainty.
+
+        Returns:
+            standard deviation of the parameters by it alone (p,).
+        """
+        derivative, values = self.found.best.derivative, self.found.values
+        whole = posterior(self.objective, derivative, values)
+        survey = self.case.objective().covariance
+        self.spread = posterior(self.objective, derivative, values, errors=survey)
+        std = np.sqrt(np.maximum(whole.std**2 - self.spread.std**2, 0.0))
+        self.more_sources[source] = dict(
+            zip(self.case.parameters.names, map(float, std), strict=True)
+        )
+        return std
+
     def differences(self) -> list[str]:
         """Mean and standard deviation of each fitted number's difference, in words."""
         targets, std = self.objective.targets, np.sqrt(np.diag(self.pairs.covariance))
