@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.generated_pages import around
 from benchmarks.hidden_effects.foreign.differences import correlation_length
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
 from benchmarks.hidden_effects.foreign.slide import source
@@ -20,6 +21,7 @@ from benchmarks.hidden_effects.scoring.digest import WindowDigest
 from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
+from benchmarks.studies.strength_by_verdict import PAGE, Slide, shown, slides
 from diagnosis.question import CodeError, load_diagnosis_question
 from pipeline.cli import InputError
 from pipeline.files import read_yaml, yaml_text
@@ -249,3 +251,15 @@ def test_a_case_says_what_its_plan_states(tmp_path):
     write_case(section, planned, made, places, 40.0, None, fourth.plan.stated)
     question = read_yaml(places.case(planned.name) / "inversion.yaml")
     assert question["sensitivities"] == fourth.plan.stated.sensitivities(section)
+
+
+def test_the_page_says_how_far_the_strength_was_off():
+    one = Slide("adequate", hidden=False, true=20.0, low=18.0, high=22.0, base=25.0)
+    far = replace(one, verdict="ambiguous", hidden=True, low=32.0, high=50.0)
+    assert one.held and not far.held
+    assert np.exp(far.off) == pytest.approx(2.0) and np.exp(one.base_off) == pytest.approx(1.25)
+    text = shown([one, one, far])
+    assert "| nothing was hidden | 2 | 1 % | 1 % | 25 % | 25 % | 2 |" in text
+    assert "| said: ambiguous | 1 | 100 % | 100 % | 25 % | 25 % | 0 |" in text
+    before, after = around(PAGE, "strength")
+    assert shown(slides()) in PAGE.read_text(encoding="utf-8")[len(before) : -len(after)]

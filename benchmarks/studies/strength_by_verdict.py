@@ -1,0 +1,114 @@
+"""How far the strength is off on slides by other codes, by what the diagnosis said of them.
+
+    python -m benchmarks.studies.strength_by_verdict
+
+A verdict can only doubt what is on its list. What that leaves open is found where somebody else
+made the truth: from the records of the third to the fifth set of slides by other codes
+(`benchmarks/hidden_effects/foreign_*_results.json`), each judged once and sealed before that.
+Renews a part of docs/method/diagnosis.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.generated_pages import ROOT, renew, table
+from benchmarks.hidden_effects.scoring.opened import Row, load_rows
+
+PAGE = ROOT / "docs" / "method" / "diagnosis.md"
+FOLDER = Path(__file__).resolve().parent.parent / "hidden_effects"
+SETS = ("third", "fourth", "fifth")
+STRENGTH = "residual_strength"
+#: Verdicts as the page groups them, and how.
+SAID = {
+    "adequate": ("adequate",),
+    "identified": ("identified",),
+    "suspect, unknown effect": ("suspect", "unknown_effect"),
+    "ambiguous": ("ambiguous",),
+}
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A slide by another code, and what was said of it.
+
+    Attributes:
+        verdict: of the diagnosis; hidden: something was.
+        true: S_r of the slide; low, high: quoted 95 % interval; base: of the base model [kPa].
+    """
+
+    verdict: str
+    hidden: bool
+    true: float
+    low: float
+    high: float
+    base: float
+
+    @property
+    def off(self) -> float:
+        """Of the middle of the interval, as a logarithm."""
+        return float(np.log(np.sqrt(self.low * self.high) / self.true))
+
+    @property
+    def base_off(self) -> float:
+        """Of the base model, as a logarithm."""
+        return float(np.log(self.base / self.true))
+
+    @property
+    def held(self) -> bool:
+        """The interval holds the truth."""
+        return self.low <= self.true <= self.high
+
+
+def slide(row: Row) -> Slide:
+    """What is needed of a record."""
+    truth, digest = row["truth"], row["verdicts"]["method"]
+    low, high = digest["quoted"][STRENGTH]["95%"]
+    base = digest["base"]["values"][STRENGTH]
+    return Slide(
+        digest["verdict"],
+        truth["kind"] != "null",
+        truth["parameters"][STRENGTH],
+        low,
+        high,
+        base,
+    )
+
+
+def slides() -> list[Slide]:
+    """All of the sets."""
+    files = [FOLDER / f"foreign_{name}_results.json" for name in SETS]
+    return [slide(row) for file in files for row in load_rows(file)]
+
+
+def shown(found: Sequence[Slide]) -> str:
+    """The part of the page."""
+    nulls = [one for one in found if not one.hidden]
+    groups = {"nothing was hidden": nulls, "something was": [one for one in found if one.hidden]}
+    groups |= {
+        f"said: {words}": [one for one in found if one.verdict in verdicts]
+        for words, verdicts in SAID.items()
+    }
+    header = ["", "slides", "S_r off, half of them", "nine of ten", "by the base model, half",
+              "nine of ten", "in the 95 % interval"]  # fmt: skip
+    groups = {words: some for words, some in groups.items() if some}
+    rows = [
+        [words, str(len(some)), *_spread([one.off for one in some]),
+         *_spread([one.base_off for one in some]),
+         f"{sum(one.held for one in some)}"]
+        for words, some in groups.items()
+    ]  # fmt: skip
+    return table(header, rows, "lrrrrrr")
+
+
+def _spread(off: Sequence[float]) -> list[str]:
+    size = np.abs(off)
+    return [f"{100 * np.expm1(np.quantile(size, share)):.0f} %" for share in (0.5, 0.9)]
+
+
+if __name__ == "__main__":
+    renew(PAGE, strength=shown(slides()))
