@@ -141,6 +141,12 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
             f"It has {percent(rivals[0].probability)} of the probability {AMONG}; no alternative "
             "is needed to reach 90 %."
         )
+    if data.verdict.verdict == "ambiguous":
+        said.append(
+            "The strength depends on which of them it is, and its interval spans these alone. On "
+            "slides by other codes with this verdict the true strength was mostly outside: what "
+            "happened was none of them. Measure what is proposed below before using it."
+        )
     if unknown:
         said.append(
             "The calibrated strength includes the error of the model. It is shown, but it is not a "

@@ -290,6 +290,8 @@ def test_where_and_how_it_fails_is_reported():
 
 def test_rivals_are_reported():
     told_ = " ".join(answer_sentences(data_of(ambiguous())))
+    assert "mostly outside" in told_ and "Measure what is proposed" in told_
+    assert "mostly outside" not in " ".join(answer_sentences(data_of(identified())))
     assert "Most probable: pore pressure" in told_
     assert "pore pressure (56 %); overburden strength (39 %)" in told_
     assert confounded(data_of(ambiguous()), 0.95)[0][:2] == ("overburden_strength", "pore_pressure")
