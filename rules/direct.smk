@@ -1,6 +1,6 @@
 # Learned models without steps: paired runs of random sections -> trained models with their cards.
 
-DIRECT_PARTS = 500
+DIRECT_PARTS = 420
 DIRECT_KINDS = ("direct", "corrected")
 
 
@@ -30,7 +30,12 @@ rule simulate_direct:
         number=lambda wildcards: int(wildcards.part),
         folder=f"{RESULTS}/direct/runs",
         physics=content_hash(
-            {"physics": PHYSICS, "simulation": SETTINGS.simulation, "seed": SETTINGS.geometry.seed}
+            {
+                "physics": PHYSICS,
+                "simulation": SETTINGS.simulation,
+                "seed": SETTINGS.geometry.seed,
+                "dams": "two layers, hydraulic fill",
+            }
         ),
     message:
         "Simulating part {wildcards.part} of the runs for the direct models"
@@ -52,8 +57,8 @@ rule train_direct_model:
         f"{RESULTS}/benchmarks/train_direct_{{kind}}.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
-        runtime=lambda wildcards, attempt: 120 * attempt,
+        mem_mb=10000,
+        runtime=lambda wildcards, attempt: 180 * attempt,
     params:
         config=CONFIG_FILE,
         data=f"{RESULTS}/direct/runs",

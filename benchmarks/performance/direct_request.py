@@ -31,8 +31,9 @@ def seconds(engine: DirectEngine, request: Request) -> float:
     return time.perf_counter() - began
 
 
-def main() -> None:
-    """Print the medians, the network's share and the ratio."""
+def medians() -> tuple[float, float, float]:
+    """Of a first request, of one that differs in strengths alone, and of its network [ms]."""
+    threads = torch.get_num_threads()
     torch.set_num_threads(1)
     case = inversion_case(load_case(CASE))
     setup = case.setup.with_scene(case.setup.scene.changed(spacing=2.0))
@@ -43,7 +44,13 @@ def main() -> None:
         pair = [seconds(engine, request) for _ in range(2)]
         (asked,) = engine._asked([request])
         found.append([*pair, engine.forecast(asked)[1]])
-    first, later, network = 1000.0 * np.median(found, axis=0)
+    torch.set_num_threads(threads)
+    return tuple(1000.0 * np.median(found, axis=0))
+
+
+def main() -> None:
+    """Print the medians and their ratio."""
+    first, later, network = medians()
     print(f"first {first:.1f} ms, later {later:.1f} ms, of it the network {network:.1f} ms")
     print(f"ratio {first / later:.2f}")
 

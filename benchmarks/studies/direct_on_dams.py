@@ -7,23 +7,36 @@ No case history was learned from. Part of the page that `benchmarks.studies.dire
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+import flowslide
 from geometry.case import load_case
+from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.back_analysis.case import inversion_case
+from inversion.back_analysis.result import Result
 from inversion.engines.registry import MPM, engine_named
 from inversion.engines.run_store import RunStore
+from inversion.estimation.unknowns import Parameters
+from pipeline.config import load_config
 
 WORDS = (
     "The direct model next to the solver, both at the same strengths: those of the back-analyses, "
-    "and others around them (`python -m benchmarks.studies.direct_on_dams`). Five runs of the "
-    "solver around its first answer correct it: with them the solver's toe is 53.2 m of 53.0 at "
-    "Lower San Fernando (1 m between points), its toes 10.9 and 6.5 m of 11.0 and 6.5 at La "
-    "Marquesa ([how](../method/direct.md#how-sure-it-is))."
+    "and others around them (`python -m benchmarks.studies.direct_on_dams`)."
 )
+ANSWERS = (
+    "What each finds from the toes alone (`flowslide invert DAM --quick --spacing S --engine "
+    "direct`): by itself, with its own error in the ±, and corrected by five runs of the solver "
+    "around its first answer (`--set inversion.paired_runs=5`, "
+    "[how](../method/direct.md#how-sure-it-is)). At 1 m Lower San Fernando is 42 spacings high, "
+    "which the model has not learned. The last column is what the solver makes of the corrected "
+    "answer; the measured runouts are in brackets."
+)
+#: Runs that correct an answer.
+PAIRED = 5
 CASES = Path("case_histories")
 HEAD = (
     "| dam | points, m | strengths, kPa | number | solver, m | direct model, m | off, m |\n"
@@ -56,6 +69,31 @@ DAMS = (
     ),
 )  # fmt: skip
 
+ANSWERS_HEAD = (
+    "| dam | points, m | S_r by the solver, kPa | direct model alone | with five runs | "
+    "toes by the solver at the last, m |\n|---|---|---|---|---|---|"
+)
+#: Title, case and spacing [m].
+QUESTIONS = (
+    ("Lower San Fernando", "lower_san_fernando", 2.0),
+    ("Lower San Fernando", "lower_san_fernando", 1.0),
+    ("La Marquesa", "la_marquesa", 0.5),
+)
+
+CLAY = {"friction_deg": 0.0, "cohesion_kpa": 150.0}
+LIQUEFIED = tuple(f"upstream_fill_{number}" for number in (1, 2, 3, 4))
+DIKE = "upstream_starter_dike"
+SAND = {"friction_deg": 35.0, "cohesion_kpa": 0.0}
+#: Strengths at which the variants of Lower San Fernando are run [kPa].
+STRENGTHS = (15.0, 19.8, 25.0)
+VARIANTS_WORDS = (
+    "Lower San Fernando at 2 m with one thing changed: upstream toe by the solver and, after it, "
+    "how far the direct model is off (m), at three strengths."
+)
+VARIANTS_HEAD = (
+    "| variant | " + " | ".join(f"{one:g} kPa" for one in STRENGTHS) + " |\n|---|---|---|---|"
+)
+
 
 def lines(asked: Asked) -> list[str]:
     """Rows of the table: every toe, and the crest where it was measured."""
@@ -84,5 +122,123 @@ def table() -> str:
     return "\n".join([HEAD, *(row for asked in DAMS for row in lines(asked))])
 
 
+def without_water(scene: Scene) -> Scene:
+    """The section without its pool and water table."""
+    return scene.changed(water_level=None, phreatic_line=None)
+
+
+def with_materials(scene: Scene, changes: dict[str, dict[str, float]]) -> Scene:
+    """The section with other values of some of its materials."""
+    materials = {
+        name: {**one.model_dump(), **changes.get(name, {})} for name, one in scene.materials.items()
+    }
+    return scene_from_mapping({**scene.model_dump(), "materials": materials}, scene.name)
+
+
+def with_zones(scene: Scene, changes: dict[str, str]) -> Scene:
+    """The section with other materials in some of its zones."""
+    zones = [
+        {**zone.model_dump(), "material": changes.get(zone.name, zone.material)}
+        for zone in scene.zones
+    ]
+    return scene_from_mapping({**scene.model_dump(), "zones": zones}, scene.name)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Lower San Fernando with one thing changed.
+
+    Attributes:
+        words: what; change: of the section.
+        liquefied: zones that have the strength in question.
+    """
+
+    words: str
+    change: Callable[[Scene], Scene] = lambda scene: scene
+    liquefied: tuple[str, ...] = LIQUEFIED
+
+
+VARIANTS = (
+    Variant("as it is"),
+    Variant("no water", without_water),
+    Variant(
+        "its cap of friction",
+        lambda scene: with_materials(scene, {"ground_shale": SAND, "rolled_fill": SAND}),
+    ),
+    Variant(
+        "its cap of strong clay",
+        lambda scene: with_materials(scene, {"ground_shale": CLAY, "rolled_fill": CLAY}),
+    ),
+    Variant("its core of friction", lambda scene: with_materials(scene, {"core": SAND})),
+    Variant(
+        "its starter dike liquefied",
+        lambda scene: with_zones(scene, {DIKE: "liquefied_fill"}),
+        (*LIQUEFIED, DIKE),
+    ),
+    Variant(
+        "its lowest layer alone liquefied",
+        lambda scene: with_zones(scene, dict.fromkeys(LIQUEFIED[1:], "fill")),
+        LIQUEFIED[:1],
+    ),
+)
+
+
+def variants() -> str:
+    """Table of Lower San Fernando with one thing changed."""
+    case = inversion_case(load_case(CASES / "lower_san_fernando"), spacing_m=2.0)
+    store, rows = RunStore(None), []
+    for variant in VARIANTS:
+        (spec,) = case.parameters.specs
+        sought = Parameters([spec.model_copy(update={"zones": list(variant.liquefied)})])
+        setup = replace(case.setup.with_scene(variant.change(case.setup.scene)), parameters=sought)
+        requests = [setup.at(np.array([strength])) for strength in STRENGTHS]
+        place = setup.targets.names.index("upstream toe")
+        solver, direct = (
+            np.array([one.values[place] for one in engine.forward(store).predict(requests)])
+            for engine in (MPM, engine_named("direct"))
+        )
+        cells = [f"{own:.0f}, {off:+.0f}" for own, off in zip(solver, direct - solver, strict=True)]
+        rows.append(f"| {variant.words} | {' | '.join(cells)} |")
+    return "\n".join([VARIANTS_HEAD, *rows])
+
+
+def answers() -> str:
+    """Table of the back-analyses, by the solver, by the model and by the corrected model."""
+    rows = (answer_of(title, name, spacing) for title, name, spacing in QUESTIONS)
+    return "\n".join([ANSWERS_HEAD, *rows])
+
+
+def answer_of(title: str, name: str, spacing: float) -> str:
+    """One row of `answers`."""
+    solver, alone, corrected = (
+        _answer(name, spacing, engine=engine, pairs=pairs)
+        for engine, pairs in ((MPM.name, 0), ("direct", 0), ("direct", PAIRED))
+    )
+    setup = inversion_case(load_case(CASES / name), spacing_m=spacing).setup
+    found = np.array([one.value for one in corrected.answer.parameters])
+    (judged,) = MPM.forward(RunStore(None)).predict([setup.at(found)])
+    numbers = zip(setup.targets.names, judged.values, setup.targets.measured, strict=True)
+    toes = [f"{own:.1f} ({target:g})" for number, own, target in numbers if "toe" in number]
+    cells = [title, f"{spacing:g}", *map(_strengths, (solver, alone, corrected)), ", ".join(toes)]
+    return f"| {' | '.join(cells)} |"
+
+
+def _answer(name: str, spacing: float, *, engine: str, pairs: int) -> Result:
+    settings = load_config(None)
+    changed = settings.inversion.model_copy(update={"paired_runs": pairs})
+    return flowslide.back_analyse(
+        CASES / name,
+        engine=engine,
+        quick=True,
+        spacing_m=spacing,
+        settings=settings.model_copy(update={"inversion": changed}),
+    )
+
+
+def _strengths(result: Result) -> str:
+    parameters = result.answer.parameters
+    return ", ".join(f"{one.value:.1f} ± {one.std_total:.1f}" for one in parameters)
+
+
 if __name__ == "__main__":
-    print(table())
+    print(f"{table()}\n\n{answers()}\n\n{variants()}")

@@ -49,7 +49,8 @@ SHOWN = """## Screening for a diagnosis
 May the direct model do the first run of each screened hypothesis of a diagnosis? It was asked
 for those of {cases} blind cases of all families (`benchmarks/hidden_effects/screening.yaml`), at
 the fit of the base model and with the covariance of the solver's diagnosis. **No**: it costs more
-than it saves.
+than it saves. (Asked was the model before this one, off by as much on sections of its kind: it has
+not been asked again.)
 
     plan=benchmarks/hidden_effects/screening.yaml
     python -m benchmarks.hidden_effects make --benchmark $plan --out results/screening

@@ -3,8 +3,9 @@
 The templates (a) to (e) of the paper have one density, half of them lean on a wall, and few have a
 pool. These dams stand free: layered shells on both sides of a core, a cap, sometimes a starter dike
 at the foot; one or several of the lower zones are liquefied; a pool on one side, whose line falls
-through the core or through the dam. Slopes, core, levels and strengths hold the San Fernando dams
-and La Marquesa well inside; none of them is copied. A dam follows from (seed, index) alone.
+through the core or through the dam. Slopes, core, levels and strengths hold those of the San
+Fernando dams and of La Marquesa; none of them is copied. What these have besides, layers and dikes
+along the faces, is in `hydraulic_fill_dam`. A dam follows from (seed, index) alone.
 """
 
 from __future__ import annotations
@@ -97,7 +98,8 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
         (face_at[1](cap), cap), (face_at[1](1.0), 1.0), (-face_at[0](1.0), 1.0),
     ]))  # fmt: skip
     materials = _materials(stream, height, [name for name, _ in zones])
-    return standing_dam(stream, index, spacing, height, zones, materials, inner, face_at)
+    name = f"dam_{index:05d}"
+    return standing_dam(stream, name, spacing, height, zones, materials, inner, face_at)
 
 
 def _behind_dike(face, core, slope: float, reach: float):

@@ -3,8 +3,8 @@
 The shells were washed in between two starter dikes and settled in layers, the clay in the middle
 became the core, and a rolled cap was put on top: so each shell is cut into layers of their own
 strengths, of which some liquefy, behind a dike along the face that does not. Core and cap are clay
-more often than not, at undrained strengths that a slide takes along. A dam follows from
-(seed, index) alone.
+more often than not, some of it weak enough to move with a slide. A dam follows from (seed, index)
+alone.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
     dikes = [_dike(stream, levels), _dike(stream, levels)]
     faces = [lambda y, s=slope: 0.5 * crest + (1.0 - y) * s for slope in slopes]
     behind = [lambda y, s=s: faces[s](y) - dikes[s][0] for s in (0, 1)]
-    # The core leaves a third of the way from the axis to the dike to the fill.
+    # At least a third of the way from the axis to the dike is fill.
     core = [
         lambda y, s=s: min(0.5 * top + max(fill - y, 0.0) * core_slopes[s], 0.67 * behind[s](y))
         for s in (0, 1)
@@ -103,7 +103,8 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
         foot = faces[1](0.0)
         zones.append(("berm", [(foot, 0.0), (foot + width, 0.0), (faces[1](rise), rise)]))
     materials = _materials(stream, height, [name for name, _ in zones])
-    return standing_dam(stream, index, spacing, height, zones, materials, core, faces)
+    name = f"hydraulic_{index:05d}"
+    return standing_dam(stream, name, spacing, height, zones, materials, core, faces)
 
 
 def _levels(stream: Stream, top: float, thinnest: float) -> list[float]:

@@ -67,7 +67,7 @@ def across(side: int, low: float, high: float, near, far) -> list[Point]:
 
 def standing_dam(
     stream: Stream,
-    index: int,
+    name: str,
     spacing: float,
     height: float,
     zones: list[tuple[str, list[Point]]],
@@ -79,7 +79,7 @@ def standing_dam(
 
     Args:
         stream: that ground, side and water are drawn from.
-        index: number of the scene.
+        name: of the scene: what kind of dam, and its number.
         spacing: between the material points [m].
         height: of the dam [m].
         zones: names and outlines [heights from the axis and from the ground].
@@ -102,7 +102,7 @@ def standing_dam(
 
     return Scene.model_validate(
         {
-            "name": f"dam_{index:05d}",
+            "name": name,
             "domain": {
                 "x_min": 0.0,
                 "x_max": round(height * 30.0, 4),
@@ -124,7 +124,9 @@ def standing_dam(
     )  # fmt: skip
 
 
-def _line(stream: Stream, core: Sides, faces: Sides, left: float, right: float):
+def _line(
+    stream: Stream, core: Sides, faces: Sides, left: float, right: float
+) -> list[Point] | None:
     """Phreatic line of a pool on the left, or on both sides, in heights; None: no water."""
     wet, level = stream.unit() < POOL_SHARE, stream.uniform(*POOL)
     kind, tail = stream.unit(), stream.uniform(0.0, 0.25)

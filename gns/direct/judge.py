@@ -35,7 +35,7 @@ class Scores:
     """Errors of one scene each, (n,).
 
     Attributes:
-        template: a to d, or dam.
+        template: a to d, or what kind of dam.
         travel: of the side that ran farther [d].
         runout: error of its toe [d]; profile: of the deposit [share of the section's area].
         covered: its interval held it.

@@ -33,7 +33,7 @@ from gns.direct.sections import COLUMN, DEEPEST, LAYERS, Outcome, Section, place
 #: Strengths are taken as at least this [rho g height], for their logarithm.
 LEAST_STRENGTH = 3e-3
 #: Features of a layer, and of a column.
-PER_LAYER, PER_COLUMN, OF_COARSE = 4, 19, 4
+PER_LAYER, PER_COLUMN, OF_COARSE = 5, 19, 4
 #: Neighbouring columns that the network takes as one.
 TOGETHER = 2
 #: Outputs of a column: for each toe a weight, an offset and a log scale; a change and a log scale.
@@ -42,7 +42,8 @@ OUTPUTS = 8
 TURNED_OVER, SIDES_CHANGED = [7, 8], ([13, 14], [16, 17])
 #: Push and resistance of a column below which their quotient says nothing [rho g height^2].
 LEAST_PUSH = 0.02
-#: Layers count as the weakest of their column by this power of their strength.
+#: A layer counts as the weakest of its column by this power of its strength, and a zone as the
+#: weakest of its layer: a minimum would jump from one to the other.
 WEAKEST = 8.0
 #: Share of the inner values of a block that a training step leaves out.
 DROPPED = 0.05
@@ -65,7 +66,7 @@ class DirectConfig:
     """
 
     corrected: bool = False
-    widths: tuple[int, ...] = (48, 64, 96, 128)
+    widths: tuple[int, ...] = (64, 96, 128, 192)
     blocks: int = 2
 
 
@@ -104,7 +105,8 @@ def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Ten
     thickness, water, share = stacked("thickness"), stacked("water"), stacked("zone_share")
     sat = stacked("saturated")
     mean_density = torch.as_tensor([one.density for one in sections]).to(values)[:, None, None]
-    cohesion = torch.einsum("bckz,bz->bck", stacked("strength_share"), values[..., 0])
+    cohesions = stacked("strength_share") * values[:, None, None, :, 0]
+    cohesion = cohesions.sum(dim=3)
     friction, density = torch.einsum("bckz,bzp->pbck", share, values[..., 1:])
     swell = torch.einsum("bckz,bz->bck", share, sat)
     middle = (torch.arange(LAYERS).to(values) + 0.5) / LAYERS
@@ -114,8 +116,13 @@ def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Ten
     weight = (density * (1.0 + soaked * (swell - 1.0)) - soaked / mean_density) * step
     above = weight.flip(-1).cumsum(-1).flip(-1) - 0.5 * weight
     strength = (cohesion + friction * above).clamp(min=0.0)
+    # Of each zone alone, where there is some of it: a seam that is thinner than a layer holds no
+    # more than it would by itself.
+    alone = cohesions + share * values[:, None, None, :, 1] * above[..., None]
+    alone = (alone / share.clamp(min=1e-6)).clamp(min=0.0)
+    weak = _weakest(alone, share)
     inside = (thickness > 0.0).to(values)
-    logs = [_log_strength(one) for one in (cohesion.clamp(min=0.0), strength)]
+    logs = [_log_strength(one) for one in (cohesion.clamp(min=0.0), strength, weak)]
     layers = torch.stack([*logs, friction, soaked], dim=1) * inside[:, None, :, None]
     layers = layers.permute(0, 1, 3, 2).flatten(1, 2)
     x = torch.as_tensor(places()).to(values).expand(len(sections), -1)
@@ -135,7 +142,7 @@ def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Ten
             (x - toes[:, 1:]) / 4.0,
             ones * fineness[:, None],
             ones * (mean_density[:, :, 0] - 1.9) * 4.0,
-            *_balance(thickness, water, strength, (above * step).sum(dim=2), mean_density[:, :, 0]),
+            *_balance(thickness, water, weak, (above * step).sum(dim=2), mean_density[:, :, 0]),
         ],
         dim=1,
     )
@@ -155,13 +162,12 @@ def _balance(
     Args:
         thickness: of the soil [heights].
         water: level over the ground [heights].
-        strength: of the layers (B, C, K) [rho g height].
+        strength: of the weakest zone of the layers (B, C, K) [rho g height].
         weight: effective stress integrated over the column [rho g height^2].
         density: mean over that of water, (B, 1).
     """
     inside = (thickness > 0.0).to(thickness)
     push = weight + 0.5 * water.clamp(min=0.0) ** 2 / density
-    # A minimum over layers of one strength would jump from one to the other.
     weight_of = (-WEAKEST * (strength + LEAST_STRENGTH).log()).softmax(dim=2)
     weakest = (weight_of * strength).sum(dim=2)
     place = (weight_of * torch.arange(LAYERS).to(thickness)).sum(dim=2)
@@ -178,6 +184,13 @@ def _balance(
         *(((push + LEAST_PUSH) / (one + LEAST_PUSH)).log() * inside for one in resistance),
         spread.expand_as(thickness),
     ]
+
+
+def _weakest(strength: Tensor, share: Tensor) -> Tensor:
+    """The least of the strengths of zones (..., Z), of which there is a share (..., Z), (...)."""
+    weight = share.clamp(min=1e-9).log() - WEAKEST * (strength + LEAST_STRENGTH).log()
+    weight = weight.masked_fill(share <= 0.0, -1e9)  # where there is no soil, all: no strength
+    return (weight.softmax(dim=-1) * strength).sum(dim=-1)
 
 
 def _log_strength(strength: Tensor) -> Tensor:

@@ -9,11 +9,13 @@ the model has learned from. A model is one file of plain numbers.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from pickle import UnpicklingError
 
 import numpy as np
 import torch
+from scipy.spatial import cKDTree
 
 from gns.direct.network import Answer, DirectConfig, DirectModel, features, with_coarse
 from gns.direct.sections import COLUMN, Outcome, Section, places
@@ -138,9 +140,16 @@ class Predictor:
         )
 
     def distance(self, section: Section) -> float:
-        """To the nearest section learned from; 1 where INSIDE of those have a nearer neighbour."""
-        away = np.sqrt(np.mean((self.known - described(section)) ** 2, axis=1))
-        return float(away.min() / self.unit)
+        """To the nearest section learned from; 1 where INSIDE of those have a nearer neighbour.
+
+        Descriptors count alike: it is the root mean square of their differences.
+        """
+        away, _ = self._neighbours.query(described(section))
+        return float(away / np.sqrt(self.known.shape[1]) / self.unit)
+
+    @cached_property
+    def _neighbours(self) -> cKDTree:
+        return cKDTree(self.known)
 
     def _answer(self, section, before, coarse, values, model=None) -> Answer:
         model = self.model if model is None else model
@@ -236,9 +245,5 @@ def described(section: Section) -> np.ndarray:
 
 def neighbourly(known: np.ndarray) -> float:
     """Distance to the nearest other that INSIDE of the sections (N, F) have."""
-    nearest = np.empty(len(known))
-    for number, one in enumerate(known):
-        away = np.mean((known - one) ** 2, axis=1)
-        away[number] = np.inf
-        nearest[number] = np.sqrt(away.min())
+    nearest = cKDTree(known).query(known, k=2)[0][:, 1] / np.sqrt(known.shape[1])
     return float(np.quantile(nearest, INSIDE))

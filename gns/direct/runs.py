@@ -1,9 +1,10 @@
 """Runs for the direct model: random sections, each simulated at a spacing and at twice that.
 
 In: the settings, numbers of scenes. Out: files `runs_PPPP.npz` of `RUNS_PER_PART` scenes, written
-whole, so that a job that is killed goes on with the next part. Seven of ten scenes are embankment
-dams (`geometry.random_scenes.embankment_dam`), the others templates (a) to (d). All have the water
-of a case history: pressure in and on the soil, and a pool that follows it.
+whole, so that a job that is killed goes on with the next part. Of ten scenes seven are dams that
+stand free: four with shells of two layers (`geometry.random_scenes.embankment_dam`), three of
+hydraulic fill (`geometry.random_scenes.hydraulic_fill_dam`). The others are templates (a) to (d).
+All have the water of a case history: pressure in and on the soil, and a pool that follows it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from geometry.random_scenes.embankment_dam import draw_dam
+from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import Scene
 from gns.direct.arrivals import Arrivals, arrivals_of
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
     from pipeline.config import Config, SimulationSettings
 
 RUNS_PER_PART = 50
-#: Of ten scenes, how many are dams.
-DAMS_IN_TEN = 7
+#: Of ten scenes, how many are dams, the last of them of hydraulic fill.
+DAMS_IN_TEN, HYDRAULIC_IN_TEN = 7, 3
 #: Spacing of the runs [m]; the model knows lengths in heights of the section alone.
 SPACING = 2.0
 #: Spacing of the second run of each scene over that of the first.
@@ -77,8 +79,11 @@ class PairedRun:
 
 def random_section(config: Config, number: int) -> Scene:
     """Scene of a number: a dam or one of the templates (a) to (d)."""
-    if number % 10 < DAMS_IN_TEN:
-        return draw_dam(config.geometry.seed, number, SPACING)
+    place = number % 10
+    if place < DAMS_IN_TEN:
+        hydraulic = place >= DAMS_IN_TEN - HYDRAULIC_IN_TEN
+        draw = draw_hydraulic_fill_dam if hydraulic else draw_dam
+        return draw(config.geometry.seed, number, SPACING)
     shares = config.geometry.template_shares.model_copy(update={"e": 0.0})
     geometry = config.geometry.model_copy(
         update={"template_shares": shares, "water_share": WATER_SHARE}

@@ -3,8 +3,9 @@
 The section is cut into `COLUMNS` columns of `COLUMN` heights, from `HALF_WIDTH` heights left of its
 middle to as far right. Lengths are in heights of the section, strengths in rho g height, so that
 one model serves all sizes. The soil of a column is cut into `LAYERS` layers of equal thickness; the
-share of each zone in each of them is known (`zone_share`), so that what a layer holds is linear in
-the values of the zones and has a derivative with respect to them (`gns.direct.network`).
+share of each zone in each of them is known (`zone_share`), so that what a layer holds is a smooth
+function of the values of the zones and has a derivative with respect to them
+(`gns.direct.network`).
 
 Shapes: C columns, K layers, Z zones.
 """
@@ -27,7 +28,7 @@ from pipeline.cli import InputError
 if TYPE_CHECKING:
     from pipeline.config import SimulationSettings
 
-COLUMNS, LAYERS = 192, 8
+COLUMNS, LAYERS = 192, 12
 #: Width of a column, and half that of all columns [heights].
 COLUMN = 0.125
 HALF_WIDTH = 0.5 * COLUMNS * COLUMN
@@ -152,8 +153,8 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     thickness = np.zeros(COLUMNS)
     offsets = ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5) * COLUMN * height
     share = np.zeros((COLUMNS, LAYERS, len(polygons)))
-    strong = np.zeros_like(share)
     factors = _Factors(scene)
+    strong = np.zeros_like(share) if factors else share
     rows = (np.arange(LAYERS * SAMPLES) + 0.5) / (LAYERS * SAMPLES)
     for shift in offsets:
         at = x + shift
@@ -167,14 +168,12 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         for number, polygon in enumerate(polygons):
             held = shapely.contains_xy(polygon, grid_x, grid_y)
             share[columns, :, number] += _of_layers(held)
-            if factors.acts_in(number):
-                strong[columns, :, number] += _of_layers(held * factor)
-            else:
-                strong[columns, :, number] += _of_layers(held)
-    total = share.sum(axis=2, keepdims=True)
-    share, strong = (
-        np.divide(one, total, out=np.zeros_like(one), where=total > 0) for one in (share, strong)
-    )
+            if factors:
+                strong[columns, :, number] += _of_layers(
+                    held * factor if factors.acts_in(number) else held
+                )
+    total = np.maximum(share.sum(axis=2, keepdims=True), 1.0)  # no sample: no soil
+    share, strong = share / total, (strong / total if factors else None)
     inside &= thickness > 0.0
     level = scene.phreatic_level(x)
     water = np.clip((level - ground) / height, -DEEPEST, DEEPEST)
@@ -198,7 +197,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         water=water,
         wall=wall.astype(float),
         zone_share=share,
-        strength_share=strong,
+        strength_share=share if strong is None else strong,
         values=np.column_stack([_strengths(scene, unit), spans]),
         saturated=np.array([(one.saturated_density or one.density) / one.density
                             for one in materials]),
@@ -215,6 +214,9 @@ class _Factors:
         self._on = effects_on(scene)
         liquefied = liquefied_zones(scene) if self._on else ()
         self._zones = {n for n, zone in enumerate(scene.zones) if zone.name in liquefied}
+
+    def __bool__(self) -> bool:
+        return bool(self._on)
 
     def acts_in(self, zone: int) -> bool:
         """Whether a zone, by its place in the scene, has another strength somewhere."""

@@ -12,11 +12,18 @@ from geometry.random_scenes.embankment_dam import draw_dam
 from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
 from gns.direct.judge import calibrated, card, coarse_alone, judged
-from gns.direct.network import DirectConfig, DirectModel, features, mirrored
+from gns.direct.network import Answer, DirectConfig, DirectModel, features, mirrored
 from gns.direct.predictor import MODEL_FILE, Predictor, described, neighbourly
-from gns.direct.runs import Ended, PairedRun, read_runs, simulate_parts
+from gns.direct.runs import (
+    DAMS_IN_TEN,
+    Ended,
+    PairedRun,
+    random_section,
+    read_runs,
+    simulate_parts,
+)
 from gns.direct.sections import COLUMN, COLUMNS, LAYERS, outcome_of, places, section_of
-from gns.direct.train import SPLITS, TrainingPlan, inputs, sample_of, split_of, train
+from gns.direct.train import SPLITS, TrainingPlan, inputs, loss_of, sample_of, split_of, train
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import file_hash, read_yaml
@@ -124,6 +131,25 @@ def test_columns_know_what_pushes_and_what_holds_them(section):
         assert quotient[inside] == pytest.approx(np.log(0.52 / (held_there + 0.02)), abs=1e-3)
     area = count * COLUMN
     assert spread == pytest.approx(np.log(area**2 / (strength + 3e-3)) / 3.0 - 1.0, abs=1e-3)
+
+
+def test_a_seam_thinner_than_a_layer_is_as_weak_as_it_is(section):
+    inside = section.thickness > 0.0
+    share = np.zeros((COLUMNS, LAYERS, 2))
+    share[inside] = [0.0, 1.0]
+    share[inside, 2] = [0.25, 0.75]  # a quarter of the third layer
+    seam = replace(
+        section,
+        zone_share=share,
+        strength_share=share,
+        water=np.full(COLUMNS, -2.0),
+        values=np.array([[0.02, 0.0, 1.0], [0.3, 0.0, 1.0]]),
+        saturated=np.ones(2),
+    )
+    seen = features([seam], np.array([section.feet]), torch.as_tensor(seam.values)[None])
+    weakest, place = seen[0, 12].numpy()[inside], seen[0, 15].numpy()[inside]
+    assert weakest == pytest.approx(np.log(0.02 + 3e-3) + 3.0, abs=0.01)
+    assert place == pytest.approx(2.0 / LAYERS, abs=0.01)
 
 
 @pytest.mark.parametrize("corrected", [False, True])
@@ -244,6 +270,17 @@ def test_a_killed_training_goes_on_where_it_stopped(samples, tmp_path):
         assert torch.equal(one, other)
 
 
+def test_a_toe_that_is_hard_to_tell_still_counts():
+    toes = torch.zeros(2, 2, requires_grad=True)
+    scale = torch.tensor([[0.1, 0.1], [0.4, 0.4]], requires_grad=True)
+    flat, times = torch.ones(2, COLUMNS), torch.zeros(2, 3, len(SHARES))
+    answer = Answer(toes, scale, flat, flat, times, times + 1.0)
+    loss_of(answer, torch.ones(2, 2), flat, times + np.nan).backward()
+    assert toes.grad[0] == pytest.approx(2.0 * toes.grad[1]), "a likelihood alone: four times"
+    narrow, wide = scale.grad[:, 0]
+    assert narrow < wide < 0.0, "both scales are smaller than the error"
+
+
 @pytest.mark.parametrize("corrected", [False, True])
 def test_training_calibration_and_card(samples, tmp_path, corrected):
     torch.set_num_threads(1)
@@ -299,7 +336,13 @@ def test_splits_hold_dams_and_templates_alike():
     found = {name: [n for n in range(1000) if split_of(n) == name] for name in SPLITS}
     assert [len(found[name]) for name in SPLITS] == [800, 100, 100]
     for numbers in found.values():
-        assert np.mean([n % 10 < 7 for n in numbers]) == pytest.approx(0.7)
+        assert np.mean([n % 10 < DAMS_IN_TEN for n in numbers]) == pytest.approx(0.7)
+
+
+def test_of_ten_sections_seven_are_dams_and_three_of_these_of_hydraulic_fill():
+    config = load_config(None)
+    names = [random_section(config, number).name.split("_")[0] for number in range(20)]
+    assert names.count("dam") == 8 and names.count("hydraulic") == 6
 
 
 @pytest.mark.slow
