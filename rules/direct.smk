@@ -34,7 +34,7 @@ rule simulate_direct:
                 "physics": PHYSICS,
                 "simulation": SETTINGS.simulation,
                 "seed": SETTINGS.geometry.seed,
-                "dams": "two layers, hydraulic fill",
+                "sections": 2,  # raised where `gns.direct.runs.random_section` draws others
             }
         ),
     message:

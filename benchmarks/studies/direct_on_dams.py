@@ -7,7 +7,7 @@ No case history was learned from. Part of the page that `benchmarks.studies.dire
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,11 +15,12 @@ import numpy as np
 
 import flowslide
 from geometry.case import load_case
-from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.scenes.scene import Scene
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.result import Result
 from inversion.engines.registry import MPM, engine_named
 from inversion.engines.run_store import RunStore
+from inversion.estimation.forward import Prediction, Setup
 from inversion.estimation.unknowns import Parameters
 from pipeline.config import load_config
 
@@ -80,10 +81,12 @@ QUESTIONS = (
     ("La Marquesa", "la_marquesa", 0.5),
 )
 
+#: Strengths, materials and zones of the variants of Lower San Fernando.
+SAND = {"friction_deg": 35.0, "cohesion_kpa": 0.0}
 CLAY = {"friction_deg": 0.0, "cohesion_kpa": 150.0}
+CAP = ("ground_shale", "rolled_fill")
 LIQUEFIED = tuple(f"upstream_fill_{number}" for number in (1, 2, 3, 4))
 DIKE = "upstream_starter_dike"
-SAND = {"friction_deg": 35.0, "cohesion_kpa": 0.0}
 #: Strengths at which the variants of Lower San Fernando are run [kPa].
 STRENGTHS = (15.0, 19.8, 25.0)
 VARIANTS_WORDS = (
@@ -100,11 +103,7 @@ def lines(asked: Asked) -> list[str]:
     setup = inversion_case(load_case(CASES / asked.case)).setup
     setup = setup.with_scene(setup.scene.changed(spacing=asked.spacing))
     store = RunStore(None)
-    requests = [setup.at(np.array(strengths)) for strengths in asked.strengths]
-    found = [
-        engine.forward(store).predict(requests) for engine in (MPM, engine_named("direct"))
-    ]  # fmt: skip
-    rows = []
+    rows, found = [], both(setup, asked.strengths, store)
     for strengths, solver, direct in zip(asked.strengths, *found, strict=True):
         for number, name in enumerate(setup.targets.names):
             if "toe" not in name and name != "crest":
@@ -117,22 +116,24 @@ def lines(asked: Asked) -> list[str]:
     return rows
 
 
+def both(
+    setup: Setup, strengths: Sequence[Sequence[float]], store: RunStore
+) -> list[list[Prediction]]:
+    """What the solver and the direct model predict at strengths [kPa]."""
+    requests = [setup.at(np.array(values)) for values in strengths]
+    return [engine.forward(store).predict(requests) for engine in (MPM, engine_named("direct"))]
+
+
 def table() -> str:
     """Of all dams."""
     return "\n".join([HEAD, *(row for asked in DAMS for row in lines(asked))])
 
 
-def without_water(scene: Scene) -> Scene:
-    """The section without its pool and water table."""
-    return scene.changed(water_level=None, phreatic_line=None)
-
-
-def with_materials(scene: Scene, changes: dict[str, dict[str, float]]) -> Scene:
-    """The section with other values of some of its materials."""
-    materials = {
-        name: {**one.model_dump(), **changes.get(name, {})} for name, one in scene.materials.items()
-    }
-    return scene_from_mapping({**scene.model_dump(), "materials": materials}, scene.name)
+def with_strengths(scene: Scene, materials: tuple[str, ...], strength: dict[str, float]) -> Scene:
+    """The section in which some materials have another strength."""
+    for material in materials:
+        scene = scene.with_strength(material, **strength)
+    return scene
 
 
 def with_zones(scene: Scene, changes: dict[str, str]) -> Scene:
@@ -141,7 +142,7 @@ def with_zones(scene: Scene, changes: dict[str, str]) -> Scene:
         {**zone.model_dump(), "material": changes.get(zone.name, zone.material)}
         for zone in scene.zones
     ]
-    return scene_from_mapping({**scene.model_dump(), "zones": zones}, scene.name)
+    return scene.changed(zones=zones)
 
 
 @dataclass(frozen=True)
@@ -160,16 +161,16 @@ class Variant:
 
 VARIANTS = (
     Variant("as it is"),
-    Variant("no water", without_water),
+    Variant("no water", lambda scene: scene.changed(water_level=None, phreatic_line=None)),
     Variant(
         "its cap of friction",
-        lambda scene: with_materials(scene, {"ground_shale": SAND, "rolled_fill": SAND}),
+        lambda scene: with_strengths(scene, CAP, SAND),
     ),
     Variant(
         "its cap of strong clay",
-        lambda scene: with_materials(scene, {"ground_shale": CLAY, "rolled_fill": CLAY}),
+        lambda scene: with_strengths(scene, CAP, CLAY),
     ),
-    Variant("its core of friction", lambda scene: with_materials(scene, {"core": SAND})),
+    Variant("its core of friction", lambda scene: with_strengths(scene, ("core",), SAND)),
     Variant(
         "its starter dike liquefied",
         lambda scene: with_zones(scene, {DIKE: "liquefied_fill"}),
@@ -191,11 +192,10 @@ def variants() -> str:
         (spec,) = case.parameters.specs
         sought = Parameters([spec.model_copy(update={"zones": list(variant.liquefied)})])
         setup = replace(case.setup.with_scene(variant.change(case.setup.scene)), parameters=sought)
-        requests = [setup.at(np.array([strength])) for strength in STRENGTHS]
         place = setup.targets.names.index("upstream toe")
         solver, direct = (
-            np.array([one.values[place] for one in engine.forward(store).predict(requests)])
-            for engine in (MPM, engine_named("direct"))
+            np.array([one.values[place] for one in found])
+            for found in both(setup, [[strength] for strength in STRENGTHS], store)
         )
         cells = [f"{own:.0f}, {off:+.0f}" for own, off in zip(solver, direct - solver, strict=True)]
         rows.append(f"| {variant.words} | {' | '.join(cells)} |")

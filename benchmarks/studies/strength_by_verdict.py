@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.generated_pages import ROOT, renew, table
+from benchmarks.hidden_effects.scoring.digest import METHOD
 from benchmarks.hidden_effects.scoring.opened import Row, load_rows
 
 PAGE = ROOT / "docs" / "method" / "diagnosis.md"
@@ -66,7 +67,7 @@ class Slide:
 
 def slide(row: Row) -> Slide:
     """What is needed of a record."""
-    truth, digest = row["truth"], row["verdicts"]["method"]
+    truth, digest = row["truth"], row["verdicts"][METHOD]
     low, high = digest["quoted"][STRENGTH]["95%"]
     base = digest["base"]["values"][STRENGTH]
     return Slide(

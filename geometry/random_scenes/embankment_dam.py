@@ -12,14 +12,12 @@ from __future__ import annotations
 
 from geometry.random_scenes.sketch import Point
 from geometry.random_scenes.standing_dam import (
-    DENSITY,
-    GRAVITY,
     HEIGHT,
-    RESIDUAL,
-    STIFFNESS,
+    Soil,
     across,
     first_valid,
     log_uniform,
+    materials_of,
     standing_dam,
 )
 from geometry.scenes.scene import Scene
@@ -52,8 +50,7 @@ def draw_dam(seed: int, index: int, spacing: float) -> Scene:
         spacing: between the material points [m]; everything scales with it. Each zone is wide
             enough for twice this spacing as well.
     """
-    key = (seed, _DAM, index)
-    return first_valid(lambda stream: _drawn(stream, index, spacing), key, spacing)
+    return first_valid(_drawn, (seed, _DAM, index), spacing)
 
 
 def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
@@ -97,7 +94,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
         (-face_at[0](cap), cap), (-inner[0](cap), cap), (inner[1](cap), cap),
         (face_at[1](cap), cap), (face_at[1](1.0), 1.0), (-face_at[0](1.0), 1.0),
     ]))  # fmt: skip
-    materials = _materials(stream, height, [name for name, _ in zones])
+    materials = materials_of(stream, height, zones, _soil)
     name = f"dam_{index:05d}"
     return standing_dam(stream, name, spacing, height, zones, materials, inner, face_at)
 
@@ -115,27 +112,12 @@ def _place_of_face(points: list[Point]) -> int:
     return far + 1
 
 
-def _materials(stream: Stream, height: float, names: list[str]) -> dict[str, dict]:
-    density = stream.uniform(*DENSITY)
-    stiffness = log_uniform(stream, *STIFFNESS)
-    unit_kpa = density * GRAVITY * height / 1000.0
-    residual = log_uniform(stream, *RESIDUAL)
-    found = {}
-    for name in names:
-        chance, clay, own = stream.unit(), stream.unit(), stream.uniform(0.7, 1.4)
-        strong, friction = log_uniform(stream, *CLAY), stream.uniform(*FRICTION)
-        cohesion = stream.uniform(0.0, 0.01)
-        liquefied = chance < LIQUEFIED.get(name, 0.0)
-        if liquefied:
-            friction, cohesion = 0.0, residual * own
-        elif (name == "core" and clay < 0.75) or (name == "cap" and clay < 0.4):
-            friction, cohesion = 0.0, strong
-        found[name] = {
-            "friction_deg": round(friction, 3),
-            "cohesion_kpa": round(unit_kpa * cohesion, 4),
-            "density": round(density, 1),
-            "youngs_modulus_mpa": round(stiffness, 2),
-            "poisson_ratio": 0.3,
-            "liquefied": liquefied,
-        }
-    return found
+def _soil(stream: Stream, name: str, residual: float) -> Soil:
+    chance, clay, own = stream.unit(), stream.unit(), stream.uniform(0.7, 1.4)
+    strong, friction = log_uniform(stream, *CLAY), stream.uniform(*FRICTION)
+    cohesion = stream.uniform(0.0, 0.01)
+    if chance < LIQUEFIED.get(name, 0.0):
+        return Soil(0.0, residual * own, liquefied=True)
+    if (name == "core" and clay < 0.75) or (name == "cap" and clay < 0.4):
+        return Soil(0.0, strong, liquefied=False)
+    return Soil(friction, cohesion, liquefied=False)

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 from geometry.random_scenes.sketch import Point
 from geometry.random_scenes.standing_dam import (
-    DENSITY,
-    GRAVITY,
     HEIGHT,
-    RESIDUAL,
-    STIFFNESS,
+    Soil,
     across,
     first_valid,
     log_uniform,
+    materials_of,
     standing_dam,
 )
 from geometry.scenes.scene import Scene
@@ -60,8 +58,7 @@ def draw_hydraulic_fill_dam(seed: int, index: int, spacing: float) -> Scene:
         spacing: between the material points [m]; everything scales with it. Each zone is wide
             enough for twice this spacing as well.
     """
-    key = (seed, _HYDRAULIC, index)
-    return first_valid(lambda stream: _drawn(stream, index, spacing), key, spacing)
+    return first_valid(_drawn, (seed, _HYDRAULIC, index), spacing)
 
 
 def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
@@ -102,7 +99,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
     if stream.unit() < BERM_SHARE:
         foot = faces[1](0.0)
         zones.append(("berm", [(foot, 0.0), (foot + width, 0.0), (faces[1](rise), rise)]))
-    materials = _materials(stream, height, [name for name, _ in zones])
+    materials = materials_of(stream, height, zones, _soil)
     name = f"hydraulic_{index:05d}"
     return standing_dam(stream, name, spacing, height, zones, materials, core, faces)
 
@@ -122,30 +119,14 @@ def _dike(stream: Stream, levels: list[float]) -> tuple[float, float]:
     return (width, levels[reach]) if there else (0.0, 0.0)
 
 
-def _materials(stream: Stream, height: float, names: list[str]) -> dict[str, dict]:
-    density = stream.uniform(*DENSITY)
-    stiffness = log_uniform(stream, *STIFFNESS)
-    unit_kpa = density * GRAVITY * height / 1000.0
-    residual = log_uniform(stream, *RESIDUAL)
-    found = {}
-    for name in names:
-        kind = name.rpartition("_")[0] or name
-        chance, own, share = stream.unit(), stream.uniform(0.6, 1.6), stream.uniform(0.94, 1.08)
-        clay, friction = log_uniform(stream, *CLAY), stream.uniform(*FRICTION)
-        firm, cohesion = stream.uniform(*DIKE_FRICTION), stream.uniform(0.0, 0.005)
-        liquefied = chance < LIQUEFIED.get(kind, 0.0)
-        if liquefied:
-            friction, cohesion = 0.0, residual * own
-        elif chance < CLAYS.get(kind, 0.0):
-            friction, cohesion = 0.0, clay
-        elif kind in ("dike", "berm"):
-            friction = firm
-        found[name] = {
-            "friction_deg": round(friction, 3),
-            "cohesion_kpa": round(unit_kpa * cohesion, 4),
-            "density": round(density * share, 1),
-            "youngs_modulus_mpa": round(stiffness, 2),
-            "poisson_ratio": 0.3,
-            "liquefied": liquefied,
-        }
-    return found
+def _soil(stream: Stream, name: str, residual: float) -> Soil:
+    kind = name.rpartition("_")[0] or name
+    chance, own, density = stream.unit(), stream.uniform(0.6, 1.6), stream.uniform(0.94, 1.08)
+    clay, friction = log_uniform(stream, *CLAY), stream.uniform(*FRICTION)
+    firm, cohesion = stream.uniform(*DIKE_FRICTION), stream.uniform(0.0, 0.005)
+    if chance < LIQUEFIED.get(kind, 0.0):
+        return Soil(0.0, residual * own, liquefied=True, density=density)
+    if chance < CLAYS.get(kind, 0.0):
+        return Soil(0.0, clay, liquefied=False, density=density)
+    angle = firm if kind in ("dike", "berm") else friction
+    return Soil(angle, cohesion, liquefied=False, density=density)

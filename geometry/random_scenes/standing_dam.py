@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from pydantic import ValidationError
 
+from geometry.random_scenes.materials import GRAVITY, POISSON_RATIO
 from geometry.random_scenes.sketch import Point
 from geometry.scenes.scene import Scene
 from pipeline.cli import InputError
 from pipeline.random_numbers import Stream
 
-GRAVITY = 9.81
 #: Height over spacing; lengths below in heights.
 HEIGHT = (10.0, 26.0)
 #: Share of the dams with a pool; its level over the height.
@@ -34,17 +35,37 @@ MOST_DRAWS = 200
 Sides = list[Callable[[float], float]]
 
 
-def first_valid(draw: Callable[[Stream], Scene], key: tuple[int, ...], spacing: float) -> Scene:
+@dataclass(frozen=True)
+class Soil:
+    """What a zone is made of.
+
+    Attributes:
+        friction_deg: angle [deg].
+        cohesion: [rho g height].
+        liquefied: it is; cohesion is its residual strength.
+        density: over that of the dam.
+    """
+
+    friction_deg: float
+    cohesion: float
+    liquefied: bool
+    density: float = 1.0
+
+
+def first_valid(
+    draw: Callable[[Stream, int, float], Scene], key: tuple[int, ...], spacing: float
+) -> Scene:
     """The first draw that is a section at the spacing and at twice that.
 
     Args:
-        draw: a scene from a stream of its own, named by the key and the number of the try.
+        draw: a scene from a stream, its number and the spacing; the stream is named by the key and
+            the number of the try.
         key: whole numbers; the last is that of the scene.
         spacing: between the material points [m].
     """
     for attempt in range(MOST_DRAWS):
         try:
-            scene = draw(Stream(*key, attempt))
+            scene = draw(Stream(*key, attempt), key[-1], spacing)
             scene.changed(spacing=2.0 * spacing)
         except ValidationError:  # a zone is a sliver
             continue
@@ -63,6 +84,39 @@ def across(side: int, low: float, high: float, near, far) -> list[Point]:
     points = [(near(low), low), (far(low), low), (far(high), high), (near(high), high)]
     points = [(sign * x, y) for x, y in points]
     return points if side else points[::-1]
+
+
+def materials_of(
+    stream: Stream,
+    height: float,
+    zones: list[tuple[str, list[Point]]],
+    soil_of: Callable[[Stream, str, float], Soil],
+) -> dict[str, dict]:
+    """Materials of the zones of a dam, by their names.
+
+    Args:
+        stream: that they are drawn from.
+        height: of the dam [m].
+        zones: names and outlines.
+        soil_of: draws the soil of a zone, from its name and the residual strength of the dam's
+            liquefied soil [rho g height].
+    """
+    density = stream.uniform(*DENSITY)
+    stiffness = log_uniform(stream, *STIFFNESS)
+    unit_kpa = density * GRAVITY * height / 1000.0
+    residual = log_uniform(stream, *RESIDUAL)
+    soils = {name: soil_of(stream, name, residual) for name, _ in zones}
+    return {
+        name: {
+            "friction_deg": round(soil.friction_deg, 3),
+            "cohesion_kpa": round(unit_kpa * soil.cohesion, 4),
+            "density": round(density * soil.density, 1),
+            "youngs_modulus_mpa": round(stiffness, 2),
+            "poisson_ratio": POISSON_RATIO,
+            "liquefied": soil.liquefied,
+        }
+        for name, soil in soils.items()
+    }
 
 
 def standing_dam(

@@ -120,7 +120,7 @@ def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Ten
     # more than it would by itself.
     alone = cohesions + share * values[:, None, None, :, 1] * above[..., None]
     alone = (alone / share.clamp(min=1e-6)).clamp(min=0.0)
-    weak = _weakest(alone, share)
+    weak = (_weights_of_weakest(alone, share) * alone).sum(dim=3)
     inside = (thickness > 0.0).to(values)
     logs = [_log_strength(one) for one in (cohesion.clamp(min=0.0), strength, weak)]
     layers = torch.stack([*logs, friction, soaked], dim=1) * inside[:, None, :, None]
@@ -168,7 +168,7 @@ def _balance(
     """
     inside = (thickness > 0.0).to(thickness)
     push = weight + 0.5 * water.clamp(min=0.0) ** 2 / density
-    weight_of = (-WEAKEST * (strength + LEAST_STRENGTH).log()).softmax(dim=2)
+    weight_of = _weights_of_weakest(strength, torch.ones_like(strength))
     weakest = (weight_of * strength).sum(dim=2)
     place = (weight_of * torch.arange(LAYERS).to(thickness)).sum(dim=2)
     held = weakest * inside * COLUMN
@@ -186,11 +186,15 @@ def _balance(
     ]
 
 
-def _weakest(strength: Tensor, share: Tensor) -> Tensor:
-    """The least of the strengths of zones (..., Z), of which there is a share (..., Z), (...)."""
+def _weights_of_weakest(strength: Tensor, share: Tensor) -> Tensor:
+    """Weights (..., n), of sum 1, by which a mean of n strengths is near the least of them.
+
+    Args:
+        strength: (..., n) [rho g height].
+        share: of what has it (..., n); nothing has no weight, but where there is nothing at all.
+    """
     weight = share.clamp(min=1e-9).log() - WEAKEST * (strength + LEAST_STRENGTH).log()
-    weight = weight.masked_fill(share <= 0.0, -1e9)  # where there is no soil, all: no strength
-    return (weight.softmax(dim=-1) * strength).sum(dim=-1)
+    return weight.masked_fill(share <= 0.0, -1e9).softmax(dim=-1)
 
 
 def _log_strength(strength: Tensor) -> Tensor:

@@ -154,7 +154,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     offsets = ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5) * COLUMN * height
     share = np.zeros((COLUMNS, LAYERS, len(polygons)))
     factors = _Factors(scene)
-    strong = np.zeros_like(share) if factors else share
+    strong = np.zeros_like(share)
     rows = (np.arange(LAYERS * SAMPLES) + 0.5) / (LAYERS * SAMPLES)
     for shift in offsets:
         at = x + shift
@@ -173,7 +173,8 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
                     held * factor if factors.acts_in(number) else held
                 )
     total = np.maximum(share.sum(axis=2, keepdims=True), 1.0)  # no sample: no soil
-    share, strong = share / total, (strong / total if factors else None)
+    share = share / total
+    strong = strong / total if factors else share
     inside &= thickness > 0.0
     level = scene.phreatic_level(x)
     water = np.clip((level - ground) / height, -DEEPEST, DEEPEST)
@@ -197,7 +198,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         water=water,
         wall=wall.astype(float),
         zone_share=share,
-        strength_share=share if strong is None else strong,
+        strength_share=strong,
         values=np.column_stack([_strengths(scene, unit), spans]),
         saturated=np.array([(one.saturated_density or one.density) / one.density
                             for one in materials]),

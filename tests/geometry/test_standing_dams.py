@@ -10,6 +10,8 @@ from geometry.case import load_case
 from geometry.random_scenes import hydraulic_fill_dam as ranges
 from geometry.random_scenes.embankment_dam import draw_dam
 from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
+from geometry.random_scenes.materials import GRAVITY
+from geometry.random_scenes.standing_dam import RESIDUAL
 from geometry.scenes.polygon_checks import gaps
 from tests.conftest import ROOT
 
@@ -64,8 +66,8 @@ def test_the_ranges_hold_the_dam(name):
     within((ranges.FACE[0], ranges.FACE[1] + ranges.BERM_WIDTH[1]), right - crest.max())
     core = (outlines["core"] - points.min(axis=0)) / height
     within(ranges.FILL, core[:, 1].max())
-    unit = scene.materials["liquefied_fill"].density * ranges.GRAVITY * height / 1000.0
-    within(ranges.RESIDUAL, 15.0 / unit)
+    unit = scene.materials["liquefied_fill"].density * GRAVITY * height / 1000.0
+    within(RESIDUAL, 15.0 / unit)
     for material in ("core", "rolled_fill"):
         within(ranges.CLAY, scene.materials[material].cohesion_kpa / unit)
     for material, span in (("fill", ranges.FRICTION), ("starter_dike", ranges.DIKE_FRICTION)):

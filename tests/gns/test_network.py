@@ -161,6 +161,30 @@ def test_frozen_weights_leave_the_gradient_of_the_inputs(steps):
         assert torch.allclose(one, two, rtol=1e-13, atol=1e-14)
 
 
+def test_threads_change_the_work_on_edges_by_rounding_alone(monkeypatch):
+    monkeypatch.setattr(gns.network.edge_chunks, "CHUNK_BYTES", 4 * 16 * 4000)
+    monkeypatch.setattr(gns.network.edge_gradient, "KEEP_BYTES", 0)
+    torch.manual_seed(0)
+    points = 800
+    graph = radius_graph(torch.rand(points, 2) * 36, 3.0)
+    edge = network_of(16, 1, torch.float32, 0).steps[0].edge
+    edges = torch.randn(graph.edges, 16, requires_grad=True)
+    shares = torch.randn(points, 2, 16, requires_grad=True)
+    threads = torch.get_num_threads()
+    found = []
+    try:
+        for number in (1, 2, 3):
+            torch.set_num_threads(number)
+            out = gns.network.edge_gradient.edge_update(edges, shares, edge.edge_weights(16), graph)
+            sought = [edges, shares, edge.first.weight, *list(edge.parameters())[2:]]
+            found.append([*out, *torch.autograd.grad(out, sought, [edges, shares[:, 0]])])
+    finally:
+        torch.set_num_threads(threads)
+    for other in found[1:]:
+        for one, two in zip(found[0], other, strict=True):
+            assert difference(one, two) < 1e-5
+
+
 def test_a_message_reaches_as_far_as_the_steps():
     """On a chain of points, an input is felt by exactly as many neighbours as there are steps."""
     chain = torch.stack([torch.arange(9.0), torch.zeros(9)], dim=1)
