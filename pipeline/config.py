@@ -579,6 +579,12 @@ class ScaleSettings(Settings):
         description="scenes from this number on are free-standing dams, most with a pool; "
         "null: none",
     )
+    mixed_from: int | None = Field(
+        None,
+        ge=0,
+        description="scenes from this number on are templates and dams in turn, every fourth a dam "
+        "of hydraulic fill; null: none",
+    )
     runs_per_batch: int = Field(100, gt=0, description="runs simulated by one job")
 
     @property

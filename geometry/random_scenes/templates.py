@@ -15,6 +15,7 @@ import numpy as np
 
 from geometry.random_scenes import blocks, embankment, random_slope, tailings_dam, zoned_dam
 from geometry.random_scenes.embankment_dam import draw_dam
+from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
 from geometry.random_scenes.materials import draw_material
 from geometry.random_scenes.sketch import (
     Frame,
@@ -41,8 +42,10 @@ TEMPLATES: dict[str, Template] = {
     "e": blocks.sketch,
 }
 
-#: Letter of the free-standing dams.
-DAM = "f"
+#: Letters of the free-standing dams: with two layers to a shell, and of hydraulic fill.
+DAM, HYDRAULIC_FILL_DAM = "f", "g"
+#: What the scenes from `mixed_from` on are, in turn; None: one of the templates.
+MIXTURE = (None, DAM, None, HYDRAULIC_FILL_DAM)
 #: Least mean thickness of a zone (twice area over perimeter), in spacings: one cell.
 LEAST_THICKNESS = 2.0
 #: Largest difference between the area of the points and that of the polygons.
@@ -81,8 +84,9 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     settings, size = config.geometry, config.scale(scale)
     if index < 0:
         raise InputError(f"index {index}: scenes are numbered from 0")
-    if size.dams_from is not None and index >= size.dams_from:
-        return _dam(settings, size.spacing_m, scale, index)
+    dam = _kind_of_dam(size, index)
+    if dam is not None:
+        return _dam(dam, settings, size.spacing_m, scale, index)
     key = (settings.seed, number_of(scale), index)
     size = _size_of(key, size)
     shares = settings.template_shares.model_dump()
@@ -101,10 +105,18 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     )
 
 
-def _dam(settings: GeometrySettings, spacing: float, scale: str, index: int) -> Scene:
+def _kind_of_dam(size: ScaleSettings, index: int) -> str | None:
+    """Letter of the free-standing dam that a scene is, or None: it is one of the templates."""
+    if size.mixed_from is not None and index >= size.mixed_from:
+        return MIXTURE[(index - size.mixed_from) % len(MIXTURE)]
+    return DAM if size.dams_from is not None and index >= size.dams_from else None
+
+
+def _dam(letter: str, settings: GeometrySettings, spacing: float, scale: str, index: int) -> Scene:
     """A free-standing dam under the name of its scale."""
-    origin = Origin(template=DAM, scale=scale, index=index, draws=1, materials="dam")
-    return draw_dam(settings.seed, index, spacing).changed(
+    origin = Origin(template=letter, scale=scale, index=index, draws=1, materials="dam")
+    draw = {DAM: draw_dam, HYDRAULIC_FILL_DAM: draw_hydraulic_fill_dam}[letter]
+    return draw(settings.seed, index, spacing).changed(
         name=f"{scale}_{index:05d}", origin=origin.model_dump()
     )
 

@@ -335,3 +335,15 @@ def test_a_scale_may_go_on_with_free_standing_dams(root):
     assert sum(dam.head_falls for dam in dams) >= 4
     densities = {material.density for dam in dams for material in dam.materials.values()}
     assert len(densities) > 6
+
+
+def test_a_scale_may_go_on_with_templates_and_dams_in_turn(root):
+    """They leave the scenes before them as they are; every fourth is a dam of hydraulic fill."""
+    config = load_config(root / "config" / "thrust.yaml")
+    mixed = config.scale("coarse").mixed_from
+    assert draw_scene(config, "coarse", mixed - 1).origin.template == "f"
+    letters = [
+        draw_scene(config, "coarse", number).origin.template for number in range(mixed, mixed + 8)
+    ]
+    assert letters[1::4] == ["f", "f"] and letters[3::4] == ["g", "g"]
+    assert set(letters[0::2]) <= set("abcde")
