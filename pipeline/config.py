@@ -457,6 +457,14 @@ class TrainSettings(Settings):
         description="cell of a coarse grid in addition to the edges, in spacings; 0: none",
     )
     grid_rounds: int = Field(3, ge=1, description="rounds of convolutions on that grid")
+    grid_everywhere: bool = Field(
+        False, description="such a grid between all message-passing steps, not halfway alone"
+    )
+    symmetric: bool = Field(
+        False,
+        description="a step of a rollout is the mean of the answers for a scene and for its "
+        "mirror image; needs `mirror`",
+    )
     steps: int = Field(3_500_000, ge=1, description="steps of the optimiser")
     batch_size: int = Field(2, ge=1, description="windows in a step, of each process")
     optimizer: Literal["adam", "muon"] = Field(

@@ -112,6 +112,7 @@ class Network(nn.Module):
         message_passing_steps: 10 in the paper.
         grid_cell: cell of a coarse grid halfway through them [spacings]; 0: no grid (paper).
         grid_rounds: of convolutions on it.
+        grid_everywhere: between all steps, not halfway alone; each grid has its own weights.
 
     Attributes:
         edge_precision: type of the numbers of the work on edges; None: that of the points. With
@@ -128,6 +129,7 @@ class Network(nn.Module):
         message_passing_steps: int = 10,
         grid_cell: float = 0.0,
         grid_rounds: int = 3,
+        grid_everywhere: bool = False,
     ) -> None:
         super().__init__()
         self.edge_precision: torch.dtype | None = None
@@ -135,12 +137,22 @@ class Network(nn.Module):
         self.edge_encoder = Perceptron(edge_features, width, width)
         self.steps = nn.ModuleList(MessagePassing(width) for _ in range(message_passing_steps))
         self.grid = GridLevel(width, grid_cell, grid_rounds) if grid_cell > 0 else None
+        others = set(range(2, len(self.steps) + 1)) - {self.halfway + 1} if grid_everywhere else ()
+        self.more_grids = nn.ModuleDict(
+            {str(number): GridLevel(width, grid_cell, grid_rounds) for number in sorted(others)}
+        )
         self.decoder = Perceptron(width, width, outputs, norm=False)
 
     @property
     def halfway(self) -> int:
         """Message-passing steps before the grid."""
         return len(self.steps) // 2
+
+    def grid_before(self, number: int) -> GridLevel | None:
+        """The grid before a message-passing step, counted from 1."""
+        if number == self.halfway + 1:
+            return self.grid
+        return self.more_grids[str(number)] if str(number) in self.more_grids else None
 
     def forward(
         self,
@@ -170,9 +182,10 @@ class Network(nn.Module):
             edge_features = edge_features.to(self.edge_precision)
         edges = encode_edges(edge_features, weights, graph)
         for number, step in enumerate(self.steps, start=1):
-            if self.grid is not None and number == self.halfway + 1:
+            grid = self.grid_before(number)
+            if grid is not None:
                 scenes = zip(points.split([len(one) for one in places]), places, strict=True)
-                points = torch.cat([self.grid(own, place) for own, place in scenes])
+                points = torch.cat([grid(own, place) for own, place in scenes])
             last = number == len(self.steps)
             points, edges = step(points, edges, graph, fading=fading, last=last)
         return self.decoder(points)

@@ -46,6 +46,8 @@ FORMAT_VERSION = 1
 SINKING = 0.975
 """How far below ground that is not level a point may be, in cells: the deepest in 300 runs of
 `coarse`, all of them blocks thrown onto uneven ground. On level ground none was below it."""
+MIRROR = (-1.0, 1.0)
+"""What x and y are multiplied by in a mirror."""
 SAME_INTERVAL = 1e-3
 """Relative difference of two frame intervals that are taken for the same."""
 
@@ -71,6 +73,12 @@ class SimulatorConfig(StrictDocument):
         0.0, ge=0, description="cell of a coarse grid in addition to the edges [d]; 0: none (paper)"
     )
     grid_rounds: int = Field(3, ge=1, description="rounds of convolutions on that grid")
+    grid_everywhere: bool = Field(
+        False, description="such a grid between all message-passing steps, not halfway alone"
+    )
+    symmetric: bool = Field(
+        False, description="a step is the mean of the answers for a scene and for its mirror image"
+    )
     frame_interval: float = Field(0.4, gt=0, description="time of a step [sqrt(d / g)]")
     velocity_mean: tuple[float, float] = Field((0.0, 0.0), description="[sqrt(g d)]")
     velocity_std: tuple[float, float] = Field((1.0, 1.0), description="[sqrt(g d)]")
@@ -101,6 +109,7 @@ class Simulator(nn.Module):
             message_passing_steps=config.message_passing_steps,
             grid_cell=config.grid_cell,
             grid_rounds=config.grid_rounds,
+            grid_everywhere=config.grid_everywhere,
         )
         for name in ("velocity_mean", "velocity_std", "acceleration_mean", "acceleration_std"):
             self.register_buffer(name, torch.tensor(getattr(config, name)), persistent=False)
@@ -166,8 +175,23 @@ class Simulator(nn.Module):
         Returns:
             (N, 2) [spacings].
         """
-        graphs = None if graph is None else [graph]
-        return self.next_positions(self([window], [scene], graphs), window[-2], window[-1], scene)
+        output = self.output(window, scene, self.graph(window[-1]) if graph is None else graph)
+        return self.next_positions(output, window[-2], window[-1], scene)
+
+    def output(self, window: Tensor, scene: ScaledScene, graph: Graph) -> Tensor:
+        """Normalised accelerations (N, 2) of one scene: what a rollout goes by.
+
+        A symmetric model answers for the scene and for its mirror image, and this is the mean of
+        the two: the errors that they do not share cancel in part. It learns from one of them at a
+        time.
+        """
+        if not self.config.symmetric:
+            return self([window], [scene], [graph])
+        over = window.new_tensor(MIRROR)
+        own, turned = self(
+            [window, window * over], [scene, scene.mirrored()], [graph, graph]
+        ).chunk(2)
+        return 0.5 * (own + turned * over)
 
     def next_positions(
         self, normalised: Tensor, before: Tensor, now: Tensor, scene: ScaledScene

@@ -54,8 +54,9 @@ def network_with_tangents(
         latent = _perceptron(network.point_encoder, points)
         edge_latent = _encode_edges(network.edge_encoder.edge_weights(), edges, graph)
         for number, step in enumerate(network.steps, start=1):
-            if network.grid is not None and number == network.halfway + 1:
-                latent = along(network.grid, (latent.value, places.value), _both(latent, places))
+            grid = network.grid_before(number)
+            if grid is not None:
+                latent = along(grid, (latent.value, places.value), _both(latent, places))
             last = number == len(network.steps)
             latent = _step(step, latent, edge_latent, graph, fading, last=last)
         return _perceptron(network.decoder, latent)

@@ -30,7 +30,7 @@ from torch import Tensor
 
 from gns.network.features import edge_features, fading_of
 from gns.network.graph import Graph
-from gns.network.simulator import Simulator
+from gns.network.simulator import MIRROR, Simulator
 from gns.network.tangents import Moving, along, network_with_tangents
 from gns.network.units import ScaledScene
 from gns.rollout.traced_rollout import Trace, Until, finite_step, trace
@@ -284,19 +284,56 @@ def _step_with_tangents(
     graph: Graph,
 ) -> Moving:
     """The next positions (N, 2) and their changes (p, N, 2)."""
-    radius = simulator.config.radius
-    scene = scene.at(window.value[-1])
-    fields = tuple(getattr(scene, name) for name in DIFFERENTIABLE)
-
-    def points(positions: Tensor, *changed: Tensor) -> Tensor:
-        there = replace(scene, **dict(zip(DIFFERENTIABLE, changed, strict=True)))
-        return simulator.point_features(positions, there)
-
-    def edges(positions: Tensor) -> Tensor:
-        return edge_features(positions[-1], graph, radius)
 
     def moved(output: Tensor, positions: Tensor) -> Tensor:
         return simulator.next_positions(output, positions[-2], positions[-1], scene)
+
+    output = _output(simulator, window, scene, directions, graph)
+    if simulator.config.symmetric:
+        over = window.value.new_tensor(MIRROR)
+        mirror = Moving(window.value * over, window.change * over)
+        turned = _output(simulator, mirror, scene, directions, graph, turned=True)
+        output = Moving(
+            0.5 * (output.value + turned.value * over), 0.5 * (output.change + turned.change * over)
+        )
+    return along(
+        moved,
+        (output.value, window.value),
+        list(zip(output.change, window.change, strict=True)),
+    )
+
+
+def _output(
+    simulator: Simulator,
+    window: Moving,
+    scene: ScaledScene,
+    directions: list[tuple[Tensor, ...]],
+    graph: Graph,
+    *,
+    turned: bool = False,
+) -> Moving:
+    """Outputs of the network (N, 2) and their changes (p, N, 2).
+
+    Args:
+        simulator: the model.
+        window: of the scene, or of its mirror image.
+        scene: the scene itself.
+        directions: changes of its fields.
+        graph: the edges, the same in the mirror.
+        turned: the window is that of the mirror image.
+    """
+    radius = simulator.config.radius
+    fields = tuple(getattr(scene, name) for name in DIFFERENTIABLE)
+    # What the pool has followed of the soil's motion counts as fixed.
+    water = (scene.mirrored() if turned else scene).at(window.value[-1]).head_change
+
+    def points(positions: Tensor, *changed: Tensor) -> Tensor:
+        there = replace(scene, **dict(zip(DIFFERENTIABLE, changed, strict=True)))
+        there = there.mirrored() if turned else there
+        return simulator.point_features(positions, replace(there, head_change=water))
+
+    def edges(positions: Tensor) -> Tensor:
+        return edge_features(positions[-1], graph, radius)
 
     with_fields = [(change, *rest) for change, rest in zip(window.change, directions, strict=True)]
     of_points = along(points, (window.value, *fields), with_fields)
@@ -305,12 +342,7 @@ def _step_with_tangents(
     if simulator.config.cutoff == "smooth":
         fading = along(fading_of, (of_edges.value,), [(change,) for change in of_edges.change])
     places = Moving(window.value[-1], window.change[:, -1])
-    output = network_with_tangents(simulator.network, of_points, of_edges, graph, fading, places)
-    return along(
-        moved,
-        (output.value, window.value),
-        list(zip(output.change, window.change, strict=True)),
-    )
+    return network_with_tangents(simulator.network, of_points, of_edges, graph, fading, places)
 
 
 # -- both -----------------------------------------------------------------------------------------

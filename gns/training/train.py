@@ -46,6 +46,8 @@ MODEL_SETTINGS = (
     "overburden",
     "grid_cell",
     "grid_rounds",
+    "grid_everywhere",
+    "symmetric",
 )
 """Settings that a model keeps under the same name."""
 SAME = 1e-3
