@@ -531,6 +531,12 @@ class TrainSettings(Settings):
     checkpoint_every: int = Field(1_000, ge=1, description="steps between states on the disk")
     seed: int = Field(0, ge=0, description="decides the first weights, the order and the noise")
 
+    @model_validator(mode="after")
+    def _learns_both_sides(self) -> TrainSettings:
+        if self.symmetric and not self.mirror:
+            raise ValueError("symmetric: true needs mirror: true, or the model knows one side only")
+        return self
+
 
 class GnsSettings(Settings):
     """The learned simulator."""

@@ -98,9 +98,16 @@ def test_scenes_side_by_side_do_not_hear_each_other():
         torch.testing.assert_close(scene, alone, rtol=1e-5, atol=1e-5)
 
 
-def test_tangents_are_those_of_torch():
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_tangents_are_those_of_torch(everywhere):
     torch.manual_seed(2)
-    network = Network(point_features=3, width=WIDTH, message_passing_steps=3, grid_cell=3.0)
+    network = Network(
+        point_features=3,
+        width=WIDTH,
+        message_passing_steps=3,
+        grid_cell=3.0,
+        grid_everywhere=everywhere,
+    )
     network = network.double()
     places = torch.rand(25, 2, dtype=torch.float64) * 9.0
     graph = radius_graph(places, 2.5)
@@ -124,8 +131,9 @@ def test_tangents_are_those_of_torch():
         torch.testing.assert_close(found.change[direction], slope, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.parametrize("symmetric", [False, True])
 @pytest.mark.parametrize("mode", ["reverse", "forward"])
-def test_gradient_of_a_rollout_is_that_of_finite_differences(mode):
+def test_gradient_of_a_rollout_is_that_of_finite_differences(mode, symmetric):
     facts, positions = start()
     model = simulator(
         torch.float64,
@@ -133,6 +141,8 @@ def test_gradient_of_a_rollout_is_that_of_finite_differences(mode):
         width=8,
         acceleration_std=(0.4, 0.4),
         grid_cell=4.0,
+        grid_everywhere=True,
+        symmetric=symmetric,
         overburden=True,
         cutoff="smooth",
     )
