@@ -2,8 +2,10 @@
 
 In: scenes before they move. Out: `KnownScenes`, which a model keeps with its weights. A scene is
 described by what its two sides look like to a slide (`gns.data.scene_features`) and by its water,
-density, stiffness and number of spacings; the distance is that to the nearest scene learned from,
-in units in which INSIDE of those have a nearer neighbour.
+density, stiffness and number of spacings. The distance is that to the nearest scene learned from
+(root mean square over the numbers of a description), in units in which INSIDE of those have a
+nearer neighbour. A direct model describes its sections otherwise (`gns.direct.predictor`) and
+measures alike.
 """
 
 from __future__ import annotations
@@ -11,8 +13,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from geometry.survey.columns import SIDES
 from gns.data.scene_facts import SOIL, SceneFacts
@@ -24,6 +28,8 @@ FARTHEST = 2.0
 """Beyond this a question is refused unless an answer is asked for all the same."""
 LEAST_SPREAD = 0.05
 """Of a number that hardly differs between the scenes learned from."""
+LEAST_UNIT = 1e-6
+"""Of a distance, where scenes are copies of each other."""
 
 
 def described(start: np.ndarray, facts: SceneFacts) -> np.ndarray:
@@ -47,6 +53,37 @@ def described(start: np.ndarray, facts: SceneFacts) -> np.ndarray:
     return np.array([[-push, *left, *right, *common], [push, *right, *left, *common]])
 
 
+class Neighbours:
+    """Descriptions, and how far from the nearest of them others are.
+
+    Args:
+        points: (N, F), numbers that count alike.
+    """
+
+    def __init__(self, points: np.ndarray) -> None:
+        self._tree = cKDTree(points)
+
+    def distance(self, point: np.ndarray) -> float:
+        """From a description (F,) to the nearest."""
+        return float(self._tree.query(point)[0]) / self._root
+
+    def unit(self, alike: int = 1) -> float:
+        """The distance to the nearest other that INSIDE of them have; 1 where there is no other.
+
+        Args:
+            alike: so many in a row describe the same scene and are no others of each other.
+        """
+        away, found = self._tree.query(self._tree.data, k=range(1, alike + 2))
+        own = np.arange(self._tree.n)[:, None] // alike == found // alike
+        nearest = np.where(own, np.inf, away).min(axis=1) / self._root
+        known = nearest[np.isfinite(nearest)]
+        return max(float(np.quantile(known, INSIDE)), LEAST_UNIT) if known.size else 1.0
+
+    @property
+    def _root(self) -> float:
+        return math.sqrt(self._tree.m)
+
+
 @dataclass(frozen=True)
 class KnownScenes:
     """The scenes that a model has learned from.
@@ -66,17 +103,12 @@ class KnownScenes:
         """From the descriptions of R scenes, each (2, F)."""
         features = np.concatenate(scenes)
         spread = np.maximum(features.std(axis=0), LEAST_SPREAD)
-        scaled = features / spread
-        nearest = []
-        for number in range(0, len(scaled), 2):
-            away = np.sqrt(np.mean((scaled - scaled[number]) ** 2, axis=1))
-            away[number : number + 2] = np.inf  # itself and its mirror image
-            nearest.append(away.min())
-        known = [one for one in nearest if np.isfinite(one)]
-        unit = float(np.quantile(known, INSIDE)) if known else 1.0
-        return cls(features, spread, max(unit, 1e-6))
+        return cls(features, spread, Neighbours(features / spread).unit(alike=2))
 
     def distance(self, start: np.ndarray, facts: SceneFacts) -> float:
         """Of a scene to the nearest that was learned from; 1: as its outermost scenes."""
-        away = (self.features - described(start, facts)[0]) / self.spread
-        return float(np.sqrt(np.mean(away**2, axis=1)).min() / self.unit)
+        return self._neighbours.distance(described(start, facts)[0] / self.spread) / self.unit
+
+    @cached_property
+    def _neighbours(self) -> Neighbours:
+        return Neighbours(self.features / self.spread)

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from gns.data.distance import Neighbours
 from gns.direct.arrivals import SHARES, WAY
 from gns.direct.network import DirectModel
-from gns.direct.predictor import COVERED, Predictor, described, neighbourly
+from gns.direct.predictor import COVERED, Predictor, described
 from gns.direct.train import SPLITS, Sample, answers
 from pipeline.files import file_hash, write_text, yaml_text
 
@@ -107,7 +108,7 @@ def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
         _conformal(off[moved]),
         _conformal(late[np.isfinite(late)]),
         known,
-        neighbourly(known),
+        Neighbours(known).unit(),
     )
 
 

@@ -15,8 +15,8 @@ from pickle import UnpicklingError
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
+from gns.data.distance import Neighbours
 from gns.direct.network import Answer, DirectConfig, DirectModel, features, with_coarse
 from gns.direct.sections import COLUMN, Outcome, Section, places
 from pipeline.cli import InputError
@@ -27,10 +27,6 @@ MODEL_FILE = "direct.pt"
 DAMAGE = (KeyError, TypeError, ValueError, RuntimeError, EOFError, OSError)
 #: Share of the runs that an interval covers.
 COVERED = 0.9
-#: The unit of `Predictor.distance`: this share of the training sections have a nearer neighbour.
-INSIDE = 0.99
-#: An answer farther out than this is refused unless asked for.
-FARTHEST = 2.0
 DESCRIPTORS = (
     "area", "width", "left face", "right face", "strength", "strength of the base",
     "weakest tenth", "friction", "density", "water", "fall of the water", "slope of the ground",
@@ -70,7 +66,7 @@ class Predictor:
         toe_factor: half-width of a toe's interval over its scale; thickness_factor, time_factor:
             likewise.
         known: descriptors of the sections learned from, (N, F).
-        unit: distance to the nearest neighbour that INSIDE of them have.
+        unit: of a distance, `Neighbours.unit`.
     """
 
     model: DirectModel
@@ -140,16 +136,12 @@ class Predictor:
         )
 
     def distance(self, section: Section) -> float:
-        """To the nearest section learned from; 1 where INSIDE of those have a nearer neighbour.
-
-        Descriptors count alike: it is the root mean square of their differences.
-        """
-        away, _ = self._neighbours.query(described(section))
-        return float(away / np.sqrt(self.known.shape[1]) / self.unit)
+        """To the nearest section learned from; 1: as the outermost of these."""
+        return self._neighbours.distance(described(section)) / self.unit
 
     @cached_property
-    def _neighbours(self) -> cKDTree:
-        return cKDTree(self.known)
+    def _neighbours(self) -> Neighbours:
+        return Neighbours(self.known)
 
     def _answer(self, section, before, coarse, values, model=None) -> Answer:
         model = self.model if model is None else model
@@ -241,9 +233,3 @@ def described(section: Section) -> np.ndarray:
             (open_room - 20.0) / 8.0,
         ]
     )
-
-
-def neighbourly(known: np.ndarray) -> float:
-    """Distance to the nearest other that INSIDE of the sections (N, F) have."""
-    nearest = cKDTree(known).query(known, k=2)[0][:, 1] / np.sqrt(known.shape[1])
-    return float(np.quantile(nearest, INSIDE))

@@ -24,7 +24,8 @@ from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from geometry.survey.columns import outward_of
 from geometry.survey.measured import Measured, Reading
-from gns.direct.predictor import FARTHEST, MODEL_FILE, Forecast, Predictor
+from gns.data.distance import FARTHEST
+from gns.direct.predictor import MODEL_FILE, Forecast, Predictor
 from gns.direct.runs import COARSER
 from gns.direct.sections import (
     Outcome,

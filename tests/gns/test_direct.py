@@ -13,7 +13,7 @@ from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
 from gns.direct.judge import calibrated, card, coarse_alone, judged
 from gns.direct.network import Answer, DirectConfig, DirectModel, features, mirrored
-from gns.direct.predictor import MODEL_FILE, Predictor, described, neighbourly
+from gns.direct.predictor import MODEL_FILE, Predictor, described
 from gns.direct.runs import (
     DAMS_IN_TEN,
     Ended,
@@ -315,14 +315,6 @@ def test_a_damaged_model_is_refused(tmp_path):
         Predictor.load(tmp_path / MODEL_FILE)
     with pytest.raises(InputError, match="direct-train leaves one"):
         Predictor.load(tmp_path / "none.pt")
-
-
-def test_far_is_what_hardly_any_training_section_is():
-    random = np.random.default_rng(0)
-    known = random.standard_normal((200, 3))
-    unit = neighbourly(known)
-    away = [np.sort(np.sqrt(np.mean((known - one) ** 2, axis=1)))[1] for one in known]
-    assert np.mean(np.array(away) <= unit) == pytest.approx(0.99, abs=0.01)
 
 
 def test_a_run_that_leaves_the_columns_is_left_out(section):

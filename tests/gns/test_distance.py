@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gns.data.distance import KnownScenes, described
+from gns.data.distance import KnownScenes, Neighbours, described
 from gns.data.scene_facts import start_of
 from gns.network.simulator import Simulator
 from pipeline.config import SimulationSettings
@@ -55,3 +55,18 @@ def test_it_is_kept_with_the_weights(tmp_path):
     again = Simulator.load(tmp_path / "model.pt")
     expected = model.distance(*of(scene(25.0)))
     assert again.distance(*of(scene(25.0))) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("alike", [1, 2])
+def test_the_unit_is_what_hardly_any_scene_is_from_its_nearest_other(alike):
+    points = np.random.default_rng(0).standard_normal((400, 3))
+    points[1::2] = points[::2] + (1e-3 if alike == 2 else 1.0)
+    unit = Neighbours(points).unit(alike)
+    gaps = np.sqrt(np.mean((points[:, None] - points) ** 2, axis=2))
+    scene = np.arange(len(points)) // alike
+    away = np.where(scene[:, None] == scene, np.inf, gaps).min(axis=1)
+    assert np.mean(away <= unit) == pytest.approx(0.99, abs=0.005)
+    assert Neighbours(points).distance(points[0] + 50.0) == pytest.approx(
+        np.sqrt(np.mean((points - points[0] - 50.0) ** 2, axis=1)).min()
+    )
+    assert Neighbours(points[:alike]).unit(alike) == 1.0, "no other scene"
