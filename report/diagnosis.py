@@ -161,6 +161,7 @@ def _answer(data: DiagnosisData) -> Section:
     )
     sentences = [
         *words.answer_sentences(data),
+        words.worth_sentence(data),
         words.fall_sentence(data),
         words.bound_sentence(data),
         words.validation_sentence(data),

@@ -5,7 +5,7 @@
 A verdict can only doubt what is on its list. What that leaves open is found where somebody else
 made the truth: from the records of the third to the fifth set of slides by other codes
 (`benchmarks/hidden_effects/foreign_*_results.json`), each judged once and sealed before that.
-Renews a part of docs/method/diagnosis.md.
+Renews a part of docs/method/diagnosis.md, and what reports say of it (`diagnosis.track_record`).
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ import numpy as np
 from benchmarks.generated_pages import ROOT, renew, table
 from benchmarks.hidden_effects.scoring.digest import METHOD
 from benchmarks.hidden_effects.scoring.opened import Row, load_rows
+from diagnosis.track_record import FILE, TrackRecord, Worth
+from pipeline.files import write_text, yaml_text
 
 PAGE = ROOT / "docs" / "method" / "diagnosis.md"
 FOLDER = Path(__file__).resolve().parent.parent / "hidden_effects"
@@ -106,10 +108,37 @@ def shown(found: Sequence[Slide]) -> str:
     return table(header, rows, "lrrrrrr")
 
 
+def worth(found: Sequence[Slide]) -> TrackRecord:
+    """What each verdict was worth."""
+    groups = []
+    for verdicts in SAID.values():
+        some = [one for one in found if one.verdict in verdicts]
+        if some:
+            half, most = _factors([one.off for one in some])
+            groups.append(
+                Worth(
+                    verdicts=list(verdicts),
+                    slides=len(some),
+                    hidden=sum(one.hidden for one in some),
+                    half_off=round(half, 3),
+                    most_off=round(most, 3),
+                    held=sum(one.held for one in some),
+                )
+            )
+    return TrackRecord(groups=groups)
+
+
+def _factors(off: Sequence[float]) -> list[float]:
+    """By which factor, less 1, half of some logarithms are off at most, and nine of ten."""
+    return [float(np.expm1(np.quantile(np.abs(off), share))) for share in (0.5, 0.9)]
+
+
 def _spread(off: Sequence[float]) -> list[str]:
-    size = np.abs(off)
-    return [f"{100 * np.expm1(np.quantile(size, share)):.0f} %" for share in (0.5, 0.9)]
+    return [f"{100 * one:.0f} %" for one in _factors(off)]
 
 
 if __name__ == "__main__":
-    renew(PAGE, strength=shown(slides()))
+    known = slides()
+    renew(PAGE, strength=shown(known))
+    made = "# Made by python -m benchmarks.studies.strength_by_verdict\n"
+    write_text(FILE, made + yaml_text(worth(known).model_dump()))

@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 
 from diagnosis.hypotheses.model import FAMILIES
 from diagnosis.hypotheses.section import BOUNDARY
+from diagnosis.track_record import worth_of
 from diagnosis.verdict.verdict import (
     SOLVER_ERRORS,
     CandidateVerdict,
@@ -143,9 +144,9 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
         )
     if data.verdict.verdict == "ambiguous":
         said.append(
-            "The strength depends on which of them it is, and its interval spans these alone. On "
-            "slides by other codes with this verdict the true strength was mostly outside: what "
-            "happened was none of them. Measure what is proposed below before using it."
+            "The strength depends on which of them it is, and its interval spans these alone: if "
+            "what happened was none of them, it is outside. Measure what is proposed below before "
+            "using it."
         )
     if unknown:
         said.append(
@@ -153,6 +154,21 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
             "result."
         )
     return said
+
+
+def worth_sentence(data: DiagnosisData) -> str:
+    """How far the strength was off where the truth was known and the same was said."""
+    quoted = {} if data.verdict is None else data.verdict.quoted
+    values = [quoted[p.name] for p in data.parameters if p.strength and p.name in quoted]
+    found = worth_of(data.verdict.verdict) if values else None
+    if found is None or any(one.at_least is not None for one in values):
+        return ""
+    return (
+        f"What this verdict has been worth: of {found.slides} slides made by other codes on which "
+        f"it was given, {found.hidden} of them with something hidden, the residual strength was "
+        f"off by {percent(found.half_off)} or less in half and by {percent(found.most_off)} or "
+        f"less in nine of ten, and its 95 % interval held it in {found.held}."
+    )
 
 
 def alarm_sentence(data: DiagnosisData) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagnosis.track_record import worth_of
 from diagnosis.verdict.sections_file import FILE_NAME, load_sections
 from diagnosis.verdict.verdict import SOLVER_ERRORS, ValidationCase, Verdict, save_document
 from inversion.back_analysis.result import FittedTo
@@ -45,6 +46,7 @@ from report.sentences.diagnosis import (
     step_words,
     validation_sentence,
     window_sentence,
+    worth_sentence,
 )
 from tests.diagnosis.verdict_case import (
     NASTY,
@@ -288,10 +290,22 @@ def test_where_and_how_it_fails_is_reported():
     assert window_sentence(None, "base model") == ""
 
 
+def test_what_such_a_verdict_has_been_worth_is_reported():
+    """As a benchmark by other codes found it; nothing where no strength is quoted."""
+    for verdict in (identified(), ambiguous()):
+        found = worth_of(verdict.verdict)
+        said = worth_sentence(data_of(verdict)).replace("\N{NO-BREAK SPACE}", " ")
+        assert f"of {found.slides} slides made by other codes" in said
+        assert f"by {100 * found.most_off:.0f} % or less in nine of ten" in said
+        assert f"its 95 % interval held it in {found.held}." in said
+        assert worth_sentence(data_of(verdict.model_copy(update={"quoted": {}}))) == ""
+    assert worth_of("ambiguous").most_off > worth_of("identified").most_off
+
+
 def test_rivals_are_reported():
     told_ = " ".join(answer_sentences(data_of(ambiguous())))
-    assert "mostly outside" in told_ and "Measure what is proposed" in told_
-    assert "mostly outside" not in " ".join(answer_sentences(data_of(identified())))
+    assert "Measure what is proposed" in told_
+    assert "Measure what is proposed" not in " ".join(answer_sentences(data_of(identified())))
     assert "Most probable: pore pressure" in told_
     assert "pore pressure (56 %); overburden strength (39 %)" in told_
     assert confounded(data_of(ambiguous()), 0.95)[0][:2] == ("overburden_strength", "pore_pressure")

@@ -21,8 +21,9 @@ from benchmarks.hidden_effects.scoring.digest import WindowDigest
 from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
-from benchmarks.studies.strength_by_verdict import PAGE, Slide, shown, slides
+from benchmarks.studies.strength_by_verdict import PAGE, Slide, shown, slides, worth
 from diagnosis.question import CodeError, load_diagnosis_question
+from diagnosis.track_record import track_record
 from pipeline.cli import InputError
 from pipeline.files import read_yaml, yaml_text
 from tests.hidden_effects.judges import digest
@@ -262,4 +263,6 @@ def test_the_page_says_how_far_the_strength_was_off():
     assert "| nothing was hidden | 2 | 1 % | 1 % | 25 % | 25 % | 2 |" in text
     assert "| said: ambiguous | 1 | 100 % | 100 % | 25 % | 25 % | 0 |" in text
     before, after = around(PAGE, "strength")
-    assert shown(slides()) in PAGE.read_text(encoding="utf-8")[len(before) : -len(after)]
+    known = slides()
+    assert shown(known) in PAGE.read_text(encoding="utf-8")[len(before) : -len(after)]
+    assert worth(known) == track_record(), "out of date: see benchmarks.studies.strength_by_verdict"
