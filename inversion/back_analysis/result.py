@@ -366,6 +366,9 @@ class Surrogate(StrictDocument):
     mean_difference: dict[str, float] = Field(
         description="material point method minus learned simulator, added to every prediction"
     )
+    settled: bool = Field(
+        False, description="that difference is the one at the answer, not the mean of all pairs"
+    )
     std: dict[str, float] = Field(
         description="root of the diagonal of 1.2 cov + 0.1 diag of the differences, which is in "
         "the covariance of the fit"

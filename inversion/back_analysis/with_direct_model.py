@@ -67,6 +67,10 @@ class DirectAnalysis(LearnedAnalysis):
             self._doubt()
         self.share_of_engine(SOURCE)
 
+    def search_again(self) -> None:
+        """The stage of the solver, by the engine as it is corrected now."""
+        super().search()
+
     def _doubt(self) -> None:
         """Answer again with the model's own error, as it is at the first answer."""
         std = self.engine.error_std(self.case.setup.at(self.found.values))
@@ -80,7 +84,7 @@ class DirectAnalysis(LearnedAnalysis):
         truth = MPMEngine(self.store)
         for _ in range(2):
             self.run_pairs(truth, self.case.config.inversion.paired_runs)
-            super().search()
+            self.search_again()
             if self.pairs.holds(self.case.parameters, self.found.values):
                 break
         else:
@@ -88,6 +92,7 @@ class DirectAnalysis(LearnedAnalysis):
                 "the answer lies outside the states at which the material point method ran next to "
                 "the direct model: the correction there is extrapolated"
             )
+        self.settle(truth)
         self.runs += truth.runs
         self.remark(
             f"corrected by {len(self.pairs.states)} runs of the material point method: "

@@ -4,7 +4,7 @@ The stages of `inversion.back_analysis.back_analysis` with other engines: first 
 simulator alone finds an answer, as in the paper; then the material point method also runs at a
 few states around that answer (`inversion.engines.model_error`); corrected by their mean difference,
 and with their covariance in that of the fit, it answers again. What the material point method says
-at the answer is kept.
+at the answer is kept, and where it is off there, the answer is corrected by it.
 """
 
 from __future__ import annotations
@@ -101,11 +101,12 @@ class SurrogateAnalysis(LearnedAnalysis):
 
     def search(self) -> None:
         """The answer with the correction; where it lies far from the pairs, these are run again."""
-        self._search_on()
+        self.search_again()
         if not self.pairs.holds(self.case.parameters, self.found.values):
             self.say("the answer has left the states of the paired runs: they are repeated")
             self.compare()
-            self._search_on()
+            self.search_again()
+        self.settle(self.truth)
         if not self.pairs.holds(self.case.parameters, self.found.values):
             self.remark(
                 "the answer lies outside the states at which both the material point method and "
@@ -137,7 +138,8 @@ class SurrogateAnalysis(LearnedAnalysis):
                     self.pairs.states, self.pairs.surrogate, self.pairs.truth, strict=True
                 )
             ],
-            mean_difference=targets.named(self.pairs.mean),
+            mean_difference=targets.named(self.pairs.correction),
+            settled=self.pairs.settled is not None,
             std=targets.named(np.where(np.isfinite(self.pairs.mean), std, np.nan)),
             answer_std=parameters.as_mapping(self.answer_std),
             runs_mpm=self.truth.runs,
@@ -182,7 +184,7 @@ class SurrogateAnalysis(LearnedAnalysis):
         self.runs += found.runs
         return found
 
-    def _search_on(self) -> None:
+    def search_again(self) -> None:
         """Search from the present answer; the evaluations follow those before."""
         before = self.found
         self.found = self._fit(before.values).after(before, self.case.config.inversion.method)

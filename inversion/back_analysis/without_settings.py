@@ -2,7 +2,8 @@
 
 They have no solver whose settings could change, and the material point method may run next to them
 at a few states around an answer: the mean difference then corrects every prediction, and what it
-varies by enters the covariance of the measurements (`inversion.engines.model_error`).
+varies by enters the covariance of the measurements (`inversion.engines.model_error`). Where the
+material point method does not confirm the corrected answer, its difference there corrects the next.
 """
 
 from __future__ import annotations
@@ -17,7 +18,14 @@ from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.case import Reading
 from inversion.back_analysis.perturbed_answers import Problem
 from inversion.back_analysis.variants import Changed
-from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
+from inversion.engines.model_error import (
+    Corrected,
+    Pairs,
+    Settling,
+    paired,
+    states_around,
+    with_error,
+)
 from inversion.engines.workers import Job
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, posterior
@@ -27,6 +35,9 @@ from pipeline.cli import InputError
 
 Found = TypeVar("Found")
 
+#: A corrected answer is confirmed where the material point method is off by at most this [standard
+#: deviations of the survey]; most times that it is corrected by the difference there.
+CONFIRMED, MOST_MOVES = 0.15, 4
 #: Kinds of sensitivities of which a learned engine knows nothing.
 UNKNOWN_TO_IT = {"time_step": "no time step", "simulation": "no settings of the solver"}
 
@@ -50,7 +61,7 @@ class LearnedAnalysis(BackAnalysis):
         engine = self.uncorrected()
         if self.pairs is None:
             return engine
-        return Corrected(engine, dict(zip(self.pairs.names, self.pairs.mean, strict=True)))
+        return Corrected(engine, dict(zip(self.pairs.names, self.pairs.correction, strict=True)))
 
     def objective_of(self, setup: Setup) -> Objective:
         """With the engine's error in the covariance as soon as it is known."""
@@ -72,10 +83,56 @@ class LearnedAnalysis(BackAnalysis):
         around = posterior(self.objective, self.found.best.derivative, values)
         states, width = states_around(parameters, values, np.sqrt(np.diag(around.scaled)), count)
         learned = self.uncorrected()
-        self.pairs, _ = paired(learned, truth, self.case.setup, states, width)
+        pairs, _ = paired(learned, truth, self.case.setup, states, width)
+        self._correct_by(pairs)
+        return learned
+
+    def search_again(self) -> None:
+        """Search with the engine and the objective that are known by now."""
+        raise NotImplementedError
+
+    def settle(self, truth: Forward) -> None:
+        """Let the solver judge the answer, and correct by what it says there until it agrees.
+
+        Of the answers on the way that is kept which it is nearest to.
+
+        Args:
+            truth: the material point method.
+        """
+        judged, here = self._judged_by(truth)
+        first, before, kept = here, None, (here.off, self.found, self.pairs)
+        for _ in range(MOST_MOVES):
+            if here.off <= CONFIRMED or not np.isfinite(here.off):
+                break
+            own = self.found.best.prediction.values - here.correction
+            following = here.following(before)
+            self._correct_by(self.pairs.moved(self.found.values, judged, own, following))
+            self.search_again()
+            before, (judged, here) = here, self._judged_by(truth)
+            if here.off < kept[0]:
+                kept = here.off, self.found, self.pairs
+        off, self.found, pairs = kept
+        self._correct_by(pairs)
+        if off < first.off:
+            self.say(
+                f"the material point method was off by {first.off:.1f} standard deviations of the "
+                f"survey at the corrected answer; now, with more runs at such answers, by {off:.1f}"
+            )
+
+    def _judged_by(self, truth: Forward) -> tuple[np.ndarray, Settling]:
+        """What it predicts at the answer (m,), and what that says of the correction."""
+        targets = self.case.setup.targets
+        (judged,) = truth.predict([self.case.setup.at(self.found.values)])
+        left = judged.values - self.found.best.prediction.values
+        weight = np.where(targets.fitted, 1.0 / np.sqrt(np.diag(targets.covariance)), 0.0)
+        off = float(np.max(np.abs(left * weight)[targets.fitted]))
+        known = np.where(np.isfinite(left), left, 0.0)
+        return judged.values, Settling(self.pairs.correction, known, off, weight)
+
+    def _correct_by(self, pairs: Pairs) -> None:
+        self.pairs = pairs
         self.engine = self.engine_of()
         self.objective = self.objective_of(self.case.setup)
-        return learned
 
     def share_of_engine(self, source: str) -> np.ndarray:
         """Take the engine's error out of the spread; it becomes a source of its own.
@@ -97,10 +154,11 @@ class LearnedAnalysis(BackAnalysis):
         return std
 
     def differences(self) -> list[str]:
-        """Mean and standard deviation of each fitted number's difference, in words."""
+        """Correction of each fitted number and its standard deviation, in words."""
         targets, std = self.objective.targets, np.sqrt(np.diag(self.pairs.covariance))
         units = [targets.entries[group].unit for group in targets.groups]
-        each = zip(self.pairs.names, self.pairs.mean, std, units, targets.fitted, strict=True)
+        added = self.pairs.correction
+        each = zip(self.pairs.names, added, std, units, targets.fitted, strict=True)
         return [
             f"{name} {mean:+.2f} +- {own:.2f} {unit}"
             for name, mean, own, unit, used in each

@@ -4,7 +4,9 @@ In: two engines of one question and a handful of states around its fit. Out: `Pa
 predict there. The mean of their differences corrects the learned one, and 1.2 times the covariance
 of the differences plus 0.1 times its diagonal enters the covariance of the fit: between a few
 states the differences hang together more than they would between many, and no number is as sure
-as a few pairs make it look.
+as a few pairs make it look. Where the error changes with the strength, the mean is not the error at
+the corrected answer; `Settling` then finds the correction that is (space mapping, Bandler et al.
+2004: values of the dear engine, derivatives of the cheap one).
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ from pipeline.cli import WorkFailed
 
 #: Covariance of the differences counts by this, and its diagonal by this in addition.
 SHARED, OWN = 1.2, 0.1
+#: Square of a change that is none [standard deviations of the survey].
+TINY = 1e-12
 #: Fewest pairs from which a covariance is taken.
 LEAST_PAIRS = 3
 #: States lie within one standard deviation of the answer, yet at least and at most so far from it:
@@ -38,6 +42,7 @@ class Pairs:
         surrogate: predictions of the learned simulator, without correction, (n, m).
         truth: those of the material point method, (n, m); NaN where it could not be read.
         width: half-width of the region of the states in scaled parameters, (p,).
+        settled: the correction that was settled on instead of the mean difference, (m,).
     """
 
     names: list[str]
@@ -45,6 +50,7 @@ class Pairs:
     surrogate: np.ndarray
     truth: np.ndarray
     width: np.ndarray
+    settled: np.ndarray | None = None
 
     @property
     def differences(self) -> np.ndarray:
@@ -57,8 +63,25 @@ class Pairs:
         return self.differences.mean(axis=0)
 
     @property
+    def correction(self) -> np.ndarray:
+        """What is added to every prediction, (m,); NaN for numbers that could not be read."""
+        return self.mean if self.settled is None else self.settled
+
+    def moved(
+        self, values: np.ndarray, truth: np.ndarray, surrogate: np.ndarray, settled: np.ndarray
+    ) -> Pairs:
+        """With a pair at another answer (p,), which is the first now, and a correction (m,)."""
+        return replace(
+            self,
+            states=np.vstack([values, self.states]),
+            surrogate=np.vstack([surrogate, self.surrogate]),
+            truth=np.vstack([truth, self.truth]),
+            settled=settled,
+        )
+
+    @property
     def covariance(self) -> np.ndarray:
-        """Of the surrogate's error once the mean is taken off, (m, m); 0 for unread numbers."""
+        """Of the surrogate's error once it is corrected, (m, m); 0 for unread numbers."""
         known = np.isfinite(self.mean)
         found = np.zeros((len(known), len(known)))
         spread = np.atleast_2d(np.cov(self.differences[:, known], rowvar=False, ddof=1))
@@ -146,7 +169,7 @@ def with_error(targets: Targets, pairs: Pairs) -> Targets:
 
 
 class Corrected(WrappedEngine):
-    """`inversion.estimation.forward.Forward`: another engine with the mean difference added.
+    """`inversion.estimation.forward.Forward`: another engine with a constant added.
 
     Args:
         engine: the learned simulator.
@@ -173,3 +196,34 @@ class Corrected(WrappedEngine):
         names = request.setup.targets.names
         correction = np.array([self.correction.get(name, 0.0) for name in names])
         return replace(prediction, values=prediction.values + correction)
+
+
+@dataclass(frozen=True)
+class Settling:
+    """A correction that was tried, and what the truth said of the answer with it.
+
+    Attributes:
+        correction: (m,).
+        left: truth minus corrected prediction at that answer, (m,).
+        off: largest of those that are fitted, in standard deviations of the survey.
+        weight: one over these, 0 for what is not fitted, (m,).
+    """
+
+    correction: np.ndarray
+    left: np.ndarray
+    off: float
+    weight: np.ndarray
+
+    def following(self, before: Settling | None) -> np.ndarray:
+        """The correction to try next, (m,): what is left is added, less what the last step says.
+
+        Alone it is that at the answer. After another it is Anderson's mixture of the two (1965, of
+        depth 1), which does not swing about the answer where the truth is steeper than the
+        surrogate.
+        """
+        plain = self.correction + self.left
+        if before is None:
+            return plain
+        change = self.weight * (self.left - before.left)
+        share = float(change @ (self.weight * self.left) / max(float(change @ change), TINY))
+        return plain - share * (plain - before.correction - before.left)

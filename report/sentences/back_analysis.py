@@ -95,6 +95,7 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
         for m in data.few_fitted(6)
         if m.name in found.mean_difference
     ]
+    corrected = "The difference at the answer" if found.settled else "The mean difference"
     added = [
         f"{p.label} ± {with_unit(f'{found.answer_std[p.name]:.2g}', p.unit)}"
         for p in data.strengths or data.result.answer.parameters
@@ -102,8 +103,8 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
     return [
         f"The simulator is {found.model}, differentiated through the whole rollout. It was "
         f"compared with the material point method at {len(found.pairs)} states around the answer "
-        f"and differs by {'; '.join(differences)}. The mean difference corrects every "
-        "prediction, and the scatter is part of the covariance of the fit, where it adds "
+        f"and differs by {'; '.join(differences)}. {corrected} corrects every prediction, and "
+        "the scatter is part of the covariance of the fit, where it adds "
         f"{'; '.join(added)}.",
         "The section and the film show the material point method at this answer; the iterations "
         "show the learned simulator.",

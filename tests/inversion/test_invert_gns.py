@@ -107,8 +107,9 @@ def test_the_error_of_the_surrogate_is_in_the_standard_deviation(solved):
     surrogate = result.surrogate
     (strength,) = result.answer.parameters
     differences = [pair.mpm["toe"] - pair.surrogate["toe"] for pair in surrogate.pairs]
-    assert len(differences) == 5
-    assert surrogate.mean_difference["toe"] == pytest.approx(np.mean(differences))
+    assert len(differences) >= 5, "more where the answer was settled by runs at it"
+    assert surrogate.settled == (len(differences) > 5)
+    assert min(differences) <= surrogate.mean_difference["toe"] <= max(differences)
     assert surrogate.std["toe"] == pytest.approx(np.sqrt(1.3) * np.std(differences, ddof=1))
     own = strength.std_by_source[SOURCE]
     slope = abs(result.answer.derivative["toe"]["S_r"])
@@ -179,7 +180,8 @@ def test_the_command_asked_again_costs_no_rollout(block, solved, tmp_path, run_m
     assert "material point method minus learned simulator: toe" in done.stderr
     page = (folder / "report.html").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     assert "by a learned simulator (Diff-GNS)" in page
-    assert "compared with the material point method at 5 states around the answer" in page
+    pairs = len(solved[0].surrogate.pairs)
+    assert f"compared with the material point method at {pairs} states around the answer" in page
     judged = solved[0].engines[3].predicted["toe"]
     assert f"the toe moves {judged:.1f} m; 7 m was measured" in page
     assert page.count("material point method, at that answer") == 2

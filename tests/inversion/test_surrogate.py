@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inversion.engines.model_error import Corrected, Pairs, paired, states_around, with_error
+from inversion.engines.model_error import (
+    Corrected,
+    Pairs,
+    Settling,
+    paired,
+    states_around,
+    with_error,
+)
 from inversion.estimation.derivatives import FiniteSteps
 from inversion.estimation.forward import Setup
 from inversion.estimation.gauss_newton import gauss_newton
@@ -163,3 +170,24 @@ def test_a_constant_error_is_taken_off_and_the_rest_is_counted():
     added = np.sqrt(whole.std**2 - survey.std**2)
     expected = np.sqrt(rippled.covariance[0, 0]) / abs(slope[0, 0])
     assert 0.05 < added[0] == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("steepness", [0.5, 1.0, 2.5])
+def test_a_correction_settles_however_steep_the_truth_is(steepness):
+    """One strength z, two toes: the surrogate is off by a constant and by its slope."""
+    slope, wanted = np.array([3.0, -1.0]), np.array([10.0, 4.0])
+    constant = np.array([2.0, -5.0])
+    weight = np.array([1.0, 2.0])
+
+    def tried(correction):
+        """The least-squares answer of the corrected surrogate slope z, and what is left there."""
+        z = (weight * slope) @ (weight * (wanted - correction)) / np.sum((weight * slope) ** 2)
+        left = constant + steepness * slope * z - (slope * z + correction)
+        return Settling(correction, left, float(np.max(np.abs(left * weight))), weight)
+
+    first = tried(np.zeros(2))
+    found, before = tried(first.following(None)), first
+    for _ in range(2):
+        found, before = tried(found.following(before)), found
+    assert found.off < 1e-6 * first.off
+    assert first.off > 1.0

@@ -22,7 +22,9 @@ from tests.dams import dam_with_pool
 pytestmark = pytest.mark.slow
 
 
-TOO_FAR = 3.0
+MEASURED = 53.0
+"""The upstream toe [m]."""
+TOO_FAR = 12.0
 """What the surrogate is wrong by [m]."""
 SETTINGS = [
     "inversion.starts=2",
@@ -76,20 +78,36 @@ class TooFar(MPMEngine):
 RUNS = RunStore(None, threads=1)
 
 
+class TooFlat(TooFar):
+    """Its toes change with the strength by three fifths of what they do, and go too far."""
+
+    def predict(self, requests):
+        return [
+            replace(found, values=MEASURED + 0.6 * (found.values - MEASURED))
+            for found in super().predict(requests)
+        ]
+
+
 @pytest.fixture(scope="module")
-def both(tmp_path_factory):
-    """The results of the surrogate, corrected, and of the real engine."""
-    case = dam_with_pool(tmp_path_factory.mktemp("case") / "small_dam")
-    (case / "inversion.yaml").write_text(QUESTION)
-    loaded = inversion_case(load_case(case, load_config(None, SETTINGS)))
+def case(tmp_path_factory):
+    folder = dam_with_pool(tmp_path_factory.mktemp("case") / "small_dam")
+    (folder / "inversion.yaml").write_text(QUESTION)
+    return inversion_case(load_case(folder, load_config(None, SETTINGS)))
+
+
+def by_surrogate(case, engine: type[MPMEngine], told: list[str]):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stages, "GNSEngine", TooFar)
-        analysis = stages.SurrogateAnalysis(
-            loaded, RUNS, lambda line: None,
+        patch.setattr(stages, "GNSEngine", engine)
+        return stages.SurrogateAnalysis(
+            case, RUNS, told.append,
             model=Model(None, "too_far", "0" * 64), rollouts=RolloutStore(None),
-        )  # fmt: skip
-        result = analysis.run()
-    return result, BackAnalysis(loaded, RUNS, lambda line: None).run()
+        ).run()  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def both(case):
+    """The results of the surrogate, corrected, and of the real engine."""
+    return by_surrogate(case, TooFar, []), BackAnalysis(case, RUNS, lambda line: None).run()
 
 
 def test_a_surrogate_that_is_wrong_by_a_constant_gives_the_answer_of_the_real_engine(both):
@@ -131,3 +149,16 @@ def test_what_could_not_be_had_is_said(both):
     assert "damped: left out: a learned engine has no settings of the solver" in told
     assert "transfer: left out: a learned engine has no settings of the solver" in told
     assert "outside the training of the model too_far: cohesion" in told
+
+
+def test_where_the_error_changes_with_the_strength_the_answer_is_settled_by_runs_at_it(case, both):
+    told: list[str] = []
+    result, real = by_surrogate(case, TooFlat, told), both[1]
+    assert result.surrogate.settled and not both[0].surrogate.settled
+    assert any("standard deviations of the survey at the corrected answer" in one for one in told)
+    (ours,), (own,) = result.answer.parameters, real.answer.parameters
+    assert ours.value == pytest.approx(own.value, rel=0.03)
+    judged = result.engines[-1].predicted["upstream toe"]
+    measured = next(one for one in result.measurements if one.name == "upstream toe")
+    assert abs(judged - measured.measured) < 0.2 * measured.std
+    assert len(result.surrogate.pairs) > len(both[0].surrogate.pairs)
