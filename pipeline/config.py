@@ -532,9 +532,11 @@ class TrainSettings(Settings):
     seed: int = Field(0, ge=0, description="decides the first weights, the order and the noise")
 
     @model_validator(mode="after")
-    def _learns_both_sides(self) -> TrainSettings:
+    def _has_what_it_needs(self) -> TrainSettings:
         if self.symmetric and not self.mirror:
             raise ValueError("symmetric: true needs mirror: true, or the model knows one side only")
+        if self.grid_everywhere and self.grid_cell == 0.0:
+            raise ValueError("grid_everywhere: true needs a grid_cell above 0")
         return self
 
 

@@ -98,22 +98,31 @@ VARIANTS_HEAD = (
 )
 
 
+def compared(asked: Asked, setup: Setup, found: Sequence[list[Prediction]]) -> list[list[str]]:
+    """Cells of the rows of a dam: every toe, and the crest where it was measured.
+
+    Args:
+        asked: the strengths.
+        setup: what was predicted.
+        found: by the solver and by a model, at each of the strengths.
+    """
+    rows = []
+    for strengths, solver, model in zip(asked.strengths, *found, strict=True):
+        given = ", ".join(f"{one:g}" for one in strengths)
+        for number, name in enumerate(setup.targets.names):
+            if "toe" in name or name == "crest":
+                own, other = solver.values[number], model.values[number]
+                figures = (f"{own:.1f}", f"{other:.1f}", f"{other - own:+.1f}")
+                rows.append([asked.title, f"{asked.spacing:g}", given, name, *figures])
+    return rows
+
+
 def lines(asked: Asked) -> list[str]:
-    """Rows of the table: every toe, and the crest where it was measured."""
+    """Rows of the table."""
     setup = inversion_case(load_case(CASES / asked.case)).setup
     setup = setup.with_scene(setup.scene.changed(spacing=asked.spacing))
-    store = RunStore(None)
-    rows, found = [], both(setup, asked.strengths, store)
-    for strengths, solver, direct in zip(asked.strengths, *found, strict=True):
-        for number, name in enumerate(setup.targets.names):
-            if "toe" not in name and name != "crest":
-                continue
-            own, other = solver.values[number], direct.values[number]
-            rows.append(
-                f"| {asked.title} | {asked.spacing:g} | {', '.join(f'{s:g}' for s in strengths)} | "
-                f"{name} | {own:.1f} | {other:.1f} | {other - own:+.1f} |"
-            )
-    return rows
+    rows = compared(asked, setup, both(setup, asked.strengths, RunStore(None)))
+    return [f"| {' | '.join(row)} |" for row in rows]
 
 
 def both(

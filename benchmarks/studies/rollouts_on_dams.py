@@ -13,7 +13,7 @@ import argparse
 import numpy as np
 
 from benchmarks.generated_pages import table
-from benchmarks.studies.direct_on_dams import CASES, DAMS, Asked
+from benchmarks.studies.direct_on_dams import CASES, DAMS, Asked, compared
 from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.gns_engine import GNSEngine
@@ -27,23 +27,14 @@ HEAD = ("dam", "points, m", "strengths, kPa", "number", "solver, m", "model, m",
 
 
 def lines(asked: Asked, model: Model) -> list[list[str]]:
-    """Rows of a dam: every toe, and the crest where it was measured."""
+    """Rows of a dam."""
     water = "pore_pressure" if model.simulator.config.thrust else "buoyant"
     config = load_config(None, [f"simulation.water={water}"])
     case = load_case(CASES / asked.case, config)
     setup = inversion_case(case, spacing_m=asked.spacing).setup
     requests = [setup.at(np.array(values)) for values in asked.strengths]
     engines = (MPM.forward(RunStore(None)), GNSEngine(RolloutStore(None), model))
-    found = [engine.predict(requests) for engine in engines]
-    rows = []
-    for strengths, solver, learned in zip(asked.strengths, *found, strict=True):
-        given = ", ".join(f"{one:g}" for one in strengths)
-        for number, name in enumerate(setup.targets.names):
-            if "toe" in name or name == "crest":
-                own, other = solver.values[number], learned.values[number]
-                figures = (f"{own:.1f}", f"{other:.1f}", f"{other - own:+.1f}")
-                rows.append([asked.title, f"{asked.spacing:g}", given, name, *figures])
-    return rows
+    return compared(asked, setup, [engine.predict(requests) for engine in engines])
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import torch
 
 from gns.network.simulator import Simulator, SimulatorConfig, feature_names
+from pipeline.cli import InputError
 
 INPUTS = ("thrust", "density", "stiffness")
 """Inputs that a model may get later."""
@@ -26,8 +27,15 @@ def grown(simulator: Simulator, wanted: SimulatorConfig) -> Simulator:
     Args:
         simulator: stays as it is; otherwise its form and normalisation are kept.
         wanted: says which inputs the data hold and what the settings ask for.
+
+    Raises:
+        InputError: it has no grid of which there could be more, or has not learned both sides.
     """
     own = simulator.config
+    if wanted.grid_everywhere and own.grid_cell == 0.0:
+        raise InputError("grid_everywhere: true; the model learned on from has no grid: only false")
+    if wanted.symmetric and own.acceleration_mean[0] != 0.0:
+        raise InputError("symmetric: true; the model learned on from knows one side: only false")
     more = {name: getattr(own, name) or getattr(wanted, name) for name in GROWS}
     result = Simulator(own.model_copy(update=more))
     for grid in result.network.more_grids.values():

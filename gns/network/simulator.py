@@ -36,7 +36,7 @@ from gns.network.features import (
 )
 from gns.network.graph import Graph, joined, radius_graph
 from gns.network.network import Network
-from gns.network.units import ScaledScene, scaled
+from gns.network.units import MIRROR, ScaledScene, scaled
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, describe_error
 from pipeline.documents import StrictDocument
@@ -46,8 +46,6 @@ FORMAT_VERSION = 1
 SINKING = 0.975
 """How far below ground that is not level a point may be, in cells: the deepest in 300 runs of
 `coarse`, all of them blocks thrown onto uneven ground. On level ground none was below it."""
-MIRROR = (-1.0, 1.0)
-"""What x and y are multiplied by in a mirror."""
 SAME_INTERVAL = 1e-3
 """Relative difference of two frame intervals that are taken for the same."""
 

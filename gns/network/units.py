@@ -17,6 +17,9 @@ from torch import Tensor
 from gns.data.scene_facts import KINEMATIC, SceneFacts, head_line
 from mpm_taichi.solver.water import WATER_DENSITY, MovingFace
 
+MIRROR = (-1.0, 1.0)
+"""What x and y are multiplied by in a mirror."""
+
 
 @dataclass(frozen=True)
 class ScaledScene:
@@ -134,12 +137,12 @@ class ScaledScene:
 
     def mirrored(self) -> ScaledScene:
         """The scene with left and right exchanged: x becomes -x."""
-        over = self.ground.new_tensor([-1.0, 1.0])
+        over = self.ground.new_tensor(MIRROR)
         low, high = self.low.clone(), self.high.clone()
         low[0], high[0] = -self.high[0], -self.low[0]
         face = self.face
         if face is not None:
-            line = face.line[::-1] * [-1.0, 1.0] + [2.0 * self.origin[0], 0.0]
+            line = face.line[::-1] * MIRROR + [2.0 * self.origin[0], 0.0]
             face = MovingFace(line, face.level, face.own_head, self.spacing)
         return replace(
             self,

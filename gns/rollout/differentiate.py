@@ -30,9 +30,9 @@ from torch import Tensor
 
 from gns.network.features import edge_features, fading_of
 from gns.network.graph import Graph
-from gns.network.simulator import MIRROR, Simulator
+from gns.network.simulator import Simulator
 from gns.network.tangents import Moving, along, network_with_tangents
-from gns.network.units import ScaledScene
+from gns.network.units import MIRROR, ScaledScene
 from gns.rollout.traced_rollout import Trace, Until, finite_step, trace
 from pipeline.cli import WorkFailed
 

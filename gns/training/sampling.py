@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from gns.data.dataset import Windows
-from gns.network.units import ScaledScene, scaled
+from gns.network.units import MIRROR, ScaledScene, scaled
 from gns.training.noise import random_walk
 from pipeline.cli import InputError
 from pipeline.config import TrainSettings
@@ -99,7 +99,7 @@ class Examples:
         scene = scaled(given.facts)
         frames = scene.to_spacings(given.positions)
         if settings.mirror and bool(torch.randint(2, (), generator=generator)):
-            scene, frames = scene.mirrored(), frames * frames.new_tensor([-1.0, 1.0])
+            scene, frames = scene.mirrored(), frames * frames.new_tensor(MIRROR)
         steps_before = int(torch.randint(settings.pushforward + 1, (), generator=generator))
         walk = random_walk(history, scene, settings.noise, generator)
         right_velocity = settings.noise_target == "velocity" and steps_before == 0

@@ -8,6 +8,7 @@ import torch
 from gns.data.scene_facts import first_window, start_of
 from gns.network.growing import GROWS, INPUTS, WEIGHTS, grown
 from gns.network.simulator import SimulatorConfig, feature_names
+from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 from tests.gns.scenes import simulator, small_scene
 
@@ -65,3 +66,15 @@ def test_new_grids_say_nothing_at_first_and_are_learned():
     assert all(
         torch.equal(halfway[name], value) for name, value in old.network.grid.state_dict().items()
     )
+
+
+@pytest.mark.parametrize(
+    ("own", "wanted", "line"),
+    [
+        ({}, {"grid_everywhere": True}, "has no grid"),
+        ({"acceleration_mean": (0.1, 0.0)}, {"symmetric": True}, "knows one side"),
+    ],
+)
+def test_what_a_model_cannot_get_is_refused(own, wanted, line):
+    with pytest.raises(InputError, match=line):
+        grown(simulator(**own), SimulatorConfig(**wanted))

@@ -28,7 +28,9 @@ def test_schema_file_is_up_to_date(root):
     assert text == schema_text(), "run: python -m pipeline schema --write"
 
 
-@pytest.mark.parametrize("name", ["config.yaml", "paper.yaml", "test.yaml", "thrust.yaml"])
+@pytest.mark.parametrize(
+    "name", ["config.yaml", "paper.yaml", "test.yaml", "thrust.yaml", "thrust_first.yaml"]
+)
 def test_shipped_configurations_fit_the_schema(root, name):
     import jsonschema
 
@@ -99,6 +101,8 @@ def test_a_scale_of_ones_own(tmp_path):
         ("simulation.courant=.nan", "every number must be finite"),
         ("simulation=3", "simulation: 3:"),
         ("geometry.template_shares={a: 0, b: 0, c: 0, d: 0, e: 0}", "at least one template"),
+        ("gns.train.symmetric=true", "gns.train: symmetric: true needs mirror: true"),
+        ("gns.train.grid_everywhere=true", "gns.train: grid_everywhere: true needs a grid_cell"),
         ("geometry.blocks.number=[3, 1]", "the lower limit 3 is above the upper limit 1"),
         ("geometry.blocks.number=[0, 1]", "at least 1 block"),
         ("geometry.blocks.size_m=[0, 1]", "longer than 0"),
