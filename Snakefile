@@ -54,7 +54,7 @@ rule all:
 
 rule train_direct:
     input:
-        expand(f"{RESULTS}/direct/{{kind}}/card.yaml", kind=DIRECT_KINDS),
+        expand(f"{RESULTS}/direct/{{kind}}/card.yaml", kind=DIRECT_NETWORKS),
     message:
         "The models without steps are trained and judged: {input}"
 

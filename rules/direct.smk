@@ -1,16 +1,22 @@
 # Learned models without steps: paired runs of random sections -> trained models with their cards.
 
 DIRECT_PARTS = 420
-DIRECT_KINDS = ("direct", "corrected")
+DIRECT_NETWORKS = {"direct": 2, "corrected": 1}
 
 
 wildcard_constraints:
     part=r"\d\d\d\d",
-    kind="|".join(DIRECT_KINDS),
+    kind="|".join(DIRECT_NETWORKS),
+    network=r"\d",
 
 
 def direct_runs(wildcards):
     return [f"{RESULTS}/direct/runs/runs_{part:04d}.npz" for part in range(DIRECT_PARTS)]
+
+
+def direct_kind(kind):
+    corrected = "--corrected " if kind == "corrected" else ""
+    return f"{corrected}--networks {DIRECT_NETWORKS[kind]}"
 
 
 # A part is written when whole: a job that is killed costs at most its own fifty runs.
@@ -45,16 +51,15 @@ rule simulate_direct:
 
 
 # A job that is killed leaves the state of the training next to the model, so that the next try goes on.
-rule train_direct_model:
+rule train_direct_network:
     input:
         direct_runs,
     output:
-        card=f"{RESULTS}/direct/{{kind}}/card.yaml",
-        table=f"{RESULTS}/direct/{{kind}}/training.txt",
+        done=f"{RESULTS}/direct/{{kind}}/network_{{network}}.txt",
     log:
-        f"{RESULTS}/logs/train_direct_{{kind}}.log",
+        f"{RESULTS}/logs/train_direct_{{kind}}_{{network}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/train_direct_{{kind}}.tsv"
+        f"{RESULTS}/benchmarks/train_direct_{{kind}}_{{network}}.tsv"
     threads: 1
     resources:
         mem_mb=10000,
@@ -62,11 +67,43 @@ rule train_direct_model:
     params:
         config=CONFIG_FILE,
         data=f"{RESULTS}/direct/runs",
-        folder=lambda wildcards, output: os.path.dirname(output.card),
-        corrected=lambda wildcards: "--corrected" if wildcards.kind == "corrected" else "",
+        folder=lambda wildcards, output: os.path.dirname(output.done),
+        kind=lambda wildcards: direct_kind(wildcards.kind),
         physics=content_hash(GNS_PHYSICS),
     message:
-        "Learning the {wildcards.kind} model without steps"
+        "Learning network {wildcards.network} of the {wildcards.kind} model without steps"
     shell:
-        "python -m gns direct-train {params.corrected} --data {params.data} --out {params.folder}"
+        "python -m gns direct-train {params.kind} --network {wildcards.network}"
+        " --data {params.data} --out {params.folder} --config {params.config} --threads {threads}"
+        " > {output.done} 2> {log}"
+
+
+rule judge_direct_model:
+    input:
+        runs=direct_runs,
+        networks=lambda wildcards: [
+            f"{RESULTS}/direct/{wildcards.kind}/network_{number + 1}.txt"
+            for number in range(DIRECT_NETWORKS[wildcards.kind])
+        ],
+    output:
+        card=f"{RESULTS}/direct/{{kind}}/card.yaml",
+        table=f"{RESULTS}/direct/{{kind}}/training.txt",
+    log:
+        f"{RESULTS}/logs/judge_direct_{{kind}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/judge_direct_{{kind}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=10000,
+        runtime=lambda wildcards, attempt: 60 * attempt,
+    params:
+        config=CONFIG_FILE,
+        data=f"{RESULTS}/direct/runs",
+        folder=lambda wildcards, output: os.path.dirname(output.card),
+        kind=lambda wildcards: direct_kind(wildcards.kind),
+        physics=content_hash(GNS_PHYSICS),
+    message:
+        "Calibrating and judging the {wildcards.kind} model without steps"
+    shell:
+        "python -m gns direct-train {params.kind} --data {params.data} --out {params.folder}"
         " --config {params.config} --threads {threads} > {output.table} 2> {log}"

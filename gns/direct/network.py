@@ -20,6 +20,7 @@ Shapes: B sections, C columns, K layers, Z zones, S shares of the way (`SHARES`)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,11 +64,13 @@ class DirectConfig:
         corrected: it starts from a run at twice the spacing.
         widths: channels of each level, from the finest.
         blocks: of each level, on the way down and on the way up.
+        networks: whose mean is the answer; each has its own beginning and order of runs.
     """
 
     corrected: bool = False
     widths: tuple[int, ...] = (64, 96, 128, 192)
     blocks: int = 2
+    networks: int = 1
 
 
 @dataclass(frozen=True)
@@ -270,8 +273,8 @@ class Times(nn.Module):
         return step.logcumsumexp(dim=-1), (scale - 2.0).clamp(low, high).exp()
 
 
-class DirectModel(nn.Module):
-    """A network of a configuration; see the module."""
+class DirectNetwork(nn.Module):
+    """One network of a configuration; see the module."""
 
     def __init__(self, config: DirectConfig) -> None:
         super().__init__()
@@ -359,8 +362,7 @@ class DirectModel(nn.Module):
             other.log_times[:, TURNED],
             other.time_scale[:, TURNED],
         )
-        means = zip(vars(own).values(), vars(back).values(), strict=True)
-        return Answer(*(0.5 * (one + mirror) for one, mirror in means))
+        return mean_of([own, back])
 
     def _times(self, x: Tensor, weight: Tensor, whole: Tensor) -> tuple[Tensor, Tensor]:
         """Of both toes from the inner values where they end, of the way from those of all columns.
@@ -374,6 +376,28 @@ class DirectModel(nn.Module):
         toes = self.of_toes(torch.cat([near, whole[:, None].expand(-1, 2, -1)], dim=2))
         way = self.of_way(torch.cat([x.mean(dim=2), whole], dim=1))
         return tuple(torch.cat([a, b[:, None]], dim=1) for a, b in zip(toes, way, strict=True))
+
+
+class DirectModel(nn.Module):
+    """What answers: as many networks as the configuration says."""
+
+    def __init__(self, config: DirectConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.networks = nn.ModuleList(DirectNetwork(config) for _ in range(config.networks))
+
+    def forward(self, seen: Tensor, start: Tensor) -> Answer:
+        """The mean of the networks' answers both ways; arguments as of `DirectNetwork.forward`.
+
+        Their errors are in part their own: what each learned by heart of its runs.
+        """
+        return mean_of([network.both_ways(seen, start) for network in self.networks])
+
+
+def mean_of(answers: Sequence[Answer]) -> Answer:
+    """The mean of several answers, of times that of their logarithms."""
+    columns = zip(*(vars(one).values() for one in answers), strict=True)
+    return Answer(*(torch.stack(values).mean(dim=0) for values in columns))
 
 
 def mirrored(seen: Tensor, toes: Tensor, *, corrected: bool) -> tuple[Tensor, Tensor]:

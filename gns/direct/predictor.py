@@ -62,7 +62,7 @@ class Predictor:
     """A model with its calibration.
 
     Attributes:
-        model: the network; its weights stay as they are.
+        model: its networks; their weights stay as they are.
         toe_factor: half-width of a toe's interval over its scale; thickness_factor, time_factor:
             likewise.
         known: descriptors of the sections learned from, (N, F).
@@ -151,7 +151,7 @@ class Predictor:
         start = np.asarray(before)
         if self.corrected:
             seen, start = with_coarse(seen, [coarse]), coarse.toes
-        return model.both_ways(seen, torch.as_tensor(start).to(seen)[None])
+        return model(seen, torch.as_tensor(start).to(seen)[None])
 
     def save(self, path: Path) -> None:
         """Write the model; see `load`."""

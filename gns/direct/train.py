@@ -1,16 +1,17 @@
 """Training of a direct model: paired runs -> weights.
 
-In: the folder of `gns.direct.runs`. Out: a network and, while it trains, `state.pt`, from which a
-job that was killed goes on. Sections are encoded once. Every tenth block of ten scenes judges the
-model (`test`), the one before it calibrates its intervals (`calibration`); the others train it.
+In: the folder of `gns.direct.runs`. Out: the networks of a model and, while each trains, its
+`state_<number>.pt`, from which a job that was killed goes on. Sections are encoded once. Every
+tenth block of ten scenes judges the model (`test`), the one before it calibrates its intervals
+(`calibration`); the others train it.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from gns.direct.network import (
     Answer,
     DirectConfig,
     DirectModel,
+    DirectNetwork,
     features,
     mirrored,
     with_coarse,
@@ -32,7 +34,6 @@ from gns.direct.sections import Outcome, Section, outcome_of, section_of
 from gns.training.optimizers import Optimizers
 from pipeline.files import atomic_path, content_hash
 
-STATE_FILE = "state.pt"
 SPLITS = ("train", "calibration", "test")
 #: Weight of the thickness next to the toes.
 PROFILE = 1.0
@@ -139,67 +140,126 @@ def train(
     config: DirectConfig,
     plan: TrainingPlan,
     tell: Callable[[str], None] = print,
+    *,
+    alone: int | None = None,
 ) -> DirectModel:
     """Train, or go on where a training of the same runs, size and plan stopped.
 
     Args:
         samples: of all splits; only those of `train` are learned from.
         folder: of the model.
-        config: size of the network.
+        config: size of the networks, and how many.
         plan: how long.
         tell: called with a line at each save.
+        alone: number of the only network to train, from 0, for several jobs; None: all.
     """
-    torch.manual_seed(plan.seed)
     model = DirectModel(config)
-    ours = [one for one in samples if one.split == "train"]
-    seen, start = inputs(ours, corrected=config.corrected)
-    toes = torch.as_tensor(np.stack([one.fine.toes for one in ours]), dtype=torch.float32)
-    thickness = torch.as_tensor(np.stack([one.fine.thickness for one in ours]), dtype=torch.float32)
-    times = torch.as_tensor(np.stack([one.times for one in ours]), dtype=torch.float32)
+    lessons = Lessons.of([one for one in samples if one.split == "train"], config)
+    for number in range(config.networks) if alone is None else [alone]:
+        file = folder / f"state_{number}.pt"
+        model.networks[number] = _network(lessons, file, config, _own(plan, number), tell)
+    return model.eval()
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """What is learned from, N runs.
+
+    Attributes:
+        names: of the runs.
+        seen, start: inputs, see `inputs`.
+        toes: (N, 2); thickness: (N, C); times: (N, 3, S).
+    """
+
+    names: list[str]
+    seen: Tensor
+    start: Tensor
+    toes: Tensor
+    thickness: Tensor
+    times: Tensor
+
+    @classmethod
+    def of(cls, samples: list[Sample], config: DirectConfig) -> Lessons:
+        """Encoded once."""
+
+        def stacked(values: Iterable[np.ndarray]) -> Tensor:
+            return torch.as_tensor(np.stack(list(values)), dtype=torch.float32)
+
+        return cls(
+            [one.name for one in samples],
+            *inputs(samples, corrected=config.corrected),
+            stacked(one.fine.toes for one in samples),
+            stacked(one.fine.thickness for one in samples),
+            stacked(one.times for one in samples),
+        )
+
+    def batch(
+        self, drawn: Tensor, *, turned: bool, corrected: bool
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+        """Inputs, toes, thickness and times of some, or of their mirror images."""
+        seen, start, toes = self.seen[drawn], self.start[drawn], self.toes[drawn]
+        thickness, times = self.thickness[drawn], self.times[drawn]
+        if turned:
+            seen, toes = mirrored(seen, toes, corrected=corrected)
+            start, thickness, times = -start.flip(1), thickness.flip(1), times[:, TURNED]
+        return seen, start, toes, thickness, times
+
+
+def _own(plan: TrainingPlan, number: int) -> TrainingPlan:
+    """The plan of one network of several."""
+    return replace(plan, seed=plan.seed + number)
+
+
+def _network(
+    lessons: Lessons,
+    state: Path,
+    config: DirectConfig,
+    plan: TrainingPlan,
+    tell: Callable[[str], None],
+) -> DirectNetwork:
+    """One network, from its state on if there is one."""
+    torch.manual_seed(plan.seed)
+    network = DirectNetwork(config)
     optimiser = Optimizers(
-        list(model.parameters()),
+        list(network.parameters()),
         rate=plan.rate,
         muon_rate=plan.rate,
         decay=plan.decay,
         as_adam=True,
     )
-    average = {name: value.clone() for name, value in model.state_dict().items()}
-    first, state = 0, folder / STATE_FILE
-    folder.mkdir(parents=True, exist_ok=True)
+    average = {name: value.clone() for name, value in network.state_dict().items()}
+    state.parent.mkdir(parents=True, exist_ok=True)
     key = content_hash(
         {
-            "runs": [one.name for one in ours],
-            "config": asdict(config),
+            "runs": lessons.names,
+            "config": {k: v for k, v in asdict(config).items() if k != "networks"},
             "plan": asdict(plan),
-            "seen": list(seen.shape),
+            "seen": list(lessons.seen.shape),
             "loss": [PROFILE, TIMES, BETA, TYPICAL],
         }
     )
+    first = 0
     kept = torch.load(state, weights_only=True) if state.is_file() else {"key": ""}
     if kept["key"] == key:
         first, average = kept["step"], kept["average"]
-        model.load_state_dict(kept["weights"])
+        network.load_state_dict(kept["weights"])
         optimiser.load_state_dict(kept["optimiser"])
     began, running = time.perf_counter(), 0.0
-    model.train()
+    network.train()
     for step in range(first, plan.steps):
         numbers = torch.Generator().manual_seed(plan.seed * 1_000_003 + step)
-        drawn = torch.randint(len(ours), (plan.batch,), generator=numbers)
+        drawn = torch.randint(len(lessons.names), (plan.batch,), generator=numbers)
         torch.manual_seed(plan.seed * 1_000_003 + step)  # of what is dropped, also after a kill
-        x, begin, want, deposit = seen[drawn], start[drawn], toes[drawn], thickness[drawn]
-        when = times[drawn]
-        if step % 2:
-            x, want = mirrored(x, want, corrected=config.corrected)
-            begin, deposit, when = -begin.flip(1), deposit.flip(1), when[:, TURNED]
+        seen, start, *truth = lessons.batch(drawn, turned=step % 2 == 1, corrected=config.corrected)
         optimiser.set_rate(_schedule(step, plan))
-        loss = loss_of(model(x, begin), want, deposit, when)
+        loss = loss_of(network(seen, start), *truth)
         optimiser.zero_grad()
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
         running += float(loss.detach())
         keep = min(0.998, (step + 1) / (step + 10))
-        for name, value in model.state_dict().items():
+        for name, value in network.state_dict().items():
             average[name].lerp_(value, 1.0 - keep)
         if (step + 1) % plan.save_every == 0 or step + 1 == plan.steps:
             with atomic_path(state) as temporary:
@@ -208,7 +268,7 @@ def train(
                         "key": key,
                         "step": step + 1,
                         "average": average,
-                        "weights": model.state_dict(),
+                        "weights": network.state_dict(),
                         "optimiser": optimiser.state_dict(),
                     },
                     temporary,
@@ -216,8 +276,8 @@ def train(
             pace = (time.perf_counter() - began) / (step + 1 - first)
             tell(f"step {step + 1}: loss {running / plan.save_every:.3f}, {1000 * pace:.0f} ms")
             running = 0.0
-    model.load_state_dict(average)
-    return model.eval()
+    network.load_state_dict(average)
+    return network.eval()
 
 
 def loss_of(answer: Answer, toes: Tensor, thickness: Tensor, times: Tensor) -> Tensor:
@@ -244,7 +304,7 @@ def answers(model: DirectModel, samples: list[Sample], batch: int = 64) -> Answe
     with torch.no_grad():
         for place in range(0, len(samples), batch):
             some = samples[place : place + batch]
-            parts.append(model.both_ways(*inputs(some, corrected=model.config.corrected)))
+            parts.append(model(*inputs(some, corrected=model.config.corrected)))
     return Answer(
         *(torch.cat([getattr(one, name) for one in parts]) for name in Answer.__dataclass_fields__)
     )

@@ -155,13 +155,13 @@ def test_a_seam_thinner_than_a_layer_is_as_weak_as_it_is(section):
 @pytest.mark.parametrize("corrected", [False, True])
 def test_the_answer_for_the_mirror_image_is_the_mirror_image(samples, corrected):
     torch.manual_seed(2)
-    model = DirectModel(DirectConfig(corrected, SMALL.widths)).eval()
+    model = DirectModel(DirectConfig(corrected, SMALL.widths, networks=2)).eval()
     for parameter in model.parameters():
         torch.nn.init.normal_(parameter, std=0.2)
     with torch.no_grad():
         seen, start = inputs(samples[:3], corrected=corrected)
-        one = model.both_ways(seen, start)
-        other = model.both_ways(*mirrored(seen, start, corrected=corrected))
+        one = model(seen, start)
+        other = model(*mirrored(seen, start, corrected=corrected))
     assert torch.allclose(other.toes, -one.toes.flip(1), atol=1e-5)
     assert torch.allclose(other.toe_scale, one.toe_scale.flip(1), rtol=1e-4)
     assert torch.allclose(other.thickness, one.thickness.flip(1), atol=1e-5)
@@ -270,6 +270,24 @@ def test_a_killed_training_goes_on_where_it_stopped(samples, tmp_path):
         assert torch.equal(one, other)
 
 
+def test_networks_that_were_trained_alone_are_those_of_the_model(samples, tmp_path):
+    config, plan = replace(SMALL, networks=2), TrainingPlan(steps=4, batch=4, save_every=2)
+    for number in (1, 0):
+        train(samples, tmp_path / "apart", config, plan, lambda line: None, alone=number)
+    lines = []
+    joined = train(samples, tmp_path / "apart", config, plan, lines.append)
+    assert lines == [], "both are there"
+    whole = train(samples, tmp_path / "whole", config, plan, lambda line: None)
+    first, second = (list(one.parameters()) for one in joined.networks)
+    assert not any(map(torch.equal, first[:1], second[:1])), "each has its own beginning"
+    for one, other in zip(whole.parameters(), joined.parameters(), strict=True):
+        assert torch.equal(one, other)
+    seen, start = inputs(samples[:3], corrected=False)
+    with torch.no_grad():
+        each = [network.both_ways(seen, start).toes for network in joined.networks]
+        assert torch.allclose(joined(seen, start).toes, 0.5 * (each[0] + each[1]), atol=1e-6)
+
+
 def test_a_toe_that_is_hard_to_tell_still_counts():
     toes = torch.zeros(2, 2, requires_grad=True)
     scale = torch.tensor([[0.1, 0.1], [0.4, 0.4]], requires_grad=True)
@@ -284,7 +302,7 @@ def test_a_toe_that_is_hard_to_tell_still_counts():
 @pytest.mark.parametrize("corrected", [False, True])
 def test_training_calibration_and_card(samples, tmp_path, corrected):
     torch.set_num_threads(1)
-    config = DirectConfig(corrected, SMALL.widths)
+    config = DirectConfig(corrected, SMALL.widths, networks=2)
     model = train(samples, tmp_path, config, TrainingPlan(40, 8, warmup=5), lambda line: None)
     predictor = calibrated(model, samples)
     facts = card(predictor, samples, {"steps": 40})

@@ -26,6 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="start from the run at twice the spacing and learn the difference to it",
     )
     parser.add_argument("--steps", type=int, help="default: as the models that ship")
+    parser.add_argument(
+        "--networks", type=int, metavar="N", default=1, help="whose mean answers; default: 1"
+    )
+    parser.add_argument(
+        "--network",
+        type=int,
+        metavar="K",
+        help="train the K-th of them alone, from 1, for several jobs; without, what is left",
+    )
     options.add_threads(parser)
     add_common(parser)
 
@@ -37,7 +46,7 @@ def run(arguments: argparse.Namespace) -> None:
     from gns.direct.predictor import MODEL_FILE
     from gns.direct.train import TrainingPlan, read_samples, train
     from gns.training.processes import use_threads
-    from pipeline.cli import at_least_one
+    from pipeline.cli import InputError, at_least_one
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
@@ -47,12 +56,23 @@ def run(arguments: argparse.Namespace) -> None:
     plan = TrainingPlan()
     if arguments.steps is not None:
         plan = replace(plan, steps=at_least_one("--steps", arguments.steps))
+    size = DirectConfig(
+        arguments.corrected, networks=at_least_one("--networks", arguments.networks)
+    )
+    alone = arguments.network
+    if alone is not None and not 1 <= alone <= size.networks:
+        raise InputError(f"--network: {alone}; allowed are 1 to {size.networks} (--networks)")
     use_threads(arguments.threads)
     with Progress(0, "direct model", quiet=arguments.quiet) as bar:
         samples = read_samples(Path(arguments.data or base / "runs"))
-        model = train(samples, folder, DirectConfig(arguments.corrected), plan, bar.say)
+        if alone is not None:
+            train(samples, folder, size, plan, bar.say, alone=alone - 1)
+            return
+        model = train(samples, folder, size, plan, bar.say)
         predictor = calibrated(model, samples)
     predictor.save(folder / MODEL_FILE)
-    facts = card(predictor, samples, {"steps": plan.steps, "seed": plan.seed})
+    facts = card(
+        predictor, samples, {"steps": plan.steps, "seed": plan.seed, "networks": size.networks}
+    )
     write_card(folder, MODEL_FILE, facts)
     print(table_text(facts))
