@@ -80,19 +80,14 @@ class DirectAnalysis(LearnedAnalysis):
         super().search()
 
     def _correct(self) -> None:
-        """Answer again with the mean difference to the solver; once more where that is far off."""
+        """Answer again with the mean difference to the solver."""
         truth = MPMEngine(self.store)
-        for _ in range(2):
+
+        def run_pairs() -> None:
             self.run_pairs(truth, self.case.config.inversion.paired_runs)
-            self.search_again()
-            if self.pairs.holds(self.case.parameters, self.found.values):
-                break
-        else:
-            self.remark(
-                "the answer lies outside the states at which the material point method ran next to "
-                "the direct model: the correction there is extrapolated"
-            )
-        self.settle(truth)
+
+        run_pairs()
+        self.answer_by_pairs(truth, run_pairs)
         self.runs += truth.runs
         self.remark(
             f"corrected by {len(self.pairs.states)} runs of the material point method: "

@@ -101,17 +101,7 @@ class SurrogateAnalysis(LearnedAnalysis):
 
     def search(self) -> None:
         """The answer with the correction; where it lies far from the pairs, these are run again."""
-        self.search_again()
-        if not self.pairs.holds(self.case.parameters, self.found.values):
-            self.say("the answer has left the states of the paired runs: they are repeated")
-            self.compare()
-            self.search_again()
-        self.settle(self.truth)
-        if not self.pairs.holds(self.case.parameters, self.found.values):
-            self.remark(
-                "the answer lies outside the states at which both the material point method and "
-                "the learned simulator ran: the correction there is extrapolated"
-            )
+        self.answer_by_pairs(self.truth, self.compare)
         self.say(f"answer after {self.found.runs} rollouts: {self.found.words}")
         self._judge()
         self._uncertainty()

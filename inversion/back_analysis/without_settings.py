@@ -91,6 +91,29 @@ class LearnedAnalysis(BackAnalysis):
         """Search with the engine and the objective that are known by now."""
         raise NotImplementedError
 
+    def answer_by_pairs(self, truth: Forward, run_pairs: Callable[[], None]) -> None:
+        """The answer with the correction by the pairs that are there, as the solver confirms it.
+
+        Args:
+            truth: the material point method.
+            run_pairs: runs them around the present answer, for where it has left them.
+        """
+        self.search_again()
+        if not self._within_pairs:
+            self.say("the answer has left the states of the paired runs: they are repeated")
+            run_pairs()
+            self.search_again()
+        self.settle(truth)
+        if not self._within_pairs:
+            self.remark(
+                "the answer lies outside the states at which the material point method ran next to "
+                "the learned engine: the correction there is extrapolated"
+            )
+
+    @property
+    def _within_pairs(self) -> bool:
+        return self.pairs.holds(self.case.parameters, self.found.values)
+
     def settle(self, truth: Forward) -> None:
         """Let the solver judge the answer, and correct by what it says there until it agrees.
 
