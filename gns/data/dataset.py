@@ -132,6 +132,10 @@ class Windows:
         start = int(self._ends[row - 1]) if row else 0
         return int(self.runs[row]), place - start
 
+    def template_of(self, run: int) -> str:
+        """Letter of a run's template; "" for a scene made by hand."""
+        return self.templates[self._row_of(run)]
+
     def first_of(self, place: int) -> int:
         """Number of the first window, at t = 0, of the run to which window `place` belongs."""
         return place - self.locate(place)[1]

@@ -19,7 +19,7 @@ from gns.data.dataset import Windows
 from gns.data.scene_facts import SceneFacts, before
 from gns.evaluation.metrics import Score, one_step_error, score
 from gns.network.simulator import Simulator
-from gns.rollout.rollout import Rollout, rollout
+from gns.rollout.rollout import rolled_out
 from pipeline.cli import InputError
 from pipeline.files import atomic_path, read_text
 
@@ -68,10 +68,15 @@ def evaluate(
     for run in windows.runs if runs is None else runs:
         positions, facts = windows.positions(int(run)), windows.facts(int(run))
         result, predicted = rolled_out(simulator, positions, facts)
-        template = windows.templates[int(np.flatnonzero(windows.runs == run)[0])]
         found.append(
             Evaluated(
-                score(predicted, positions, facts, run=int(run), template=template),
+                score(
+                    predicted,
+                    positions,
+                    facts,
+                    run=int(run),
+                    template=windows.template_of(int(run)),
+                ),
                 *one_step_errors(simulator, positions, facts),
                 seconds=result.wall_time_s,
                 mpm_seconds=None if mpm_seconds is None else mpm_seconds.get(int(run)),
@@ -80,25 +85,6 @@ def evaluate(
         if on_run is not None:
             on_run(found[-1])
     return found
-
-
-def rolled_out(
-    simulator: Simulator, positions: np.ndarray, facts: SceneFacts
-) -> tuple[Rollout, np.ndarray]:
-    """A rollout from the start of a run, and its frames in the shape of the run's.
-
-    Args:
-        simulator: the model.
-        positions: of the run, (T, N, 2) [m]; only the first frame is shown to the model.
-        facts: of its scene.
-
-    Returns:
-        the rollout; (T, N, 2) [m], NaN from where it failed.
-    """
-    result = rollout(simulator, facts, positions[0], len(positions))
-    predicted = np.full_like(positions, np.nan)
-    predicted[: len(result.positions)] = result.positions
-    return result, predicted
 
 
 def one_step_errors(

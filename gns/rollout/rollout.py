@@ -131,6 +131,25 @@ def rollout_window(
     )
 
 
+def rolled_out(
+    simulator: Simulator, positions: np.ndarray, facts: SceneFacts
+) -> tuple[Rollout, np.ndarray]:
+    """A rollout from the start of a run, and its frames in the shape of the run's.
+
+    Args:
+        simulator: the model.
+        positions: of the run, (T, N, 2) [m]; only the first frame is shown to the model.
+        facts: of its scene.
+
+    Returns:
+        the rollout; (T, N, 2) [m], NaN from where it failed.
+    """
+    result = rollout(simulator, facts, positions[0], len(positions))
+    predicted = np.full_like(positions, np.nan)
+    predicted[: len(result.positions)] = result.positions
+    return result, predicted
+
+
 def frames_of(duration_s: float, facts: SceneFacts) -> int:
     """Frames of a rollout that lasts a time [s], t = 0 among them."""
     return int(round(duration_s / facts.frame_time)) + 1

@@ -18,7 +18,7 @@ import numpy as np
 from gns.data.dataset import Windows
 from gns.evaluation.metrics import Score, score
 from gns.network.simulator import Simulator
-from gns.rollout.rollout import rollout
+from gns.rollout.rollout import rolled_out
 from gns.training.distributed import Group
 
 FAILED_ERROR = 100.0
@@ -81,11 +81,8 @@ def validate(
 def score_run(simulator: Simulator, windows: Windows, run: int) -> Score:
     """A rollout of one packed run, from its first frame to its last, against the run itself."""
     simulated, facts = windows.positions(run), windows.facts(run)
-    found = rollout(simulator, facts, simulated[0], len(simulated))
-    predicted = np.full_like(simulated, np.nan)
-    predicted[: len(found.positions)] = found.positions
-    template = windows.templates[int(np.flatnonzero(windows.runs == run)[0])]
-    return score(predicted, simulated, facts, run=run, template=template)
+    _, predicted = rolled_out(simulator, simulated, facts)
+    return score(predicted, simulated, facts, run=run, template=windows.template_of(run))
 
 
 def summary(scores: Sequence[Score]) -> Validation:

@@ -10,8 +10,8 @@ import pytest
 from geometry import draw_scene
 from gns.data.scene_facts import start_of
 from gns.evaluation.card import read_card
-from gns.evaluation.evaluate import rolled_out
 from gns.evaluation.metrics import score
+from gns.rollout.rollout import rolled_out
 from gns.training.checkpoints import MODEL_FILE
 from inversion.engines.trained_model import load_model
 from mpm_taichi.simulate import simulate

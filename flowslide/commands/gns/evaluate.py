@@ -159,8 +159,8 @@ def _learned_from(document, metadata, model: Path) -> dict[str, Any]:
 
 
 def _draw_worst(simulator, windows, found, path: Path) -> None:
-    from gns.evaluation.evaluate import rolled_out
     from gns.evaluation.score_tables import worst
+    from gns.rollout.rollout import rolled_out
     from report.pictures.rollouts import Pair, save_pairs
 
     pairs = []
