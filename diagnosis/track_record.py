@@ -29,6 +29,10 @@ class Worth(StrictDocument):
     most_off: float = Field(ge=0, description="and by this in nine of ten")
     held: int = Field(ge=0, description="of them, whose 95 % interval held S_r")
 
+    def span(self, value: float) -> tuple[float, float]:
+        """Between which S_r lay in nine of ten, had this been said of it."""
+        return value / (1.0 + self.most_off), value * (1.0 + self.most_off)
+
 
 class TrackRecord(StrictDocument):
     """Of all verdicts."""

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import UNCHECKED, Scene
 from geometry.scenes3d.scene3d import Terrain
 
 Soil = TypeVar("Soil", Scene, Terrain)
@@ -41,7 +41,8 @@ def with_properties(base: Soil, changes: Sequence[tuple[str, str, float | bool]]
             name = f"{name}_{zone['name']}"
         zone["material"] = name
     document["materials"] = materials
-    return type(base).model_validate(document)
+    # Shapes are those of `base`, which were checked with it; only soils can be at fault now.
+    return type(base).model_validate(document, context=UNCHECKED)
 
 
 #: Two places nearer than this are one and the same [m].

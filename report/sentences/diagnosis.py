@@ -159,15 +159,21 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
 def worth_sentence(data: DiagnosisData) -> str:
     """How far the strength was off where the truth was known and the same was said."""
     quoted = {} if data.verdict is None else data.verdict.quoted
-    values = [quoted[p.name] for p in data.parameters if p.strength and p.name in quoted]
-    found = worth_of(data.verdict.verdict) if values else None
-    if found is None or any(one.at_least is not None for one in values):
+    strengths = [p for p in data.parameters if p.strength and p.name in quoted]
+    found = worth_of(data.verdict.verdict) if strengths else None
+    if found is None or any(quoted[p.name].at_least is not None for p in strengths):
         return ""
+    spans = []
+    for p in strengths:
+        low, high = found.span(math.sqrt(math.prod(quoted[p.name].intervals["95%"])))
+        of = f" of {spoken(p.name)}" if len(strengths) > 1 else ""
+        spans.append(f"{number(low)} to {with_unit(high, p.unit)}{of}")
     return (
         f"What this verdict has been worth: of {found.slides} slides made by other codes on which "
         f"it was given, {found.hidden} of them with something hidden, the residual strength was "
         f"off by {percent(found.half_off)} or less in half and by {percent(found.most_off)} or "
-        f"less in nine of ten, and its 95 % interval held it in {found.held}."
+        f"less in nine of ten, which here is {', '.join(spans)}; its 95 % interval held it in "
+        f"{found.held}."
     )
 
 

@@ -296,7 +296,11 @@ def test_what_such_a_verdict_has_been_worth_is_reported():
         found = worth_of(verdict.verdict)
         said = worth_sentence(data_of(verdict)).replace("\N{NO-BREAK SPACE}", " ")
         assert f"of {found.slides} slides made by other codes" in said
-        assert f"by {100 * found.most_off:.0f} % or less in nine of ten" in said
+        assert f"by {100 * found.most_off:.0f} % or less in nine of ten, which here is " in said
+        (quoted,) = verdict.quoted.values()
+        middle = (quoted.intervals["95%"][0] * quoted.intervals["95%"][1]) ** 0.5
+        for end in (middle / (1.0 + found.most_off), middle * (1.0 + found.most_off)):
+            assert f"{end:.3g}" in said
         assert f"its 95 % interval held it in {found.held}." in said
         assert worth_sentence(data_of(verdict.model_copy(update={"quoted": {}}))) == ""
     assert worth_of("ambiguous").most_off > worth_of("identified").most_off
