@@ -69,8 +69,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--variants",
         metavar="NAME,...",
-        default=METHOD,
-        help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}",
+        help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}. more: all (the "
+        f"default), or {SUGGESTED} or {RANDOM} alone",
     )
     parser.add_argument(
         "--page",
@@ -99,16 +99,17 @@ def part_of(text: str) -> Part:
     return Part(int(found[1]) - 1, int(found[2]))
 
 
-def variants_of(text: str) -> list[str]:
-    """The variants that are named.
+def variants_of(text: str | None, default: str, known: Collection[str]) -> list[str]:
+    """The variants that are named, those that are known for `all`, one for None.
 
     Raises:
         InputError: one does not exist.
     """
-    names = list(VARIANTS) if text == "all" else [name.strip() for name in text.split(",")]
+    text = text or default
+    names = list(known) if text == "all" else [name.strip() for name in text.split(",")]
     for name in names:
-        if name not in VARIANTS:
-            raise InputError(f"--variants: {name!r}: allowed are all, {', '.join(VARIANTS)}")
+        if name not in known:
+            raise InputError(f"--variants: {name!r}: allowed are all, {', '.join(known)}")
     return names
 
 
@@ -181,7 +182,7 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
         run_cases(
             places,
             config,
-            variants=variants_of(arguments.variants),
+            variants=variants_of(arguments.variants, METHOD, VARIANTS),
             part=part,
             threads=arguments.threads,
             on_case=lambda done, _, words: progress.advance(1, words),
@@ -203,6 +204,7 @@ def _more(arguments: argparse.Namespace, config: Config) -> int:
             places,
             config,
             laboratory,
+            variants=variants_of(arguments.variants, "all", (SUGGESTED, RANDOM)),
             part=part,
             on_case=lambda done, _, words: progress.advance(1, words),
         )
@@ -279,12 +281,21 @@ def _score_by_codes(
         shares_of,
     )
     from benchmarks.hidden_effects.scoring.opened import judged, save_rows
-    from benchmarks.hidden_effects.scoring.page_by_codes import FOREIGN, draw_all, generated
+    from benchmarks.hidden_effects.scoring.page_by_codes import (
+        FOREIGN,
+        MORE,
+        draw_all,
+        generated,
+        generated_more,
+    )
     from pipeline.files import write_json
 
-    if page is not None:
-        around(page, FOREIGN)
     cases = judged(rows, benchmark, METHOD)
+    with_more = {name: judged(rows, benchmark, name) for name in (SUGGESTED, RANDOM)}
+    with_more = {name: found for name, found in with_more.items() if found}
+    if page is not None:
+        for part in (FOREIGN, MORE) if with_more else (FOREIGN,):
+            around(page, part)
     if record is not None:
         save_rows(rows, record)
     document = score_by_codes(cases)
@@ -299,7 +310,12 @@ def _score_by_codes(
                  for name, share in document["families"].items()]))  # fmt: skip
     if page is not None:
         draw_all(page.parent.parent / "images" / page.stem, by_code)
-        renew(page, **{FOREIGN: generated(by_code, document, f"../images/{page.stem}")})
+        parts = {FOREIGN: generated(by_code, document, f"../images/{page.stem}")}
+        if with_more:
+            found = {METHOD: cases, **with_more}
+            found = {name: [ByCode(one) for one in some] for name, some in found.items()}
+            parts[MORE] = generated_more(found)
+        renew(page, **parts)
     return 0
 
 

@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.hidden_effects.making import surveys
 from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
+from benchmarks.hidden_effects.making.by_other_codes import hidden_of, slide_again, survey_error
 from benchmarks.hidden_effects.making.laboratory import Laboratory
 from benchmarks.hidden_effects.making.make import OnCase, sealed_cases
 from benchmarks.hidden_effects.making.sections import normal
@@ -43,10 +45,20 @@ def run_more(
     config: Config,
     laboratory: Laboratory,
     *,
+    variants: Sequence[str] = (SUGGESTED, RANDOM),
     part: Part = Part(),  # noqa: B008 - frozen
     on_case: OnCase = lambda done, total, words: None,
 ) -> None:
-    """Diagnose every sealed case three times: as it is, with suggested, with random measurements.
+    """Diagnose every sealed case as it is, with suggested and with random measurements.
+
+    Args:
+        benchmark: of the cases; their slides are simulated again.
+        places: of its files.
+        config: settings of the diagnosis.
+        laboratory: of slides by the judge's solver.
+        variants: which measurements are added, of SUGGESTED and RANDOM.
+        part: which cases.
+        on_case: called for each case.
 
     Raises:
         InputError: the benchmark has not been sealed.
@@ -55,13 +67,18 @@ def run_more(
     for number, sealed in enumerate(mine, start=1):
         name = sealed["name"]
         words = "was there"
-        if not all(places.verdict(name, v).is_file() for v in (METHOD, SUGGESTED, RANDOM)):
-            words = _one(name, benchmark, places, config, laboratory)
+        if not all(places.verdict(name, v).is_file() for v in (METHOD, *variants)):
+            words = _one(name, benchmark, places, config, laboratory, variants)
         on_case(number, len(mine), f"{name}: {words}")
 
 
 def _one(
-    name: str, benchmark: Benchmark, places: Places, config: Config, laboratory: Laboratory
+    name: str,
+    benchmark: Benchmark,
+    places: Places,
+    config: Config,
+    laboratory: Laboratory,
+    variants: Sequence[str],
 ) -> str:
     # The truth is opened to read more of its slide; the diagnosis still sees measurements alone.
     truth = read_truth(places.truth(name))
@@ -70,8 +87,12 @@ def _one(
     digest, chosen, possible = suggested(places.case(name), store, config)
     write_json(places.verdict(name, METHOD), digest.model_dump(mode="json"))
     stream = Stream(benchmark.plan.seed, number_of("more"), number_of(name))
-    laboratory.forget()
-    deposit = slide_of(truth, section, laboratory)
+    if "source" in truth:
+        deposit, hidden = slide_again(benchmark, truth, laboratory.threads), hidden_of(truth)
+    else:
+        laboratory.forget()
+        deposit, hidden = slide_of(truth, section, laboratory), []
+    line = surveys.with_values(section, truth["survey"], np.array(truth["places"]), None)
     readable = [k for k, entry in enumerate(possible) if _can_be_read(entry, deposit)]
     words = [digest.verdict]
     picks = {
@@ -79,8 +100,13 @@ def _one(
         RANDOM: drawn(readable, COUNT, stream),
     }
     for variant, picked in picks.items():
+        # Both are made even where one is judged: their errors come from one stream.
         folder = places.out / "more" / variant / name
-        add_measurements(places.case(name), folder, [possible[k] for k in picked], deposit, stream)
+        entries = [possible[k] for k in picked]
+        errors = [survey_error(hidden, [entry], line) for entry in entries]
+        add_measurements(places.case(name), folder, entries, deposit, stream, errors)
+        if variant not in variants:
+            continue
         digest = diagnosed(folder, METHOD, store, config)
         write_json(places.verdict(name, variant), digest.model_dump(mode="json"))
         words.append(f"{variant} {digest.verdict} {' + '.join(digest.effects)}".strip())
@@ -114,17 +140,31 @@ def drawn(cards: Sequence[int], count: int, stream: Stream) -> list[int]:
 
 
 def add_measurements(
-    old: Path, new: Path, entries: Sequence[Measured], deposit: Deposit, stream: Stream
+    old: Path,
+    new: Path,
+    entries: Sequence[Measured],
+    deposit: Deposit,
+    stream: Stream,
+    errors: Sequence[np.ndarray],
 ) -> None:
-    """A copy of a case folder with more measurements, read on a deposit with errors."""
+    """A copy of a case folder with more measurements, read on a deposit with errors.
+
+    Args:
+        old: folder of the case.
+        new: where the copy is to be.
+        entries: what is measured in addition.
+        deposit: of the slide.
+        stream: of their random errors.
+        errors: of the survey as a whole in each of them.
+    """
     shutil.rmtree(new, ignore_errors=True)
     shutil.copytree(old, new)
     document = read_yaml(new / "measurements.yaml")
     (survey,) = document["sets"].values()
     profile = load_profile(new / PROFILE_FILE)
     points = dict(zip(profile.x.tolist(), profile.y.tolist(), strict=True))
-    for entry in entries:
-        values = entry.observe(deposit)
+    for entry, error in zip(entries, errors, strict=True):
+        values = entry.observe(deposit) + error
         values = values + entry.std * np.array([normal(stream) for _ in values])
         if entry.files:  # a place on the surface: one more row of the survey's profile
             points[float(entry.along.place[0])] = float(values[0])

@@ -11,20 +11,22 @@ from benchmarks.generated_pages import around
 from benchmarks.hidden_effects.foreign.differences import correlation_length
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
 from benchmarks.hidden_effects.foreign.slide import source
-from benchmarks.hidden_effects.making import surveys
+from benchmarks.hidden_effects.making import by_other_codes, surveys
 from benchmarks.hidden_effects.making.benchmark import Places, SourcePlan, load_benchmark
 from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes, survey_error
 from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.truth import Made
+from benchmarks.hidden_effects.run import METHOD, SUGGESTED
 from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, score_by_codes
 from benchmarks.hidden_effects.scoring.digest import WindowDigest
-from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
+from benchmarks.hidden_effects.scoring.opened import load_rows
+from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated, generated_more
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 from benchmarks.studies.strength_by_verdict import PAGE, Slide, shown, slides, worth
 from diagnosis.question import CodeError, load_diagnosis_question
 from diagnosis.track_record import track_record
-from pipeline.cli import InputError
+from pipeline.cli import InputError, WorkFailed
 from pipeline.files import read_yaml, yaml_text
 from tests.hidden_effects.judges import digest
 
@@ -107,6 +109,39 @@ def test_errors_of_the_survey_move_elevations_alone(benchmark):
     assert np.all(np.diff(tilt[:n]) > 0.0)
 
 
+def test_a_place_that_is_levelled_later_has_the_tilt_of_the_old_line(benchmark):
+    section = benchmark.sections["embankment"]
+    entries = surveys.entries_of(section, "profile", 90.0)
+    first, last = entries[0].along.place[[0, -1]]
+    for place, share in ((first, -1.0), (0.5 * (first + last), 0.0), (last + 20.0, 1.0)):
+        (new, *_) = surveys.with_values(section, "profile", np.array([place]), None)
+        assert survey_error([Hidden("tilt", 2.0)], [new], entries) == pytest.approx(2.0 * share)
+
+
+def test_a_slide_is_made_again_as_it_was_sealed(monkeypatch):
+    """By the same code, with the same parameters, things, points and spacing."""
+    asked = []
+
+    class Code:
+        def simulate(self, scene, hidden, **how):
+            asked.append((scene, hidden, how))
+            raise WorkFailed("asked")
+
+    monkeypatch.setattr(by_other_codes, "source", lambda name: {"smoothed_particles": Code()}[name])
+    benchmark = load_benchmark(f"{FOLDER}/foreign_fifth.yaml")
+    truths = [row["truth"] for row in load_rows(f"{FOLDER}/foreign_fifth_results.json")]
+    truth = next(one for one in truths if "soil_density" in one["effects"])
+    with pytest.raises(WorkFailed, match="asked"):
+        by_other_codes.slide_again(benchmark, truth)
+    scene, hidden, how = asked[0]
+    section = benchmark.section(truth)
+    assert scene.spacing == pytest.approx(truth["spacing_factor"] * section.scene.spacing, abs=1e-4)
+    assert {one.name: one.entry for one in hidden} == truth["effects"]
+    assert how["seed"] == truth["jitter_seed"]
+    strength = [soil.cohesion_kpa for soil in scene.materials.values() if soil.liquefied]
+    assert strength == [truth["parameters"]["residual_strength"]]
+
+
 def _judged(kind, name, verdict, names, *, families=(), members=(), own=None):
     truth = {"name": "case", "kind": kind, "source": "newton", "lambda": 20.0,
              "effects": {name: {"amplitude": 1.0}} if name else {},
@@ -177,6 +212,16 @@ def test_page_has_every_figure_and_every_case(tmp_path):
     assert "| 10-25 | 1 of 1 | 1 of 1 | 0 of 1 |" in text and "| 60 and more | 0 of 0 |" in text
     for path in draw_all(tmp_path, cases):
         assert path.stat().st_size > 5000
+
+
+def test_the_page_has_what_more_measurements_did():
+    away = _judged("outside", "wave", "identified", ["shaking"], own={"shaking": "physics"})
+    doubted = _judged("outside", "wave", "unknown_effect", [])
+    text = generated_more({METHOD: [away], SUGGESTED: [doubted]})
+    assert text.startswith("1 cases.")
+    before, after = [line for line in text.splitlines() if line.endswith(" of 1 |")]
+    assert before.startswith("| as it is | none |") and before.endswith("1 of 1 |")
+    assert after.startswith("| with two suggested") and after.endswith("0 of 1 |")
 
 
 def test_the_stretch_that_is_stated_is_compared_with_what_fails():

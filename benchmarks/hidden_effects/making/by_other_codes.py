@@ -35,7 +35,8 @@ from benchmarks.hidden_effects.making.sections import Section, normal
 from benchmarks.hidden_effects.making.sight import is_slide
 from benchmarks.hidden_effects.making.truth import Made
 from diagnosis.question import source_errors
-from geometry.survey.measured import Measured
+from geometry.scenes.scene import Scene
+from geometry.survey.measured import Deposit, Measured
 from inversion.estimation.covariance import SourceError, source_covariance
 from pipeline.cli import InputError, WorkFailed
 from pipeline.files import write_json
@@ -203,12 +204,9 @@ def _draw(
     things = [replace(one, sizes=plan.sizes.get(one.name, one.sizes)) for one in things]
     hidden = [one.draw(section.scene, stream) for one in things]
     factor, seed = round(stream.uniform(*FINER), 3), stream.seed()
-    scene = section.parameters.scene(section.scene, values)
-    scene = scene.changed(spacing=round(factor * section.scene.spacing, 4))
-    slide = source(planned.source).simulate(
-        scene, hidden, duration_s=plan.duration_s, frames=int(FRAMES_PER_S * plan.duration_s),
-        seed=seed, threads=threads,
-    )  # fmt: skip
+    scene, slide = _simulated(
+        benchmark, planned.source, section, values, hidden, factor, seed, threads
+    )
     deposit = slide.deposit(scene)
     if not slide.at_rest or not is_slide(section, deposit):
         raise WorkFailed("no flow slide that comes to rest")
@@ -235,19 +233,57 @@ def _draw(
     return Made(truth, documents, profile)
 
 
-def survey_error(hidden: Sequence[Hidden], entries: Sequence[Measured]) -> np.ndarray:
-    """What errors of the survey that are hidden add to the numbers, (m,), in their units."""
+def _simulated(
+    benchmark: Benchmark, code: str, section: Section, values: np.ndarray,
+    hidden: Sequence[Hidden], factor: float, seed: int, threads: int | None,
+) -> tuple[Scene, Slide]:  # fmt: skip
+    """The section with its parameters (p,), and its slide by a code."""
+    duration = benchmark.plan.duration_s
+    scene = section.parameters.scene(section.scene, values)
+    scene = scene.changed(spacing=round(factor * section.scene.spacing, 4))
+    slide = source(code).simulate(
+        scene, hidden, duration_s=duration, frames=int(FRAMES_PER_S * duration),
+        seed=seed, threads=threads,
+    )  # fmt: skip
+    return scene, slide
+
+
+def slide_again(
+    benchmark: Benchmark, truth: Mapping[str, Any], threads: int | None = None
+) -> Deposit:
+    """The slide of a truth, simulated again by its code."""
+    scene, slide = _simulated(
+        benchmark, truth["source"], benchmark.section(truth),
+        np.array(list(truth["parameters"].values())), hidden_of(truth),
+        truth["spacing_factor"], truth["jitter_seed"], threads,
+    )  # fmt: skip
+    return slide.deposit(scene)
+
+
+def hidden_of(truth: Mapping[str, Any]) -> list[Hidden]:
+    """What was hidden in a truth."""
+    return [Hidden.of(name, entry) for name, entry in truth["effects"].items()]
+
+
+def survey_error(
+    hidden: Sequence[Hidden], entries: Sequence[Measured], line: Sequence[Measured] = ()
+) -> np.ndarray:
+    """What errors of the survey that are hidden add to the numbers, (m,), in their units.
+
+    Args:
+        hidden: all that is.
+        entries: to which it is added.
+        line: measurements between whose ends the levelling line runs; empty: `entries`.
+    """
     rise = np.concatenate([
         np.zeros(len(one.values)) if one.datum is None else one.datum.rise for one in entries
     ])  # fmt: skip
-    place = np.concatenate([
-        np.full(len(one.values), np.nan) if one.datum is None else one.datum.x for one in entries
-    ])  # fmt: skip
+    place, ends = _levelled(entries), _levelled(line or entries)
     levelled = np.isfinite(place)
     total = np.zeros(len(rise))
     if not levelled.any():
         return total
-    first, last = place[levelled].min(), place[levelled].max()
+    first, last = np.nanmin(ends), np.nanmax(ends)
     middle, half = 0.5 * (first + last), 0.5 * (last - first)
     share = np.clip((np.where(levelled, place, middle) - middle) / half, -1.0, 1.0)
     for one in hidden:
@@ -257,8 +293,15 @@ def survey_error(hidden: Sequence[Hidden], entries: Sequence[Measured]) -> np.nd
     return total
 
 
+def _levelled(entries: Sequence[Measured]) -> np.ndarray:
+    """Where on the levelling line each number was taken, x (m,) [m]; NaN: not levelled."""
+    return np.concatenate([
+        np.full(len(one.values), np.nan) if one.datum is None else one.datum.x for one in entries
+    ])  # fmt: skip
+
+
 def _left(
-    base: BaseModel, survey: str, section: Section, slide: Slide, scene: Any, values: np.ndarray,
+    base: BaseModel, survey: str, section: Section, slide: Slide, scene: Scene, values: np.ndarray,
     hidden: Sequence[Hidden], errors: Mapping[str, SourceError],
 ) -> dict[str, Any]:  # fmt: skip
     """What the refitted base model leaves of the slide without the survey's random error.

@@ -35,6 +35,12 @@ VARIANT_WORDS = {
     "tangent_only": "smallest amplitude alone (tangent)",
 }
 
+MORE_WORDS = {
+    METHOD: "as it is",
+    SUGGESTED: "with two suggested measurements",
+    RANDOM: "with two random ones",
+}
+
 
 def generated(
     method: Score, ablations: Mapping[str, Score], judged: Sequence[Judged], pictures: str
@@ -70,12 +76,8 @@ def generated(
 
 def generated_sparse(scores: Mapping[str, Score]) -> str:
     """What two more measurements did to sparse surveys; variant -> its score."""
-    words = {
-        METHOD: "as it is", SUGGESTED: "with two suggested measurements",
-        RANDOM: "with two random ones",
-    }  # fmt: skip
     rows = []
-    for variant, named in words.items():
+    for variant, named in MORE_WORDS.items():
         found = scores[variant]
         whole = [found.bins["named_or_set"], found.bins["wrong_name"], found.bins["right"]]
         rows.append((named, *(_sum(shares).words for shares in whole)))
