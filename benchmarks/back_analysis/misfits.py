@@ -44,7 +44,7 @@ def figure(words: str, entry: MeasurementAnswer) -> Figure:
     """One of them; nothing is asked but that it be shown."""
     return Figure(
         f"{words}: {entry.name} ({entry.role})",
-        f"{entry.predicted:.1f} m",
-        f"measured {entry.measured:g} ± {entry.std:g} m",
+        f"{entry.predicted:.1f} {entry.unit}",
+        f"measured {entry.measured:g} ± {entry.std:g} {entry.unit}",
         note=f"{entry.difference_in_std:+.1f} standard deviations of the survey",
     )

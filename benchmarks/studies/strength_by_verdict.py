@@ -3,14 +3,15 @@
     python -m benchmarks.studies.strength_by_verdict
 
 A verdict can only doubt what is on its list. What that leaves open is found where somebody else
-made the truth: from the records of the third to the fifth set of slides by other codes
+made the truth: from the records of the third to the sixth set of slides by other codes
 (`benchmarks/hidden_effects/foreign_*_results.json`), each judged once and sealed before that.
-Renews a part of docs/method/diagnosis.md, and what reports say of it (`diagnosis.track_record`).
+Renews parts of docs/method/diagnosis.md, and what reports say of it (`diagnosis.track_record`).
+What is said of slides to come is tried on each set by the record of those before it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from pipeline.files import write_text, yaml_text
 
 PAGE = ROOT / "docs" / "method" / "diagnosis.md"
 FOLDER = Path(__file__).resolve().parent.parent / "hidden_effects"
-SETS = ("third", "fourth", "fifth")
+SETS = ("third", "fourth", "fifth", "sixth")
 STRENGTH = "residual_strength"
 #: Verdicts as the page groups them, and how.
 SAID = {
@@ -57,6 +58,11 @@ class Slide:
         return float(np.log(np.sqrt(self.low * self.high) / self.true))
 
     @property
+    def factor(self) -> float:
+        """By which it is off, less 1, either way."""
+        return float(np.expm1(abs(self.off)))
+
+    @property
     def base_off(self) -> float:
         """Of the base model, as a logarithm."""
         return float(np.log(self.base / self.true))
@@ -82,10 +88,17 @@ def slide(row: Row) -> Slide:
     )
 
 
+def slides_by_set() -> dict[str, list[Slide]]:
+    """Of each set, in the order in which they were judged."""
+    return {
+        name: [slide(row) for row in load_rows(FOLDER / f"foreign_{name}_results.json")]
+        for name in SETS
+    }
+
+
 def slides() -> list[Slide]:
     """All of the sets."""
-    files = [FOLDER / f"foreign_{name}_results.json" for name in SETS]
-    return [slide(row) for file in files for row in load_rows(file)]
+    return [one for some in slides_by_set().values() for one in some]
 
 
 def shown(found: Sequence[Slide]) -> str:
@@ -128,6 +141,27 @@ def worth(found: Sequence[Slide]) -> TrackRecord:
     return TrackRecord(groups=groups)
 
 
+def foretold(sets: Mapping[str, Sequence[Slide]]) -> str:
+    """Each set by the record of those before it: the part of the page."""
+    header = ["set", "slides", "within what half were off by", "within nine of ten",
+              "in the 95 % interval"]  # fmt: skip
+    rows, before = [], []
+    for name, some in sets.items():
+        if before:
+            groups = worth(before).groups
+            known = [
+                (one, group) for one in some for group in groups if one.verdict in group.verdicts
+            ]
+            half, most = (
+                sum(one.factor <= getattr(group, bound) for one, group in known)
+                for bound in ("half_off", "most_off")
+            )
+            held = sum(one.held for one, _ in known)
+            rows.append([name, *map(str, (len(known), half, most, held))])
+        before = [*before, *some]
+    return table(header, rows, "lrrrr")
+
+
 def _factors(off: Sequence[float]) -> list[float]:
     """By which factor, less 1, half of some logarithms are off at most, and nine of ten."""
     return [float(np.expm1(np.quantile(np.abs(off), share))) for share in (0.5, 0.9)]
@@ -138,7 +172,8 @@ def _spread(off: Sequence[float]) -> list[str]:
 
 
 if __name__ == "__main__":
-    known = slides()
-    renew(PAGE, strength=shown(known))
+    sets = slides_by_set()
+    known = [one for some in sets.values() for one in some]
+    renew(PAGE, strength=shown(known), foretold=foretold(sets))
     made = "# Made by python -m benchmarks.studies.strength_by_verdict\n"
     write_text(FILE, made + yaml_text(worth(known).model_dump()))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from geometry.random_scenes.standing_dam import HEIGHT
 from inversion.back_analysis.without_settings import LearnedAnalysis
 from inversion.engines.direct_engine import DirectEngine, shipped
 from inversion.engines.mpm_engine import MPMEngine
@@ -60,6 +61,13 @@ class DirectAnalysis(LearnedAnalysis):
             f"the section lies at {self.engine.distance(start):.2f} from the training of the "
             "direct model (1: as far as its outermost sections lie from each other)"
         )
+        height, (low, high) = self.engine.spacings_high(start), HEIGHT
+        if not low <= height <= high:
+            self.remark(
+                f"the section is {height:.0f} spacings high; the direct model has learned from "
+                f"{low:.0f} to {high:.0f} and answers about as the solver does there: choose "
+                "--spacing accordingly"
+            )
         super().search()
         if self.case.config.inversion.paired_runs:
             self._correct()

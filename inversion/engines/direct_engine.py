@@ -156,6 +156,10 @@ class DirectEngine(Forward):
         """Of a request's section to the training; see `Predictor.distance`."""
         return self.predictor.distance(section_of(request.scene))
 
+    def spacings_high(self, request: Request) -> float:
+        """Height of a request's section [spacings]."""
+        return 1.0 / section_of(request.scene).spacing
+
     def error_std(self, request: Request) -> np.ndarray:
         """Standard deviation of the model's error of each number, (m,) [m] or [s].
 
