@@ -129,6 +129,7 @@ def _keep_models(session: Session, found: Diagnosis) -> None:
     parent = session.hypothesis_name
     words = {c.name: (c.unit, c.words) for c in found.model.candidates}
     there = list(hypothesis_files(session.folder))
+    given = {} if session.hypothesis is None else dict(session.hypothesis.effects)
     for number, adopted in enumerate(way):
         name, model, data = parent, Hypothesis(by="run"), context.of(adopted.model).data
         if number:
@@ -140,7 +141,9 @@ def _keep_models(session: Session, found: Diagnosis) -> None:
                 )
                 for answer in effect_answers(data, adopted.model.fit, words)
             }
-            model = Hypothesis(parent=parent, by="run", notes=adopted.note, effects=effects)
+            model = Hypothesis(
+                parent=parent, by="run", notes=adopted.note, effects={**given, **effects}
+            )
             if session.hypothesis is not None:
                 model = model.model_copy(update={"scene_changes": session.hypothesis.scene_changes})
             name = _same_model(session, model) or new_name(
@@ -153,6 +156,7 @@ def _keep_models(session: Session, found: Diagnosis) -> None:
             there.index(name) if name in there else len(there),
             judge(data, adopted.model.fit),
             note=adopted.note if number or not session.is_base else "base model",
+            effects={name: effect.amplitude for name, effect in given.items()},
             ln_evidence=adopted.model.ln_evidence - way[0].model.ln_evidence,
         )
         keep(session.folder, name, model, step, session.made_from(model or session.hypothesis))

@@ -2,8 +2,22 @@
 
 
 def case_files(wildcards):
-    """The data of a case: everything in its folder but the text, and what a diagnosis alone reads."""
+    """The data of a case, and of cases whose sections it reads."""
     folder = CASE_FOLDER / wildcards.case
+    return [path for place in (folder, *other_cases(folder)) for path in files_of(place)]
+
+
+def other_cases(folder):
+    """Folders of the cases on the way to a case's question."""
+    question = folder / "inversion.yaml"
+    waterfall = (read_yaml(question).get("waterfall") if question.is_file() else None) or {}
+    named = {step.get("case") for step in waterfall.get("steps", [])} - {None, "."}
+    places = (place if (place := folder / name).is_dir() else CASE_FOLDER / name for name in named)
+    return sorted(place.resolve() for place in places)
+
+
+def files_of(folder):
+    """Everything in a case's folder but the text, and what a diagnosis alone reads."""
     return sorted(
         os.path.relpath(path)
         for path in folder.rglob("*")

@@ -39,7 +39,8 @@ rule simulate_direct:
             {
                 "physics": PHYSICS,
                 "simulation": SETTINGS.simulation,
-                "seed": SETTINGS.geometry.seed,
+                "geometry": SETTINGS.geometry,
+                "coarse": SETTINGS.scales["coarse"],
                 "sections": 2,  # raised where `gns.direct.runs.random_section` draws others
             }
         ),
@@ -55,7 +56,7 @@ rule train_direct_network:
     input:
         direct_runs,
     output:
-        done=f"{RESULTS}/direct/{{kind}}/network_{{network}}.txt",
+        network=f"{RESULTS}/direct/{{kind}}/network_{{network}}.pt",
     log:
         f"{RESULTS}/logs/train_direct_{{kind}}_{{network}}.log",
     benchmark:
@@ -67,7 +68,7 @@ rule train_direct_network:
     params:
         config=CONFIG_FILE,
         data=f"{RESULTS}/direct/runs",
-        folder=lambda wildcards, output: os.path.dirname(output.done),
+        folder=lambda wildcards, output: os.path.dirname(output.network),
         kind=lambda wildcards: direct_kind(wildcards.kind),
         physics=content_hash(GNS_PHYSICS),
     message:
@@ -75,17 +76,18 @@ rule train_direct_network:
     shell:
         "python -m gns direct-train {params.kind} --network {wildcards.network}"
         " --data {params.data} --out {params.folder} --config {params.config} --threads {threads}"
-        " > {output.done} 2> {log}"
+        " > {log} 2>&1"
 
 
 rule judge_direct_model:
     input:
         runs=direct_runs,
         networks=lambda wildcards: [
-            f"{RESULTS}/direct/{wildcards.kind}/network_{number + 1}.txt"
+            f"{RESULTS}/direct/{wildcards.kind}/network_{number + 1}.pt"
             for number in range(DIRECT_NETWORKS[wildcards.kind])
         ],
     output:
+        model=f"{RESULTS}/direct/{{kind}}/direct.pt",
         card=f"{RESULTS}/direct/{{kind}}/card.yaml",
         table=f"{RESULTS}/direct/{{kind}}/training.txt",
     log:

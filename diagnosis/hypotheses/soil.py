@@ -62,7 +62,8 @@ def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
             std = default_std(scene.materials[material], key)
             if zones and std > 0.0:
                 found.append(_assumption(scene, zones, key, std, material))
-    return list({one.candidate.name: one for one in found}.values()), {}
+    # What is stated comes first, and stays where a default has its name.
+    return list({one.candidate.name: one for one in reversed(found)}.values())[::-1], {}
 
 
 def default_std(soil: Material, key: str) -> float:
@@ -94,8 +95,8 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
         family="soil",
         words=f"the {word} of {where} is another{factor}",
         unit=unit,
-        low=ladder[0],
-        high=ladder[-1],
+        low=min(ladder[0], 0.0),
+        high=max(ladder[-1], 0.0),
         ladder=ladder,
         prior_mean=0.0,
         prior_std=std,

@@ -86,6 +86,8 @@ def unexplained(
     """Weights where nothing explains: the base model, and all that fit clearly better."""
     base = models[()].fit
     better = [
-        names for names, model in models.items() if base.total - model.fit.total >= least_drop
+        names
+        for names, model in models.items()
+        if base.total - model.fit.total >= least_drop and not model.unread
     ]
     return dict.fromkeys([(), *better], 1.0)

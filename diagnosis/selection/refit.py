@@ -355,7 +355,7 @@ def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedMod
     What a search has learnt of the slope by the way is enough to rank models, not to judge one, nor
     to choose between two that are near each other: with its own slope ln Z rises by 0.7 to 2.6.
     """
-    if chosen.sloped:
+    if chosen.sloped or chosen.unread:
         return chosen
     fit, context = chosen.fit, context.of(chosen)
     what = f"derivative of {' + '.join(fit.names)}"

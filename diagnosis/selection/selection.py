@@ -235,7 +235,8 @@ class Selection:
         for key in smaller:
             self._seek_near(key, now)
         models = self.tried.models
-        found = [self.tried.weighed(models[key]) for key in smaller if key in models]
+        known = [models[key] for key in smaller if key in models]
+        found = [self.tried.weighed(model) for model in known if not model.unread]
         less = max(found, key=lambda model: model.ln_evidence, default=None)
         if less is None:
             return
@@ -256,6 +257,8 @@ class Selection:
         if found is None:
             return
         found = self._measured(judge(context, found))
+        if found.unread:
+            return
         known = self.tried.models.get(key)
         if known is None or found.ln_evidence > known.ln_evidence:
             self.tried.models[key] = found

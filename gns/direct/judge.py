@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gns.data.distance import Neighbours
 from gns.direct.arrivals import SHARES, WAY
 from gns.direct.network import DirectModel
-from gns.direct.predictor import COVERED, Predictor, described
+from gns.direct.predictor import COVERED, Predictor, described, unit_of
 from gns.direct.train import SPLITS, Sample, answers
 from pipeline.files import file_hash, write_text, yaml_text
 
@@ -108,7 +107,7 @@ def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
         _conformal(off[moved]),
         _conformal(late[np.isfinite(late)]),
         known,
-        Neighbours(known).unit(),
+        unit_of(known),
     )
 
 

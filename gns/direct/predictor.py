@@ -65,8 +65,9 @@ class Predictor:
         model: its networks; their weights stay as they are.
         toe_factor: half-width of a toe's interval over its scale; thickness_factor, time_factor:
             likewise.
-        known: descriptors of the sections learned from, (N, F).
-        unit: of a distance, `Neighbours.unit`.
+        known: descriptors of the sections learned from, (N, F); their mirror images are as well
+            known.
+        unit: of a distance, `unit_of` them.
     """
 
     model: DirectModel
@@ -141,7 +142,7 @@ class Predictor:
 
     @cached_property
     def _neighbours(self) -> Neighbours:
-        return Neighbours(self.known)
+        return Neighbours(both_ways(self.known))
 
     def _answer(self, section, before, coarse, values, model=None) -> Answer:
         model = self.model if model is None else model
@@ -197,8 +198,8 @@ class Predictor:
 def described(section: Section) -> np.ndarray:
     """A section in a few numbers of about unit spread over the training, (F,).
 
-    Left and right take part alike: the mirror image of a section is described by the same numbers,
-    but for the faces.
+    The mirror image has the same numbers, but for the faces and the fall of the water
+    (`both_ways`).
     """
     soil = section.thickness > 0.0
     depth = section.thickness[soil]
@@ -233,3 +234,17 @@ def described(section: Section) -> np.ndarray:
             (open_room - 20.0) / 8.0,
         ]
     )
+
+
+def both_ways(described: np.ndarray) -> np.ndarray:
+    """Descriptors (N, F) and, each after its own, those of the mirror images, (2 N, F)."""
+    turned = described.copy()
+    left, right, fall = map(DESCRIPTORS.index, ("left face", "right face", "fall of the water"))
+    turned[:, [left, right]] = described[:, [right, left]]
+    turned[:, fall] = -described[:, fall]
+    return np.stack([described, turned], axis=1).reshape(-1, described.shape[1])
+
+
+def unit_of(known: np.ndarray) -> float:
+    """The unit of a distance to sections with these descriptors (N, F)."""
+    return Neighbours(both_ways(known)).unit(alike=2)

@@ -40,7 +40,18 @@ SMOOTHING = 0.7
 PROPERTIES = ("cohesion", "tan_friction", "density")
 #: Settings of the runs that are learned from, which the columns do not hold; those of water matter
 #: where its level falls: pressure and reduced weight are one elsewhere.
-LEARNED = {"initial_stress": "settled", "k0": None}
+LEARNED = {
+    "initial_stress": "settled",
+    "k0": None,
+    "transfer": "affine_flip",
+    "pic_rate_per_s": 1.0,
+    "local_damping": 0.0,
+    "volumetric_averaging": True,
+    "pressure_relaxation": 1.0,
+    "pressure_smoothing": 0.02,
+    "volume_correction": True,
+    "wall_contact": "smooth",
+}
 LEARNED_OF_WATER = {"water": "pore_pressure", "water_face": "moving"}
 #: Effects that the columns hold: a factor on the strength of the liquefied soil at each place.
 FIELDS = ("strength_contrast",)

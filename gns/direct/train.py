@@ -1,23 +1,26 @@
 """Training of a direct model: paired runs -> weights.
 
-In: the folder of `gns.direct.runs`. Out: the networks of a model and, while each trains, its
-`state_<number>.pt`, from which a job that was killed goes on. Sections are encoded once. Every
-tenth block of ten scenes judges the model (`test`), the one before it calibrates its intervals
-(`calibration`); the others train it.
+In: the folder of `gns.direct.runs`. Out: the networks of a model, each as `network_<K>.pt` from 1
+on and, while it trains, `state_<K>.pt`, from which a job that was killed goes on. Sections are
+encoded once. Every tenth block of ten scenes judges the model (`test`), the one before it
+calibrates its intervals (`calibration`); the others train it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from gns import PHYSICS_VERSION
 from gns.direct.arrivals import Arrivals
 from gns.direct.network import (
     TURNED,
@@ -156,8 +159,8 @@ def train(
     model = DirectModel(config)
     lessons = Lessons.of([one for one in samples if one.split == "train"], config)
     for number in range(config.networks) if alone is None else [alone]:
-        file = folder / f"state_{number}.pt"
-        model.networks[number] = _network(lessons, file, config, _own(plan, number), tell)
+        own = replace(plan, seed=plan.seed + number)
+        model.networks[number] = _network(lessons, folder, number + 1, config, own, tell)
     return model.eval()
 
 
@@ -166,12 +169,12 @@ class Lessons:
     """What is learned from, N runs.
 
     Attributes:
-        names: of the runs.
+        key: hash of all of it.
         seen, start: inputs, see `inputs`.
         toes: (N, 2); thickness: (N, C); times: (N, 3, S).
     """
 
-    names: list[str]
+    key: str
     seen: Tensor
     start: Tensor
     toes: Tensor
@@ -185,13 +188,16 @@ class Lessons:
         def stacked(values: Iterable[np.ndarray]) -> Tensor:
             return torch.as_tensor(np.stack(list(values)), dtype=torch.float32)
 
-        return cls(
-            [one.name for one in samples],
+        values = (
             *inputs(samples, corrected=config.corrected),
             stacked(one.fine.toes for one in samples),
             stacked(one.fine.thickness for one in samples),
             stacked(one.times for one in samples),
         )
+        return cls(_hash_of(values), *values)
+
+    def __len__(self) -> int:
+        return len(self.seen)
 
     def batch(
         self, drawn: Tensor, *, turned: bool, corrected: bool
@@ -205,21 +211,38 @@ class Lessons:
         return seen, start, toes, thickness, times
 
 
-def _own(plan: TrainingPlan, number: int) -> TrainingPlan:
-    """The plan of one network of several."""
-    return replace(plan, seed=plan.seed + number)
+def _hash_of(values: Iterable[Tensor]) -> str:
+    found = hashlib.sha256()
+    for one in values:
+        found.update(one.contiguous().numpy().data)
+    return found.hexdigest()
 
 
 def _network(
     lessons: Lessons,
-    state: Path,
+    folder: Path,
+    number: int,
     config: DirectConfig,
     plan: TrainingPlan,
     tell: Callable[[str], None],
 ) -> DirectNetwork:
-    """One network, from its state on if there is one."""
+    """One network: the one that is there, or trained, from its state on if there is one."""
+    key = content_hash(
+        {
+            "lessons": lessons.key,
+            "config": {k: v for k, v in asdict(config).items() if k != "networks"},
+            "plan": asdict(plan),
+            "loss": [PROFILE, TIMES, BETA, TYPICAL],
+            "physics_version": PHYSICS_VERSION,
+        }
+    )
     torch.manual_seed(plan.seed)
     network = DirectNetwork(config)
+    done, state = folder / f"network_{number}.pt", folder / f"state_{number}.pt"
+    kept = _kept(done, key)
+    if kept is not None:
+        network.load_state_dict(kept["weights"])
+        return network.eval()
     optimiser = Optimizers(
         list(network.parameters()),
         rate=plan.rate,
@@ -228,19 +251,9 @@ def _network(
         as_adam=True,
     )
     average = {name: value.clone() for name, value in network.state_dict().items()}
-    state.parent.mkdir(parents=True, exist_ok=True)
-    key = content_hash(
-        {
-            "runs": lessons.names,
-            "config": {k: v for k, v in asdict(config).items() if k != "networks"},
-            "plan": asdict(plan),
-            "seen": list(lessons.seen.shape),
-            "loss": [PROFILE, TIMES, BETA, TYPICAL],
-        }
-    )
-    first = 0
-    kept = torch.load(state, weights_only=True) if state.is_file() else {"key": ""}
-    if kept["key"] == key:
+    folder.mkdir(parents=True, exist_ok=True)
+    first, kept = 0, _kept(state, key)
+    if kept is not None:
         first, average = kept["step"], kept["average"]
         network.load_state_dict(kept["weights"])
         optimiser.load_state_dict(kept["optimiser"])
@@ -248,7 +261,7 @@ def _network(
     network.train()
     for step in range(first, plan.steps):
         numbers = torch.Generator().manual_seed(plan.seed * 1_000_003 + step)
-        drawn = torch.randint(len(lessons.names), (plan.batch,), generator=numbers)
+        drawn = torch.randint(len(lessons), (plan.batch,), generator=numbers)
         torch.manual_seed(plan.seed * 1_000_003 + step)  # of what is dropped, also after a kill
         seen, start, *truth = lessons.batch(drawn, turned=step % 2 == 1, corrected=config.corrected)
         optimiser.set_rate(_schedule(step, plan))
@@ -277,7 +290,16 @@ def _network(
             tell(f"step {step + 1}: loss {running / plan.save_every:.3f}, {1000 * pace:.0f} ms")
             running = 0.0
     network.load_state_dict(average)
+    with atomic_path(done) as temporary:
+        torch.save({"key": key, "weights": average}, temporary)
+    state.unlink(missing_ok=True)
     return network.eval()
+
+
+def _kept(file: Path, key: str) -> dict[str, Any] | None:
+    """What an earlier job of the same training left; None: nothing."""
+    kept = torch.load(file, weights_only=True) if file.is_file() else None
+    return kept if kept is not None and kept["key"] == key else None
 
 
 def loss_of(answer: Answer, toes: Tensor, thickness: Tensor, times: Tensor) -> Tensor:

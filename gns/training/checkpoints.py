@@ -54,12 +54,17 @@ class ModelFolder:
         with only_one(self.state.parent, f"{self.folder}: another process is training here"):
             yield
 
-    def set_aside(self, made_from: Mapping[str, Any]) -> Path | None:
+    def set_aside(
+        self, made_from: Mapping[str, Any], beginnings: Sequence[Mapping[str, Any]] = ()
+    ) -> Path | None:
         """Make room where the folder holds another training; return where that is now.
 
-        Nothing is removed: a model may have cost weeks.
+        Nothing is removed: a model may have cost weeks. `beginnings` as of `load_state`.
         """
-        if not self.state.exists() or self._other(read_document(self.state), made_from) is None:
+        if not self.state.exists():
+            return None
+        document = read_document(self.state)
+        if any(self._other(document, one) is None for one in (made_from, *beginnings)):
             return None
         number = 1
         while (place := self.folder.with_name(f"{self.folder.name}.before-{number}")).exists():

@@ -295,7 +295,7 @@ def _begin(
         },
     )
     if start_over and group.leads:
-        folder.set_aside(made_from)
+        folder.set_aside(made_from, _beginnings(made_from))
     group.wait()
     document = folder.load_state(made_from, "cpu", _beginnings(made_from))
     if document is not None:

@@ -22,7 +22,7 @@ import geometry
 import mpm_taichi
 from inversion import PHYSICS_VERSION
 from inversion.back_analysis import result_builder
-from inversion.back_analysis.case import InversionCase, Reading
+from inversion.back_analysis.case import InversionCase, Reading, of_waterfall
 from inversion.back_analysis.changed_answers import (
     Here,
     Solved,
@@ -434,7 +434,7 @@ class BackAnalysis:
 
     def solve_waterfall(self) -> None:
         """Solve the readings on the way to the question, each from the answer before it."""
-        name = self.case.parameters.names[self.case.waterfall[-1].place]
+        name = self.case.parameters.names[of_waterfall(self.case)]
         asked, bars, start, slope = self.case.question.waterfall, [], None, None
         for reading in self.case.waterfall:
             own = reading.case is self.case

@@ -262,6 +262,12 @@ class Reading:
         return replace(self.setup, scene=scene, parameters=Parameters([specs[self.place]]))
 
 
+def of_waterfall(case: InversionCase) -> int:
+    """Place, among the unknowns of a case with a waterfall, of the one that its bars are of."""
+    wanted = case.question.waterfall.parameter
+    return 0 if wanted is None else case.parameters.names.index(wanted)
+
+
 def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[Reading]:
     """The steps of a case's waterfall, at the coarse spacing where there is one; empty: none asked.
 

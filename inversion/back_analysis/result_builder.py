@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from inversion.back_analysis.case import InversionCase, Reading
+from inversion.back_analysis.case import InversionCase, Reading, of_waterfall
 from inversion.back_analysis.perturbed_answers import EquivalentAnswer, Problem
 from inversion.back_analysis.result import (
     Answer,
@@ -259,7 +259,7 @@ def waterfall_bar(reading: Reading, setup: Setup, solved: Problem) -> WaterfallB
 
 def last_bar(case: InversionCase, found: SearchResult, last: Reading) -> WaterfallBar:
     """The answer, after the last of the readings."""
-    spacing, targets = case.scene.spacing, case.setup.targets
+    spacing, targets, place = case.scene.spacing, case.setup.targets, of_waterfall(case)
     other = last.setup.scene.changed(spacing=spacing) != case.scene
     other = other or last.setup.settings != case.simulation
     return WaterfallBar(
@@ -267,11 +267,11 @@ def last_bar(case: InversionCase, found: SearchResult, last: Reading) -> Waterfa
         words="as asked",
         case=case.name,
         spacing_m=spacing,
-        value=float(found.values[last.place]),
+        value=float(found.values[place]),
         predicted=targets.named(found.best.prediction.values),
         loss=found.best.loss,
         reached=found.reached,
-        at_bound=case.parameters.at_bound(found.values)[last.place],
+        at_bound=case.parameters.at_bound(found.values)[place],
     )
 
 

@@ -114,17 +114,21 @@ class DirectEngine(Forward):
         self.store = store
         self.predictor = predictor
         self.anywhere = anywhere
+        self._answers = False  # a question has been within what it knows
         self._start: Start | None = None
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction]:
-        """Predictions of all requests.
+        """Predictions of all requests; one it has no answer to has failed, as a run may.
 
         Raises:
-            InputError: a section that the model does not know, or far outside its training; a
-                fitted measurement that it cannot read.
+            InputError: a section that the model does not know, or the first far outside its
+                training; a fitted measurement that it cannot read.
         """
         self.runs += len(requests)
-        return [self._predicted(asked, *self.forecast(asked)) for asked in self._asked(requests)]
+        return [
+            self._predicted(one, *self.forecast(one)) if isinstance(one, Asked) else one
+            for one in self._asked(requests)
+        ]
 
     def derivative(
         self, request: Request, steps: np.ndarray
@@ -137,8 +141,10 @@ class DirectEngine(Forward):
         tangents = None if self.predictor.corrected else _tangents(request)
         if tangents is None:
             return super().derivative(request, steps)
-        self.runs += 1
         (asked,) = self._asked([request])
+        if not isinstance(asked, Asked):
+            return super().derivative(request, steps)
+        self.runs += 1
         forecast, seconds = self.forecast(asked)
         prediction = self._predicted(asked, forecast, seconds)
         unit = np.array([asked.section.unit_kpa, 1.0, 1.0])
@@ -178,34 +184,37 @@ class DirectEngine(Forward):
         forecast = self.predictor.predict(asked.section, asked.start.before, asked.coarse)
         return forecast, time.perf_counter() - began
 
-    def _asked(self, requests: Sequence[Request]) -> list[Asked]:
+    def _asked(self, requests: Sequence[Request]) -> list[Asked | Prediction]:
+        """What the model sees of each request; a failed prediction where it has no answer."""
         coarse: list[KeptRun | None] = [None] * len(requests)
         if self.predictor.corrected:
             wanted = [(_coarser(one.scene), one.setup.settings) for one in requests]
             coarse = list(self.store.fetch(wanted))
         return [self._one(*pair) for pair in zip(requests, coarse, strict=True)]
 
-    def _one(self, request: Request, coarse: KeptRun | None) -> Asked:
+    def _one(self, request: Request, coarse: KeptRun | None) -> Asked | Prediction:
         setup, scene = request.setup, request.scene
         _check_readable(setup)
         begin = self._start_of(request, scene)
         section = with_strengths(begin.section, scene)
         away = self.predictor.distance(section)
         if away > FARTHEST and not self.anywhere:
-            raise InputError(
+            words = (
                 f"{scene.name}: lies at {away:.1f} from the training of the direct model (1: as "
                 f"far as its outermost sections from each other); beyond {FARTHEST:g} it answers "
                 "a back-analysis with inversion.outside_training: true alone; ask the engine mpm"
             )
+            if not self._answers:
+                raise InputError(words)
+            return _failed(setup, begin, words)
+        self._answers = True
         start = None
         if coarse is not None:
             if coarse.status == "failed":
-                raise InputError(
-                    f"{scene.name}: the run at twice the spacing failed: {coarse.reason}"
-                )
+                return _failed(setup, begin, f"the run at twice the spacing: {coarse.reason}")
             start = outcome_of(section, coarse.initial, coarse.final, COARSER * scene.spacing)
             if start is None:
-                raise InputError(f"{scene.name}: the slide runs farther than the model sees")
+                return _failed(setup, begin, "the slide runs farther than the model sees")
         return Asked(setup, scene, section, begin, start)
 
     def _start_of(self, request: Request, scene: Scene) -> Start:
@@ -253,6 +262,20 @@ class DirectEngine(Forward):
                 values[place : place + len(entry.values)] = np.nan
             place += len(entry.values)
         return replace(prediction, values=values, spacing_m=spacing)
+
+
+def _failed(setup: Setup, begin: Start, reason: str) -> Prediction:
+    """What is predicted where there is no answer."""
+    unknown = np.full(len(setup.parameters.specs), np.nan)
+    return Prediction(
+        values=np.full(len(setup.targets.names), np.nan),
+        at_start=np.full(len(setup.targets.names), np.nan) if begin.read is None else begin.read,
+        status="failed",
+        reason=reason,
+        sigma_v0_kpa=unknown,
+        sigma_v0_std_kpa=unknown,
+        spacing_m=setup.scene.spacing,
+    )
 
 
 def shipped(name: str, store: RunStore) -> DirectEngine:

@@ -268,7 +268,8 @@ class Question(Document):
     )
     engine: str | None = Field(
         None,
-        description="what simulates: mpm, gns, direct, corrected or mpm3d; null: inversion.engine of the settings",
+        description="what simulates: mpm, gns, direct, corrected or mpm3d; null: inversion.engine "
+        "of the settings",
     )
     model: str | None = Field(
         None,

@@ -22,6 +22,9 @@ FAR, FAR_SHARE = 2.0, 0.1
 WIDE = 0.2
 """Least width of the range of equally good answers in the first line, as a share of the value."""
 
+WITHOUT_STEPS = ("direct", "corrected")
+"""Engines that simulate no slide."""
+
 ALONE = 0.98
 """Component of a direction, of length 1, from which on it belongs to one parameter."""
 
@@ -263,8 +266,11 @@ def variant_sentences(data: BackAnalysisData) -> list[str]:
 def toe_words(data: BackAnalysisData) -> list[str]:
     """Runout of each toe in the slide that is drawn, and as measured.
 
-    The slide is always simulated by the material point method, whichever engine was used.
+    The slide is always simulated by the material point method, whichever engine was used. Where
+    that has predicted nothing at the answer, nothing is said.
     """
+    if data.result.engine in WITHOUT_STEPS:
+        return []
     known = {m.name: m.predicted for m in data.result.measurements}
     if data.result.surrogate is not None:
         answer = {p.name: p.value for p in data.result.answer.parameters}

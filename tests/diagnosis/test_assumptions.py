@@ -106,6 +106,17 @@ def test_other_soils_differ_by_what_is_stated_or_by_a_default(setup):
     assert known["density_of_the_fill"].candidate.prior_std == 20.0
 
 
+def test_soil_without_friction_may_have_some_and_what_is_stated_keeps_its_name(setup):
+    stated = FixedProperty(name="friction of loose sand", kind="property", zones=["sand"],
+                           property="friction_deg", std=3.0)  # fmt: skip
+    candidate = by_name(soil.assumptions(setup, [stated])[0])["friction_of_loose_sand"].candidate
+    assert candidate.ladder == (1.5, 3.0, 7.5), "no soil has less than none"
+    assert candidate.low == 0.0 and candidate.prior_mean == 0.0, "it may be as it was assumed"
+    document = setup.scene.model_dump()
+    (fill,) = [zone for zone in document["zones"] if zone["material"] == "compacted_fill"]
+    assert fill["name"] == "fill"
+
+
 def test_parts_of_the_liquefied_soil_hold_a_third_of_it_each(setup):
     x, y = strength.thirds(setup.scene)
     zones = unary_union([shapely.Polygon(z.polygon) for z in setup.scene.zones if z.name == "sand"])

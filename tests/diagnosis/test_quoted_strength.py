@@ -82,6 +82,8 @@ def test_what_does_not_explain_cannot_sharpen_a_strength():
     fits[("bend",)] = with_total(fits[("bend",)], 175.0)
     weights = unexplained(fits, 6.0)
     assert weights == {(): 1.0, ("late",): 1.0}, "the other lowers chi2 by 5 only"
+    unread = {**fits, ("late",): replace(fits[("late",)], unread=True)}
+    assert unexplained(unread, 6.0) == {(): 1.0}, "a fit that no run bears out"
     found = quoted(context(case), fits, weights, error=None, widened=True)
     for names in weights:
         narrow = quoted(context(case), fits, {names: 1.0}, error=None, widened=False)

@@ -13,7 +13,7 @@ from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
 from gns.direct.judge import calibrated, card, coarse_alone, judged
 from gns.direct.network import Answer, DirectConfig, DirectModel, features, mirrored
-from gns.direct.predictor import MODEL_FILE, Predictor, described
+from gns.direct.predictor import MODEL_FILE, Predictor, both_ways, described, unit_of
 from gns.direct.runs import (
     DAMS_IN_TEN,
     Ended,
@@ -81,19 +81,35 @@ def test_a_section_of_another_size_is_the_same():
     assert np.allclose(described(small), described(large), atol=0.02)
 
 
-def test_the_mirror_image_has_mirrored_features():
-    scene = draw_dam(0, 4, 2.0)
+def image_of(scene):
+    """The mirror image of a scene."""
 
     def turned(points):
         return [(600.0 - x, y) for x, y in reversed(points)]
 
-    image = scene.changed(
+    return scene.changed(
         ground={"points": turned(scene.ground.points)},
         zones=[z.model_dump() | {"polygon": turned(z.polygon)} for z in scene.zones],
         phreatic_line=None if scene.phreatic_line is None else turned(scene.phreatic_line),
         domain=scene.domain.model_dump()
         | {"x_min": 600.0 - scene.domain.x_max, "x_max": 600.0 - scene.domain.x_min},
     )
+
+
+def test_the_mirror_image_lies_as_far_from_the_training():
+    dam = draw_dam(0, 4, 2.0)
+    own, image = (described(section_of(one)) for one in (dam, image_of(dam)))
+    assert both_ways(own[None])[1] == pytest.approx(image, abs=0.02)
+    assert np.abs(own - image).max() > 0.1, "it is another section"
+    known = np.stack([described(section_of(draw_dam(0, number, 2.0))) for number in range(6)])
+    assert unit_of(known) == pytest.approx(unit_of(both_ways(known)[1::2]))
+    predictor = Predictor(DirectModel(SMALL), 1.0, 1.0, 1.0, known, unit_of(known))
+    assert predictor.distance(section_of(image_of(dam))) < 0.1 < unit_of(known)
+
+
+def test_the_mirror_image_has_mirrored_features():
+    scene = draw_dam(0, 4, 2.0)
+    image = image_of(scene)
     before = np.array([[-2.0, 2.5]])
     seen = []
     for one, toes in ((scene, before), (image, -before[:, ::-1])):
@@ -277,6 +293,14 @@ def test_networks_that_were_trained_alone_are_those_of_the_model(samples, tmp_pa
     lines = []
     joined = train(samples, tmp_path / "apart", config, plan, lines.append)
     assert lines == [], "both are there"
+    assert sorted(one.name for one in (tmp_path / "apart").iterdir()) == [
+        "network_1.pt",
+        "network_2.pt",
+    ]
+    other = [replace(samples[0], times=samples[0].times + 0.1), *samples[1:]]
+    train(other, tmp_path / "apart", config, plan, lines.append, alone=0)
+    assert len(lines) == 2, "other runs of the same names are another training"
+    train(samples, tmp_path / "apart", config, plan, lambda line: None, alone=0)
     whole = train(samples, tmp_path / "whole", config, plan, lambda line: None)
     first, second = (list(one.parameters()) for one in joined.networks)
     assert not any(map(torch.equal, first[:1], second[:1])), "each has its own beginning"

@@ -127,7 +127,10 @@ def test_a_hypothesis_that_it_refuses_is_no_answer_and_stops_nothing(setup):
     base, gone = model.predict([state, other])
     assert np.isfinite(base).any() and np.isnan(gone).all()
     assert "from the training" in model.failures[other]
-    engine.predictor = replace(near, known=near.known + 1.0)
+    # Nor is a question answered whose base model is.
+    lost = DirectEngine(engine.store, replace(near, known=near.known + 1.0))
+    known = replace(known, forward=lambda store: lost)
+    model = EngineModel(setup, engine.store, engine=known)
     with pytest.raises(InputError, match="from the training"):
         model.predict([state, other])
 
@@ -179,6 +182,11 @@ def test_far_from_the_training_it_answers_only_if_asked(setup):
     assert engine.distance(request) > 2.0
     with pytest.raises(InputError, match=r"lies at .* from the training of the direct model"):
         engine.predict([request])
+    near = setup.at(np.array([25.0, 32.0]))
+    assert not engine.predict([near])[0].failed
+    lost = engine.predict([request, near])  # a trial on the way to an answer
+    assert lost[0].failed and "from the training of the direct model" in lost[0].reason
+    assert np.isnan(lost[0].values).all() and not lost[1].failed
     bold = DirectEngine(engine.store, engine.predictor, anywhere=True)
     assert np.isfinite(bold.predict([request])[0].values[setup.targets.fitted]).all()
 
@@ -198,7 +206,13 @@ def test_a_fit_to_what_it_cannot_read_is_refused(setup):
         engine_of(setup).predict([asked.at(np.array([25.0, 32.0]))])
 
 
-@pytest.mark.parametrize("change", [{"water": "buoyant"}, {"k0": 0.5}, {"initial_stress": "k0"}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"water": "buoyant"}, {"k0": 0.5}, {"initial_stress": "k0"}, {"local_damping": 0.05},
+        {"transfer": "flip"},
+    ],
+)  # fmt: skip
 def test_a_run_by_other_settings_than_it_has_learned_is_refused(setup, change):
     asked = replace(setup, settings=setup.settings.model_copy(update=change))
     with pytest.raises(InputError, match=f"simulation.{next(iter(change))}: .* knows .* alone"):

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
     from gns.direct.judge import calibrated, card, table_text, write_card
     from gns.direct.network import DirectConfig
     from gns.direct.predictor import MODEL_FILE
-    from gns.direct.train import TrainingPlan, read_samples, train
+    from gns.direct.train import SPLITS, TrainingPlan, read_samples, train
     from gns.training.processes import use_threads
     from pipeline.cli import InputError, at_least_one
     from pipeline.config import load_config
@@ -64,7 +64,11 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(f"--network: {alone}; allowed are 1 to {size.networks} (--networks)")
     use_threads(arguments.threads)
     with Progress(0, "direct model", quiet=arguments.quiet) as bar:
-        samples = read_samples(Path(arguments.data or base / "runs"))
+        data = Path(arguments.data or base / "runs")
+        samples = read_samples(data)
+        for split in SPLITS:
+            if not any(one.split == split for one in samples):
+                raise InputError(f"{data}: no run of the split {split}; two parts have all of them")
         if alone is not None:
             train(samples, folder, size, plan, bar.say, alone=alone - 1)
             return
