@@ -67,6 +67,11 @@ def _parser() -> argparse.ArgumentParser:
         help="make, run: the K-th of N shares of the cases, for several jobs; default: 1/1",
     )
     parser.add_argument(
+        "--doubted",
+        action="store_true",
+        help="more: only the cases whose verdict is there and is not adequate",
+    )
+    parser.add_argument(
         "--variants",
         metavar="NAME,...",
         help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}. more: all (the "
@@ -193,19 +198,20 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
 def _more(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.benchmark import Places
     from benchmarks.hidden_effects.making.make import sealed_cases
-    from benchmarks.hidden_effects.more import run_more
+    from benchmarks.hidden_effects.more import doubted, run_more
 
     benchmark, laboratory = _workshop(arguments, config)
     places, part = Places(_out(arguments, config)), part_of(arguments.part)
-    total = len(sealed_cases(places)[part.k :: part.n])
-    with Progress(total, "diagnosing with more", quiet=arguments.quiet) as progress:
+    names = [one["name"] for one in sealed_cases(places)]
+    names = (doubted(places, names) if arguments.doubted else names)[part.k :: part.n]
+    with Progress(len(names), "diagnosing with more", quiet=arguments.quiet) as progress:
         run_more(
             benchmark,
             places,
+            names,
             config,
             laboratory,
             variants=variants_of(arguments.variants, "all", (SUGGESTED, RANDOM)),
-            part=part,
             on_case=lambda done, _, words: progress.advance(1, words),
         )
     return 0

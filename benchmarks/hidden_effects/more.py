@@ -18,12 +18,12 @@ from benchmarks.hidden_effects.making import surveys
 from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
 from benchmarks.hidden_effects.making.by_other_codes import hidden_of, slide_again, survey_error
 from benchmarks.hidden_effects.making.laboratory import Laboratory
-from benchmarks.hidden_effects.making.make import OnCase, sealed_cases
+from benchmarks.hidden_effects.making.make import OnCase
 from benchmarks.hidden_effects.making.sections import normal
 from benchmarks.hidden_effects.making.surveys import PROFILE_FILE
 from benchmarks.hidden_effects.making.truth import slide_of
-from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, Part, diagnosed
-from benchmarks.hidden_effects.scoring.digest import Digest, digest_of
+from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, diagnosed
+from benchmarks.hidden_effects.scoring.digest import Digest, digest_of, load_digest
 from benchmarks.hidden_effects.scoring.records import read_truth
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.possible_measurements import possible_measurements
@@ -42,34 +42,39 @@ COUNT = 2
 def run_more(
     benchmark: Benchmark,
     places: Places,
+    names: Sequence[str],
     config: Config,
     laboratory: Laboratory,
     *,
     variants: Sequence[str] = (SUGGESTED, RANDOM),
-    part: Part = Part(),  # noqa: B008 - frozen
     on_case: OnCase = lambda done, total, words: None,
 ) -> None:
-    """Diagnose every sealed case as it is, with suggested and with random measurements.
+    """Diagnose sealed cases as they are, with suggested and with random measurements.
 
     Args:
         benchmark: of the cases; their slides are simulated again.
         places: of its files.
+        names: of the cases.
         config: settings of the diagnosis.
         laboratory: of slides by the judge's solver.
         variants: which measurements are added, of SUGGESTED and RANDOM.
-        part: which cases.
         on_case: called for each case.
-
-    Raises:
-        InputError: the benchmark has not been sealed.
     """
-    mine = sealed_cases(places)[part.k :: part.n]
-    for number, sealed in enumerate(mine, start=1):
-        name = sealed["name"]
+    for number, name in enumerate(names, start=1):
         words = "was there"
         if not all(places.verdict(name, v).is_file() for v in (METHOD, *variants)):
             words = _one(name, benchmark, places, config, laboratory, variants)
-        on_case(number, len(mine), f"{name}: {words}")
+        on_case(number, len(names), f"{name}: {words}")
+
+
+def doubted(places: Places, names: Sequence[str]) -> list[str]:
+    """The cases whose verdict is there and is not adequate: those that ask for measurements."""
+    files = {name: places.verdict(name, METHOD) for name in names}
+    return [
+        name
+        for name, file in files.items()
+        if file.is_file() and load_digest(file).verdict != "adequate"
+    ]
 
 
 def _one(
@@ -85,7 +90,8 @@ def _one(
     section = benchmark.section(truth)
     store = RunStore(None, threads=laboratory.threads)
     digest, chosen, possible = suggested(places.case(name), store, config)
-    write_json(places.verdict(name, METHOD), digest.model_dump(mode="json"))
+    if not places.verdict(name, METHOD).is_file():  # what was judged blind stays
+        write_json(places.verdict(name, METHOD), digest.model_dump(mode="json"))
     stream = Stream(benchmark.plan.seed, number_of("more"), number_of(name))
     if "source" in truth:
         deposit, hidden = slide_again(benchmark, truth, laboratory.threads), hidden_of(truth)

@@ -16,6 +16,7 @@ from benchmarks.hidden_effects.making.benchmark import Places, SourcePlan, load_
 from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes, survey_error
 from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.truth import Made
+from benchmarks.hidden_effects.more import doubted
 from benchmarks.hidden_effects.run import METHOD, SUGGESTED
 from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, score_by_codes
 from benchmarks.hidden_effects.scoring.digest import WindowDigest
@@ -27,7 +28,7 @@ from benchmarks.studies.strength_by_verdict import PAGE, Slide, shown, slides, w
 from diagnosis.question import CodeError, load_diagnosis_question
 from diagnosis.track_record import track_record
 from pipeline.cli import InputError, WorkFailed
-from pipeline.files import read_yaml, yaml_text
+from pipeline.files import read_yaml, write_json, yaml_text
 from tests.hidden_effects.judges import digest
 
 FOLDER = "benchmarks/hidden_effects"
@@ -212,6 +213,14 @@ def test_page_has_every_figure_and_every_case(tmp_path):
     assert "| 10-25 | 1 of 1 | 1 of 1 | 0 of 1 |" in text and "| 60 and more | 0 of 0 |" in text
     for path in draw_all(tmp_path, cases):
         assert path.stat().st_size > 5000
+
+
+def test_more_is_measured_where_something_is_doubted(tmp_path):
+    places = Places(tmp_path)
+    for name, verdict in (("case_1", "adequate"), ("case_2", "suspect")):
+        said = _judged("null", None, verdict, []).judged.digest
+        write_json(places.verdict(name, METHOD), said.model_dump(mode="json"))
+    assert doubted(places, ["case_1", "case_2", "case_3"]) == ["case_2"]
 
 
 def test_the_page_has_what_more_measurements_did():
