@@ -25,7 +25,7 @@ from geometry.scenes.scene import Scene
 from gns.direct.arrivals import Arrivals, arrivals_of
 from gns.direct.sections import check_settings
 from pipeline.cli import InputError
-from pipeline.files import atomic_path
+from pipeline.files import atomic_path, content_hash
 
 if TYPE_CHECKING:
     from mpm_taichi.trajectory import Run
@@ -123,11 +123,14 @@ def simulate_parts(
         size: scenes of a part.
 
     Raises:
-        InputError: settings by which the runs would be others than the models are shown as.
+        InputError: settings by which the runs would be others than the models are shown as, or a
+            part that is there has runs of other settings.
     """
+    key = _key(config)
     for part in parts:
         path = part_file(folder, part)
         if path.exists():
+            _check_key(path, key)
             continue
         began = time.perf_counter()
         numbers = range(part * size, (part + 1) * size)
@@ -145,7 +148,7 @@ def simulate_parts(
             for place, number in enumerate(numbers)
             if place in pairs[0] and place in pairs[1]
         }
-        _write(path, list(kept.values()))
+        _write(path, key, list(kept.values()))
         took = time.perf_counter() - began
         tell(f"part {part}: {len(kept)} of {size} runs in {took:.0f} s")
 
@@ -203,8 +206,29 @@ def _kept(run: Run) -> Ended:
     return Ended(first.copy(), last.copy(), run.wall_time_s, run.came_to_rest, arrivals)
 
 
-def _write(path: Path, runs: list[PairedRun]) -> None:
-    arrays: dict[str, np.ndarray] = {"numbers": np.array([run.number for run in runs])}
+def _key(config: Config) -> str:
+    """Of all settings that the runs follow from."""
+    size = config.scale("coarse")
+    return content_hash({"geometry": config.geometry, "coarse": size, "runs": config.simulation})
+
+
+def _check_key(path: Path, key: str) -> None:
+    """Runs of other settings are not mixed with these.
+
+    Raises:
+        InputError: the part has another key.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        if "key" not in file.files or str(file["key"]) != key:
+            raise InputError(
+                f"{path}: has runs of other settings (geometry, simulation, scales.coarse) or of an "
+                "earlier version; give another folder with --out, or remove it"
+            )
+
+
+def _write(path: Path, key: str, runs: list[PairedRun]) -> None:
+    arrays: dict[str, np.ndarray] = {"key": np.array(key)}
+    arrays["numbers"] = np.array([run.number for run in runs])
     for run in runs:
         arrays[f"{run.number}_scene"] = np.array(run.scene.model_dump_json())
         for name in ("fine", "coarse"):

@@ -392,6 +392,9 @@ def test_runs_are_made_in_parts_and_a_part_is_made_once(tmp_path, monkeypatch):
     assert [run.number for run in found] == [0, 1, 2, 3]
     assert found[0].scene == draw_dam(config.geometry.seed, 0, 4.0)
     assert len(found[0].fine.final) > 2 * len(found[0].coarse.final)
+    other = load_config(None, ["simulation.duration_s=1.0", "geometry.seed=7"])
+    with pytest.raises(InputError, match=r"runs_0000.npz: has runs of other settings"):
+        simulate_parts(other, tmp_path, [0, 2], threads=1, tell=lines.append, size=2)
 
 
 @pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
