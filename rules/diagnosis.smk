@@ -3,9 +3,16 @@
 
 
 def diagnosis_files(wildcards):
-    """The data of a case, with what an engineer knows of its effects."""
+    """The data of a case, with what an engineer knows of its effects, and of the case that judges it."""
     known = CASE_FOLDER / wildcards.case / "diagnosis.yaml"
-    return case_files(wildcards) + ([os.path.relpath(known)] if known.is_file() else [])
+    if not known.is_file():
+        return case_files(wildcards)
+    judge = read_yaml(known).get("validation_case")
+    return [
+        *case_files(wildcards),
+        os.path.relpath(known),
+        *(files_of((known.parent / judge).resolve()) if judge else []),
+    ]
 
 
 # A job that is killed leaves its simulations in diagnosis/runs, which is not an output, so that the next try
