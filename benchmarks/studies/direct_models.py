@@ -90,9 +90,9 @@ def page(cards: dict[str, dict], noise: dict[str, float]) -> str:
         "that no model has seen. d is the spacing; the runout is that of the side that ran "
         f"farther; far are runouts beyond {FAR:g} d. Medians, but where a column says otherwise.",
         "",
-        f"Made by `python -m benchmarks.studies.direct_models` from {first['runs']['train']} "
-        f"training, {first['runs']['calibration']} calibration and {first['runs']['test']} test "
-        "scenes.",
+        "Made by `python -m benchmarks.studies.direct_models` from "
+        + "; ".join(f"{_learned(card)} ({KINDS[kind]})" for kind, card in cards.items())
+        + ". The solver at twice the spacing is judged on the scenes of the first.",
         "",
         _table(together, "all scenes"),
         "",
@@ -136,6 +136,14 @@ def page(cards: dict[str, dict], noise: dict[str, float]) -> str:
     lines += [direct_on_dams.table(), "", direct_on_dams.ANSWERS, "", direct_on_dams.answers(), ""]
     lines += [direct_on_dams.VARIANTS_WORDS, "", direct_on_dams.variants(), ""]
     return "\n".join([*lines, learned_screening.shown()])
+
+
+def _learned(card: dict) -> str:
+    runs, networks = card["runs"], card["training"]["networks"]
+    return (
+        f"{runs['train']} training, {runs['calibration']} calibration and {runs['test']} test "
+        f"scenes, {networks} network{'s' if networks > 1 else ''}"
+    )
 
 
 def _request() -> str:
