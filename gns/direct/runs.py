@@ -221,8 +221,8 @@ def _check_key(path: Path, key: str) -> None:
     with np.load(path, allow_pickle=False) as file:
         if "key" not in file.files or str(file["key"]) != key:
             raise InputError(
-                f"{path}: has runs of other settings (geometry, simulation, scales.coarse) or of an "
-                "earlier version; give another folder with --out, or remove it"
+                f"{path}: has runs of other settings (geometry, simulation, scales.coarse) or of "
+                "an earlier version; give another folder with --out, or remove it"
             )
 
 
