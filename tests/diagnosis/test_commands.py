@@ -176,6 +176,22 @@ def test_extend_and_track(folder, out, verdict_text, capsys):
         (folder / "measurements.yaml").write_text(text)
 
 
+def test_a_loop_from_a_persons_model_keeps_its_effects(folder, out, verdict_text, tmp_path):
+    shutil.copytree(out, tmp_path / "own")
+    hypotheses = tmp_path / "own" / "hypotheses"
+    (hypotheses / "30_deep.yaml").write_text(
+        "parent: 00_base\neffects: {overburden_strength: 0.2}\n"
+    )
+    before = set(hypotheses.glob("*.yaml"))
+    ask("run", folder, tmp_path / "own", "--hypothesis", "30_deep")
+    (found,) = set(hypotheses.glob("*.yaml")) - before
+    model = load_hypothesis(found)
+    assert (model.by, model.parent) == ("run", "30_deep")
+    assert set(model.effects) == {"overburden_strength", "weak_base"}
+    assert model.effects["overburden_strength"].amplitude == 0.2, "as it was given"
+    assert kept_step(tmp_path / "own", found.stem).step.effects["overburden_strength"] == 0.2
+
+
 def test_suggest(folder, out, verdict_text, capsys):
     ask("suggest", folder, out, "--n", 2)
     text = capsys.readouterr().out
