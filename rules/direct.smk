@@ -40,7 +40,7 @@ rule simulate_direct:
                 "physics": PHYSICS,
                 "simulation": SETTINGS.simulation,
                 "geometry": SETTINGS.geometry,
-                "coarse": SETTINGS.scales["coarse"],
+                "coarse": SETTINGS.scales.get("coarse"),  # a configuration may be without it
                 "sections": 2,  # raised where `gns.direct.runs.random_section` draws others
             }
         ),

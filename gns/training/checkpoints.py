@@ -63,8 +63,7 @@ class ModelFolder:
         """
         if not self.state.exists():
             return None
-        document = read_document(self.state)
-        if any(self._other(document, one) is None for one in (made_from, *beginnings)):
+        if self._other(read_document(self.state), made_from, beginnings) is None:
             return None
         number = 1
         while (place := self.folder.with_name(f"{self.folder.name}.before-{number}")).exists():
@@ -114,9 +113,7 @@ class ModelFolder:
                 )
             return None
         document = read_document(self.state, device)
-        other = self._other(document, made_from)
-        if other and any(not self._other(document, one) for one in beginnings):
-            other = None
+        other = self._other(document, made_from, beginnings)
         if other:
             raise InputError(
                 f"{self.folder}: holds a training with {other}; give another folder with --out, or "
@@ -125,14 +122,22 @@ class ModelFolder:
         return document
 
     @staticmethod
-    def _other(document: Mapping[str, Any], made_from: Mapping[str, Any]) -> str | None:
-        """In what a state is of another training, in words; None: it is of the same."""
+    def _other(
+        document: Mapping[str, Any],
+        made_from: Mapping[str, Any],
+        beginnings: Sequence[Mapping[str, Any]],
+    ) -> str | None:
+        """In what a state is of another training, in words; None: of the same, or a beginning."""
         old = json.loads(document["made_from"])
-        new = json.loads(json.dumps(made_from))
-        for name in sorted({*old, *new}):
-            if old.get(name) != new.get(name):
-                return f"{name} = {old.get(name)}, not {new.get(name)}"
-        return None
+        faults = []
+        for one in (made_from, *beginnings):
+            new = json.loads(json.dumps(one))
+            differ = [name for name in sorted({*old, *new}) if old.get(name) != new.get(name)]
+            if not differ:
+                return None
+            name = differ[0]
+            faults.append(f"{name} = {old.get(name)}, not {new.get(name)}")
+        return faults[0]
 
     # -- metrics -------------------------------------------------------------------------------
 

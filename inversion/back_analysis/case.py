@@ -285,7 +285,8 @@ def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[
     name = names[0] if asked.parameter is None else asked.parameter
     if name not in names:
         raise InputError(f"{case.source}: waterfall: no parameter {name!r} in the question")
-    wanted = case.parameters.specs[names.index(name)]
+    own = of_waterfall(case)
+    wanted = case.parameters.specs[own]
     found, here, changes = [], case, Changes()
     for step in asked.steps:
         where = f"{case.source}: waterfall: {step.name}"
@@ -297,7 +298,7 @@ def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[
         if not places:
             raise InputError(f"{where}: {here.name} has no unknown {wanted.property}")
         changed = apply_changes(here.setup, changes, where)
-        place = names.index(name) if here is case else places[0]
+        place = own if here is case else places[0]
         setup = _same_targets(case, here, changed.setup, where)
         found.append(Reading(step.name, changed.words, here, setup, place))
     return found

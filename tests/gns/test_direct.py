@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from flowslide.commands.gns import direct_train
 from geometry.random_scenes.embankment_dam import draw_dam
 from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
@@ -79,6 +81,13 @@ def test_a_section_of_another_size_is_the_same():
     assert np.allclose(small.thickness, large.thickness, atol=1e-3)
     assert np.allclose(small.values, large.values, atol=2e-3)
     assert np.allclose(described(small), described(large), atol=0.02)
+
+
+def parsed(command, given):
+    """Arguments of a command."""
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    return parser.parse_args(given)
 
 
 def image_of(scene):
@@ -395,6 +404,14 @@ def test_runs_are_made_in_parts_and_a_part_is_made_once(tmp_path, monkeypatch):
     other = load_config(None, ["simulation.duration_s=1.0", "geometry.seed=7"])
     with pytest.raises(InputError, match=r"runs_0000.npz: has runs of other settings"):
         simulate_parts(other, tmp_path, [0, 2], threads=1, tell=lines.append, size=2)
+
+
+def test_a_network_that_the_model_has_not_is_refused(tmp_path):
+    given = ["direct-train", "--data", str(tmp_path), "--out", str(tmp_path), "--networks", "2"]
+    with pytest.raises(InputError, match=r"--network: 3; allowed are 1 to 2 \(--networks\)"):
+        direct_train.run(parsed(direct_train, given[1:] + ["--network", "3"]))
+    with pytest.raises(InputError, match="has no runs_PPPP.npz"):
+        direct_train.run(parsed(direct_train, given[1:] + ["--network", "2"]))
 
 
 @pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
