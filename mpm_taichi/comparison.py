@@ -153,10 +153,10 @@ def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading
 
 
 def _observed(measurement: Measured, deposit: Deposit | None) -> np.ndarray:
-    """What a measurement reads; NaN of no deposit."""
+    """What a measurement reads; NaN of no deposit, and where it cannot be read."""
     if deposit is None:
         return np.full(len(measurement.values), np.nan)
-    return measurement.observe(deposit)
+    return measurement.reading(deposit).values
 
 
 def _reading_as_one(measurement: Measured, end: Deposit, start: Deposit | None) -> Reading:

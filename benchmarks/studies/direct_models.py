@@ -48,7 +48,7 @@ def main() -> None:
     parser.add_argument("--page", default=str(PAGE), metavar="FILE")
     parser.add_argument("--pictures", default=str(PICTURES), metavar="DIR")
     arguments = parser.parse_args()
-    samples = [one for one in read_samples(Path(arguments.data)) if one.split == "test"]
+    samples = list(read_samples(Path(arguments.data), ["test"]))
     folders = {kind: resolve(kind, MODELS) for kind in KINDS}
     models = {kind: Predictor.load(folder / MODEL_FILE) for kind, folder in folders.items()}
     cards = {kind: read_yaml(folder / "card.yaml") for kind, folder in folders.items()}

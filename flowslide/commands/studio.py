@@ -62,7 +62,8 @@ def run(arguments: argparse.Namespace) -> None:
     address = f"http://127.0.0.1:{port}/?token={token}"
     print(f"the studio of {workspace.folder} (stop it with Ctrl-C):\n{address}", flush=True)
     if first:
-        live.warm(workspace.case(first).resolved())
+        with suppress(InputError):  # the page shows what is wrong
+            live.warm(workspace.case(first).resolved())
     if not arguments.no_browser:
         webbrowser.open(address)
     server = uvicorn.Server(

@@ -255,8 +255,9 @@ class _Studio:
                 sending.add(task)
                 task.add_done_callback(sending.discard)
         except WebSocketDisconnect:
-            self.live.stop()
+            pass
         finally:
+            self.live.stop(socket)
             for task in sending:
                 task.cancel()
 
@@ -267,7 +268,7 @@ class _Studio:
             number = message.get("id", 0)
             asked = checked_document(Asked, message, "question", "flowslide/studio/live.py")
             case = await run_in_threadpool(self.workspace.case, asked.case, asked.documents)
-            found = await asyncio.wrap_future(self.live.ask(question(asked, case)))
+            found = await asyncio.wrap_future(self.live.ask(question(asked, case), socket))
             if found is not None:
                 await socket.send_bytes(found)
         except (InputError, WorkFailed) as error:

@@ -82,6 +82,20 @@ def with_room_made(documents: Mapping[str, Any]) -> dict[str, Any]:
     return {**documents, "scene": scene}
 
 
+def base_of(documents: Mapping[str, Any]) -> Any:
+    """Vertices of the base; None: none is drawn."""
+    scene = documents.get("scene")
+    ground = scene.get("ground") if isinstance(scene, Mapping) else None
+    return ground.get("points") if isinstance(ground, Mapping) else None
+
+
+def without_base(documents: Mapping[str, Any]) -> dict[str, Any]:
+    """The parts without the vertices of the base, which `with_room_made` then makes."""
+    scene = documents["scene"]
+    ground = {key: value for key, value in scene["ground"].items() if key != "points"}
+    return {**documents, "scene": {**scene, "ground": ground}}
+
+
 def section_faults(documents: Mapping[str, Any]) -> list[Fault]:
     """All that is wrong with the section."""
     document = documents.get("scene")

@@ -1,10 +1,11 @@
 """Jobs: back-analysis, posterior, prediction, diagnosis, each in a process of its own.
 
 A job is a folder `.studio/<case>/jobs/<id>/`: `job.json` (what was asked), `state.json` (what its
-process last said), `log.txt`, and a folder with the results as the command of the same name leaves
-them. The process runs `flowslide.studio.job_process`, and lives on where the page is reloaded. All
-jobs of a case share one store of finished simulations, so that a job that was stopped, or whose
-server was killed, goes on where it was.
+process last said), `log.txt`, `case/` (its files as they were then, which later edits do not
+reach), and a folder with the results as the command of the same name leaves them. The process runs
+`flowslide.studio.job_process`, and lives on where the page is reloaded. All jobs of a case share
+one store of finished simulations, so that a job that was stopped, or whose server was killed, goes
+on where it was.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from flowslide.studio.workspace import Workspace
+from flowslide.studio.case_documents import read_documents
+from flowslide.studio.workspace import Workspace, revision_of
 from geometry.scenes.scene import checked_document
 from inversion.prediction.known_strength import parse_strength
 from pipeline.cli import InputError
@@ -57,7 +59,7 @@ RESULTS: dict[Kind, str] = {
     "explain": "diagnosis",
     "diagnose": "diagnosis",
 }
-JOB, STATE, LOG = "job.json", "state.json", "log.txt"
+JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
 PAGES = ("report.html", "compare.html", "explain.html", "prediction.html", "from_blow_counts.html",
          "classical.html")  # fmt: skip
@@ -87,8 +89,8 @@ class Job(StrictDocument):
     id: str
     kind: Kind
     case: str
-    folder: str = Field(description="of the case")
-    revision: str = Field("", description="of the case when the job was asked for")
+    folder: str = Field(description="of the case as it was when the job was asked for")
+    revision: str = Field("", description="of these files")
     threads: int | None = Field(None, description="of the CPU; null: all")
     options: JobOptions
 
@@ -114,13 +116,14 @@ class Jobs:
         if kind not in KINDS:
             raise InputError(f"kind {kind!r}: one of {', '.join(KINDS)}")
         wanted = checked_document(JobOptions, options, "options", "flowslide/studio/jobs.py")
-        source = self.workspace.ready(case)
+        self.workspace.ready(case)
         if kind == "predict":
             self._check_prediction(case, wanted)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
-        job = Job(id=number, kind=kind, case=case, folder=str(source), options=wanted,
-                  revision=self.workspace.revision(case), threads=self.threads)  # fmt: skip
         folder = make_folder(self._folder(case, number))
+        source = self.workspace.snapshot(case, folder / CASE)
+        job = Job(id=number, kind=kind, case=case, folder=str(source), options=wanted,
+                  revision=revision_of(read_documents(source)), threads=self.threads)  # fmt: skip
         write_json(folder / JOB, job.model_dump(mode="json"))
         self._launch(folder, number)
         return self.state(number)

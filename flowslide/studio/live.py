@@ -1,9 +1,9 @@
 """Live runs: what a slider asks for, simulated at once; the newest question wins.
 
 One thread owns the solver, since its kernels belong to the thread that made them. A question that
-arrives while another is computed stops that one. Runs are kept by content, so that a question that
-was asked before is answered at once. The numbers are those of `flowslide simulate`: the same case,
-the same settings, the same readings.
+arrives while another of the same page is computed stops that one. Runs are kept by content, so that
+a question that was asked before is answered at once. The numbers are those of `flowslide simulate`:
+the same case, the same settings, the same readings.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from geometry.case import Case
 from geometry.scenes.scene import scene_from_mapping, scene_hash
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import Measurements
+from inversion.problem.scene_changes import pool_at
 from mpm_taichi.comparison import Reading, read_deposit, simulate_case
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
@@ -100,9 +101,10 @@ def question(asked: Asked, case: Case) -> Question:
                 raise InputError(f"{values}: there is no material {material!r}")
             document["materials"][material][key] = value
     if "water_level" in changes.model_fields_set:
-        document["water_level"] = changes.water_level
-        if changes.water_level is None:
-            document["phreatic_line"] = None
+        level, moved = changes.water_level, None
+        if level is not None:
+            moved = pool_at(case.scene, level)["phreatic_line"]
+        document |= {"water_level": level, "phreatic_line": moved}
     document["effects"] |= {one.name: one.amplitude for one in asked.effects}
     scene = scene_from_mapping(document, "scene with the sliders' values")
     return Question(asked.id, replace(case, scene=scene), asked.film)
@@ -157,7 +159,7 @@ class Live:
         self.threads = threads
         self._owner = ThreadPoolExecutor(1, thread_name_prefix="solver")
         self._lock = Lock()
-        self._newest: Event | None = None
+        self._newest: dict[object, Event] = {}
         self._kept: OrderedDict[str, Kept] = OrderedDict()
 
     def warm(self, case: Case) -> Future[Any]:
@@ -165,27 +167,32 @@ class Live:
         short = case.simulation.model_copy(update={"duration_s": 0.2})
         return self._owner.submit(self._run, replace(case, simulation=short), Event())
 
-    def ask(self, asked: Question) -> Future[bytes | None]:
-        """Answer a question; None where a newer one has stopped it.
+    def ask(self, asked: Question, asker: object = None) -> Future[bytes | None]:
+        """Answer a question; None where a newer one of the same asker has stopped it.
 
         The future raises InputError and WorkFailed.
+
+        Args:
+            asked: the question.
+            asker: who asks, such as a page; those of others go on.
         """
         stop = Event()
         with self._lock:
-            if self._newest is not None:
-                self._newest.set()
-            self._newest = stop
+            if asker in self._newest:
+                self._newest[asker].set()
+            self._newest[asker] = stop
         return self._owner.submit(self._answer, asked, stop)
 
-    def stop(self) -> None:
-        """Stop what is computed."""
+    def stop(self, asker: object = None) -> None:
+        """Stop what is computed for an asker."""
         with self._lock:
-            if self._newest is not None:
-                self._newest.set()
+            if asker in self._newest:
+                self._newest.pop(asker).set()
 
     def close(self) -> None:
         """Stop, and end the thread."""
-        self.stop()
+        for asker in list(self._newest):
+            self.stop(asker)
         self._owner.shutdown(wait=True, cancel_futures=True)
 
     def _answer(self, asked: Question, stop: Event) -> bytes | None:

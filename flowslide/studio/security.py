@@ -18,7 +18,8 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-COOKIE = "flowslide_studio"
+#: With the port in its name: a browser sends a cookie to all ports, and two studios may be open.
+COOKIE = "flowslide_studio_{port}"
 SAFE = ("GET", "HEAD")
 #: Scripts, styles and pictures of ours alone; `blob:` is a picture that the page made.
 POLICY = (
@@ -37,7 +38,7 @@ class Guard:
     """ASGI middleware that refuses everything that is not from the studio's own page."""
 
     def __init__(self, app: ASGIApp, *, token: str, port: int) -> None:
-        self.app, self.token = app, token
+        self.app, self.token, self.cookie = app, token, COOKIE.format(port=port)
         self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self.origins = {f"http://{host}" for host in self.hosts}
 
@@ -63,9 +64,9 @@ class Guard:
         opening = scope["type"] == "http" and scope["path"] == "/" and shown
         if opening and self._is_token(shown):
             answer = RedirectResponse("/", status_code=303)
-            answer.set_cookie(COOKIE, self.token, httponly=True, samesite="strict")
+            answer.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
             return answer
-        if not self._is_token(_cookie(headers)):
+        if not self._is_token(_cookie(headers, self.cookie)):
             return _no("open the studio by the address that `flowslide studio` printed")
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
         if changes and headers.get("origin", "") not in self.origins:
@@ -76,9 +77,9 @@ class Guard:
         return secrets.compare_digest(text.encode(), self.token.encode())
 
 
-def _cookie(headers: Headers) -> str:
+def _cookie(headers: Headers, name: str) -> str:
     try:
-        found = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        found = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return ""
     return "" if found is None else found.value

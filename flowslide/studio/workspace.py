@@ -5,7 +5,7 @@ without faults they are written to these files, with faults they are kept as a d
 browser or a server that is killed loses nothing. Cases that ship with the program are read; they
 are copied before they can be edited. Under `.studio/<case>/`: `draft.json`, `journal.jsonl` (every
 accepted edit, with its time), `first/` (the files as they were before the first edit), `view.json`
-(what the page remembers), `jobs/`. A case that is drawn from nothing has a draft alone until its
+(what the page remembers), `bases.json` (those that nobody drew), `jobs/`. A case that is drawn from nothing has a draft alone until its
 section holds together; then it gets the files that `flowslide new` would write.
 """
 
@@ -16,20 +16,23 @@ import re
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import RLock
 from typing import Any
 
 from flowslide.studio.case_documents import (
     DOCUMENTS,
     Fault,
+    base_of,
     marks_of,
     other_faults,
     parts_of,
     read_documents,
     section_faults,
     with_room_made,
+    without_base,
     write_case,
     write_plain,
 )
@@ -53,6 +56,7 @@ class Workspace:
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
         self._loaded: dict[str, tuple[Any, Case]] = {}
+        self._writing = RLock()
 
     # --- places ---
 
@@ -103,11 +107,39 @@ class Workspace:
         Raises:
             InputError: there is none, or it has faults.
         """
-        source = self.source(name)
-        if not self.is_shipped(name) and self.hidden(name, "draft.json").is_file():
-            first = self.read(name)["faults"][0]
-            raise InputError(f"case {name!r}: has a fault to mend first: {first['message']}")
-        return source
+        with self._writing:
+            source = self.source(name)
+            if not self.is_shipped(name) and self.hidden(name, "draft.json").is_file():
+                first = self.read(name)["faults"][0]
+                raise InputError(f"case {name!r}: has a fault to mend first: {first['message']}")
+            return source
+
+    def snapshot(self, name: str, folder: Path) -> Path:
+        """The files of a case as they are now, for a job that later edits do not reach.
+
+        Args:
+            name: of the case.
+            folder: in which the copy is made, under the name of the case.
+
+        Returns:
+            the copy; of a case that ships, which nobody edits, its own folder.
+
+        Raises:
+            InputError: there is none, or it has faults.
+        """
+        with self._writing:
+            source = self.ready(name)
+            if self.is_shipped(name):
+                return source
+            copy = folder / name
+            shutil.copytree(source, copy)
+        question = read_documents(copy)["diagnosis"]
+        other = question.get("validation_case") if isinstance(question, Mapping) else None
+        beside = folder / str(other).removeprefix("../")  # where the question looks for it
+        if other is not None and re.fullmatch(r"\.\./[^/.]+", str(other)) and not beside.exists():
+            with suppress(FileNotFoundError):  # the job says that it is not there
+                shutil.copytree(source / other, beside)
+        return copy
 
     def is_shipped(self, name: str) -> bool:
         """It can be read alone."""
@@ -138,7 +170,7 @@ class Workspace:
         return {
             "name": name,
             "shipped": is_shipped,
-            "revision": _revision(files, draft),
+            "revision": revision_of(files, draft),
             "draft": draft is not None,
             **documents,
             "faults": [vars(fault) for fault in faults],
@@ -148,7 +180,7 @@ class Workspace:
     def revision(self, name: str) -> str:
         """What changes with every edit of a case, in the page or in its files."""
         draft = None if self.is_shipped(name) else self._draft(name)
-        return _revision(read_documents(self.source(name)), draft)
+        return revision_of(read_documents(self.source(name)), draft)
 
     def _draft(self, name: str) -> dict[str, Any] | None:
         path = self.hidden(name, "draft.json")
@@ -156,12 +188,22 @@ class Workspace:
 
     def faults(self, name: str, documents: Mapping[str, Any]) -> list[Fault]:
         """What is wrong: all of it in the section, else the first of each other document."""
-        documents = with_room_made(documents)
+        documents = self._whole(name, documents)
         found = section_faults(documents)
         if found:
             return found
         with self._as_folder(name, documents) as folder:
             return other_faults(folder, documents)
+
+    def _whole(self, name: str, documents: Mapping[str, Any]) -> dict[str, Any]:
+        """The parts with what nobody drew, made for the section as it is now."""
+        made = base_of(documents) in self._bases(name)
+        return with_room_made(without_base(documents) if made else documents)
+
+    def _bases(self, name: str) -> list[Any]:
+        """The bases that were made for a case: its files state them, but nobody drew them."""
+        path = self.hidden(name, "bases.json")
+        return read_json(path) if path.is_file() else []
 
     def case(self, name: str, documents: Mapping[str, Any] | None = None) -> Case:
         """A case to simulate: as its files have it, or with documents of the page.
@@ -182,7 +224,7 @@ class Workspace:
 
     def _derived(self, name: str, documents: Mapping[str, Any]) -> dict[str, Any]:
         """What follows from a case without faults."""
-        case = self.case(name, documents)
+        case = self.case(name, self._whole(name, documents))
         scene = case.scene
         return {
             "title": case.title,
@@ -224,8 +266,12 @@ class Workspace:
             source = self.source(copy_of)
             temporary = make_folder(self.folder / HIDDEN) / f"new_{name}"
             shutil.rmtree(temporary, ignore_errors=True)
-            shutil.copytree(source, temporary, ignore=shutil.ignore_patterns(HIDDEN))
+            with self._writing:
+                draft = None if self.is_shipped(copy_of) else self._draft(copy_of)
+                shutil.copytree(source, temporary, ignore=shutil.ignore_patterns(HIDDEN))
             temporary.rename(place)
+            if draft is not None:
+                self._keep(name, {**read_documents(place), **draft})
             return
         make_folder(place)
         empty = {"name": name, "description": "", "zones": [], "materials": {}}
@@ -244,13 +290,14 @@ class Workspace:
         if self.is_shipped(name):
             raise InputError(f"case {name!r}: ships with the program; copy it to edit it")
         folder = self.place(name)
-        if self.revision(name) != revision:
-            return False
         kept = parts_of(documents)
-        first = self.hidden(name, "first")
-        if not first.is_dir():
-            shutil.copytree(folder, first, ignore=shutil.ignore_patterns(HIDDEN))
-        self._keep(name, kept)
+        with self._writing:
+            if self.revision(name) != revision:
+                return False
+            first = self.hidden(name, "first")
+            if not first.is_dir():
+                shutil.copytree(folder, first, ignore=shutil.ignore_patterns(HIDDEN))
+            self._keep(name, kept)
         return True
 
     def _keep(self, name: str, documents: Mapping[str, Any]) -> None:
@@ -260,10 +307,15 @@ class Workspace:
         """
         draft = self.hidden(name, "draft.json")
         make_folder(draft.parent)
-        write_json(draft, {"documents": documents})
-        if not self.faults(name, documents):
-            write_case(self.place(name), name, with_room_made(documents))
-            draft.unlink()
+        with self._writing:
+            write_json(draft, {"documents": documents})
+            if not self.faults(name, documents):
+                whole = self._whole(name, documents)
+                if base_of(whole) != base_of(documents):
+                    bases = [*self._bases(name), base_of(whole)]
+                    write_json(self.hidden(name, "bases.json"), bases)
+                write_case(self.place(name), name, whole)
+                draft.unlink()
         with self.hidden(name, "journal.jsonl").open("a", encoding="utf-8") as journal:
             journal.write(json.dumps({"time": time.time(), "documents": documents}) + "\n")
 
@@ -286,5 +338,6 @@ class Workspace:
             temporary.write_bytes(content)
 
 
-def _revision(files: Mapping[str, Any], draft: Mapping[str, Any] | None) -> str:
+def revision_of(files: Mapping[str, Any], draft: Mapping[str, Any] | None = None) -> str:
+    """A hash of the parts of a case."""
     return content_hash({"files": files, "draft": draft})

@@ -33,8 +33,8 @@ def fill_terrain(scene: Scene3d) -> Points3d:
     terrain, ground, d = scene.document.terrain, scene.ground, scene.spacing
     assert terrain is not None and ground is not None
     x_min, x_max, y_min, y_max = plan_domain(scene)
-    x = x_min + d * (np.arange(int((x_max - x_min) / d)) + 0.5)
-    y = y_min + d * (np.arange(int((y_max - y_min) / d)) + 0.5)
+    x = x_min + d * (np.arange(round((x_max - x_min) / d)) + 0.5)
+    y = y_min + d * (np.arange(round((y_max - y_min) / d)) + 0.5)
     plan = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     low, high = (raster.at(*plan.T) for raster in (ground.base, ground.surface))
     floor = float(ground.base.values.min())

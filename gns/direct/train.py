@@ -2,7 +2,8 @@
 
 In: the folder of `gns.direct.runs`. Out: the networks of a model, each as `network_<K>.pt` from 1
 on and, while it trains, `state_<K>.pt`, from which a job that was killed goes on. Sections are
-encoded once. Every tenth block of ten scenes judges the model (`test`), the one before it
+encoded once, one by one, so that what is learned from is in memory once, as the network sees it.
+Every tenth block of ten scenes judges the model (`test`), the one before it
 calibrates its intervals (`calibration`); the others train it.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ from gns.direct.network import (
 from gns.direct.runs import COARSER, PairedRun, read_runs
 from gns.direct.sections import Outcome, Section, outcome_of, section_of
 from gns.training.optimizers import Optimizers
+from pipeline.cli import InputError
 from pipeline.files import atomic_path, content_hash
 
 SPLITS = ("train", "calibration", "test")
@@ -96,7 +98,7 @@ def split_of(run: int) -> str:
 
 def sample_of(run: PairedRun) -> Sample | None:
     """A run encoded; None where it left the columns."""
-    section = section_of(run.scene)
+    section = _small(section_of(run.scene))
     own = run.scene.spacing
     fine = outcome_of(section, run.fine.initial, run.fine.final, own)
     coarse = outcome_of(section, run.coarse.initial, run.coarse.final, COARSER * own)
@@ -120,25 +122,48 @@ def times_of(section: Section, arrivals: Arrivals) -> np.ndarray:
     return np.concatenate([arrivals.toes, arrivals.way[None]]) / section.unit_s
 
 
-def read_samples(folder: Path) -> list[Sample]:
-    """All runs of a folder, encoded."""
-    found = (sample_of(run) for run in read_runs(folder))
-    return [one for one in found if one is not None]
+def _small(section: Section) -> Section:
+    """With its large arrays in the precision of the network: tens of thousands are kept."""
+    share = section.zone_share.astype(np.float32)
+    same = section.strength_share is section.zone_share
+    strong = share if same else section.strength_share.astype(np.float32)
+    return replace(section, zone_share=share, strength_share=strong)
 
 
-def inputs(samples: list[Sample], *, corrected: bool) -> tuple[Tensor, Tensor]:
+def read_samples(folder: Path, splits: Sequence[str] = SPLITS) -> Iterator[Sample]:
+    """The runs of a folder that are of some splits, encoded one by one.
+
+    Raises:
+        InputError: there are none of a split.
+    """
+    missing = list(splits)
+    for run in read_runs(folder):
+        if (split := split_of(run.number)) not in splits:
+            continue
+        if (sample := sample_of(run)) is not None:
+            missing = [one for one in missing if one != split]
+            yield sample
+    if missing:
+        raise InputError(f"{folder}: no run of the split {missing[0]}; two parts have all of them")
+
+
+def inputs(samples: Iterable[Sample], *, corrected: bool) -> tuple[Tensor, Tensor]:
     """Features (N, channels, C) and the toes they begin from (N, 2), float32."""
-    seen = []
-    for one in samples:
-        values = torch.as_tensor(one.section.values, dtype=torch.float32)[None]
-        own = features([one.section], one.fine.toes_before[None], values)
-        seen.append(with_coarse(own, [one.coarse]) if corrected else own)
-    start = [one.coarse.toes if corrected else one.fine.toes_before for one in samples]
-    return torch.cat(seen), torch.as_tensor(np.stack(start), dtype=torch.float32)
+    pairs = [_input(one, corrected=corrected) for one in samples]
+    seen, start = zip(*pairs, strict=True)
+    return torch.cat(seen), torch.cat(start)
+
+
+def _input(one: Sample, *, corrected: bool) -> tuple[Tensor, Tensor]:
+    values = torch.as_tensor(one.section.values, dtype=torch.float32)[None]
+    seen = features([one.section], one.fine.toes_before[None], values)
+    seen = with_coarse(seen, [one.coarse]) if corrected else seen
+    start = one.coarse.toes if corrected else one.fine.toes_before
+    return seen, torch.as_tensor(start, dtype=torch.float32)[None]
 
 
 def train(
-    samples: list[Sample],
+    samples: Iterable[Sample],
     folder: Path,
     config: DirectConfig,
     plan: TrainingPlan,
@@ -149,7 +174,7 @@ def train(
     """Train, or go on where a training of the same runs, size and plan stopped.
 
     Args:
-        samples: of all splits; only those of `train` are learned from.
+        samples: read once; only those of the split `train` are learned from.
         folder: of the model.
         config: size of the networks, and how many.
         plan: how long.
@@ -157,7 +182,7 @@ def train(
         alone: number of the only network to train, from 0, for several jobs; None: all.
     """
     model = DirectModel(config)
-    lessons = Lessons.of([one for one in samples if one.split == "train"], config)
+    lessons = Lessons.of((one for one in samples if one.split == "train"), config)
     for number in range(config.networks) if alone is None else [alone]:
         own = replace(plan, seed=plan.seed + number)
         model.networks[number] = _network(lessons, folder, number + 1, config, own, tell)
@@ -182,18 +207,19 @@ class Lessons:
     times: Tensor
 
     @classmethod
-    def of(cls, samples: list[Sample], config: DirectConfig) -> Lessons:
-        """Encoded once."""
-
-        def stacked(values: Iterable[np.ndarray]) -> Tensor:
-            return torch.as_tensor(np.stack(list(values)), dtype=torch.float32)
-
-        values = (
-            *inputs(samples, corrected=config.corrected),
-            stacked(one.fine.toes for one in samples),
-            stacked(one.fine.thickness for one in samples),
-            stacked(one.times for one in samples),
-        )
+    def of(cls, samples: Iterable[Sample], config: DirectConfig) -> Lessons:
+        """Encoded one by one; no sample is kept."""
+        rows = [
+            (
+                *_input(one, corrected=config.corrected),
+                *(
+                    torch.as_tensor(value, dtype=torch.float32)[None]
+                    for value in (one.fine.toes, one.fine.thickness, one.times)
+                ),
+            )
+            for one in samples
+        ]
+        values = [torch.cat(column) for column in zip(*rows, strict=True)]
         return cls(_hash_of(values), *values)
 
     def __len__(self) -> int:

@@ -230,6 +230,9 @@ def test_two_tabs_on_one_case_are_told_and_nothing_is_lost(address, browser, wor
     first.bring_to_front()
     fill(first, "spacing [m]", 3)
     expect(first.locator("#apart")).to_contain_text("changed elsewhere")
+    first.get_by_label("Case").first.select_option("la_marquesa")
+    expect(first.locator("#status")).to_contain_text("choose which to keep first")
+    expect(first.get_by_label("Case").first).to_have_value("small")
     first.get_by_role("button", name="Keep mine").click()
     saved(first)
     assert read_yaml(workspace.folder / "small" / "scene.yaml")["spacing"] == 3
@@ -281,6 +284,34 @@ def test_a_shipped_case_is_copied_and_a_drawing_is_imported(address, browser, wo
     expect(page.locator(".zone")).to_have_count(3)
     expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
     assert not page.errors
+
+
+@pytest.mark.parametrize(
+    ("pasted", "kept"),
+    [
+        ("12,5\t3,2\n13,5\t3,0", "12.5,3.2\n13.5,3.0\n"),
+        ("x; y\n12,5; 3\n14; 2,5", "12.5,3\n14,2.5\n"),
+        ("12.5, 3.2\n13.5 3", "12.5,3.2\n13.5,3\n"),
+        ("12,5 3,2\n13,5 3,0", "12.5,3.2\n13.5,3.0\n"),
+        ("1\t12.5\t3.2", None),
+        ("12,5 3\n13 3", None),
+    ],
+)
+def test_pasted_columns_are_read_as_they_are_meant(address, browser, pasted, kept):
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    got = page.evaluate(
+        """async (text) => {
+          const { tableOf } = await import("/survey_panel.js");
+          try { return tableOf(text); } catch (error) { return `refused: ${error.message}`; }
+        }""",
+        pasted,
+    )
+    if kept is None:
+        assert got.startswith("refused: ") and "a point is two numbers" in got
+    else:
+        assert got == f"x_m,y_m\n{kept}"
 
 
 def test_a_picture_gets_its_scale_from_two_places(address, browser, workspace, tmp_path):

@@ -13,6 +13,8 @@ from starlette.websockets import WebSocketDisconnect
 import flowslide
 from flowslide.studio.app import MOST_BYTES, studio
 from flowslide.studio.live import Asked, Live, question
+from geometry.case import load_case
+from pipeline.places import CASES, shipped
 from tests.studio.messages import unpack
 
 PORT, TOKEN = 8321, "the-token"
@@ -59,7 +61,7 @@ def test_nothing_is_shown_without_the_token(stranger, path):
     answer = stranger.get(path)
     assert answer.status_code == 403 and answer.text.count("\n") == 1
     assert "set-cookie" not in answer.headers
-    stranger.cookies.set("flowslide_studio", "other")
+    stranger.cookies.set(f"flowslide_studio_{PORT}", "other")
     assert stranger.get(path).status_code == 403
 
 
@@ -180,6 +182,37 @@ def test_the_newest_question_wins(workspace, live):
     ]  # fmt: skip
     answers = [one.result(60) for one in asked]
     assert answers[-1] is not None and answers[1:5] == [None] * 4
+
+
+def test_the_question_of_another_page_goes_on(workspace, live):
+    case = workspace.case("small")
+    asked = [
+        live.ask(
+            question(Asked(type="run", changes={"strengths_kpa": {"loose": value}}), case), page
+        )
+        for page, value in ((1, 5.0), (2, 6.0), (2, 7.0))
+    ]
+    first, stopped, last = (one.result(60) for one in asked)
+    assert first is not None and stopped is None and last is not None
+
+
+def test_a_pool_takes_its_water_table_along():
+    case = load_case(shipped(CASES) / "lower_san_fernando")
+    level = case.scene.water_level + 2.0
+    scene = question(Asked(type="run", changes={"water_level": level}), case).case.scene
+    before, after = (dict(one.phreatic_line) for one in (case.resolved().scene, scene))
+    at_pool = [x for x, y in before.items() if abs(y - case.scene.water_level) < 0.05]
+    assert at_pool and all(after[x] == level for x in at_pool)
+    assert all(after[x] == y for x, y in before.items() if x not in at_pool)
+
+
+def test_two_studios_in_one_browser_do_not_lock_each_other_out(browser, workspace, live):
+    other = studio(workspace, live, token="another", port=PORT + 1)
+    second = TestClient(other, base_url=f"http://127.0.0.1:{PORT + 1}", follow_redirects=False)
+    second.cookies = browser.cookies  # a browser does not tell ports apart
+    assert second.get("/", params={"token": "another"}).status_code == 303
+    assert second.get("/api/workspace").status_code == 200
+    assert browser.get("/api/workspace").status_code == 200
 
 
 def _wait(browser, job, states):

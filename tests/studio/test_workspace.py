@@ -5,6 +5,8 @@ import json
 import pytest
 
 from flowslide.studio.case_documents import proposed_question
+from flowslide.studio.jobs import Jobs
+from geometry.case import load_case
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
 
@@ -235,3 +237,55 @@ def test_whatever_is_sent_is_a_fault_and_no_crash(workspace, part, content):
     assert workspace.faults("small", case)
     assert workspace.save("small", case["revision"], case)
     assert workspace.read("small")["faults"]
+
+
+def test_a_base_that_nobody_drew_follows_the_section(workspace):
+    workspace.create("drawn", None, None)
+    case = _draw(workspace, "drawn", scene=SECTION)
+    scene = case["scene"]
+    scene["zones"][0]["polygon"] = [[0, 1.5], [30, 1.5], [20, 6], [10, 6]]
+    case = _draw(workspace, "drawn", scene=scene)
+    assert {y for _, y in case["scene"]["ground"]["points"]} == {1.5}
+    drawn = [[-20, 0.5], [60, 0.5]]
+    scene = case["scene"]
+    scene["ground"]["points"] = drawn
+    case = _draw(workspace, "drawn", scene=scene)
+    scene["zones"][0]["polygon"] = [[0, 2.0], [30, 2.0], [20, 6], [10, 6]]
+    assert _draw(workspace, "drawn", scene=scene)["scene"]["ground"]["points"] == drawn
+
+
+def test_a_copy_has_what_is_not_in_the_files_yet(workspace):
+    workspace.create("drawn", None, None)
+    half = {**SECTION, "materials": {"sand": {}}}
+    _draw(workspace, "drawn", scene=half)
+    workspace.create("again", "drawn", None)
+    assert workspace.read("again")["scene"] == half
+    whole = _draw(workspace, "again", scene=SECTION)
+    assert not whole["faults"] and workspace.read("drawn")["scene"] == half
+
+
+def test_a_new_case_that_is_killed_before_its_files_are_written_is_shown(workspace, monkeypatch):
+    workspace.create("drawn", None, None)
+    case = workspace.read("drawn")
+
+    def killed(*args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flowslide.studio.workspace.write_case", killed)
+    with pytest.raises(KeyboardInterrupt):
+        workspace.save("drawn", case["revision"], {**case, "scene": SECTION})
+    found = workspace.read("drawn")
+    assert found["scene"] == SECTION and not found["faults"] and found["derived"]["points"] > 1000
+
+
+def test_a_job_keeps_the_files_as_they_were(workspace, monkeypatch):
+    monkeypatch.setattr(Jobs, "_launch", lambda *args: None)
+    case = workspace.read("small")
+    job = Jobs(workspace).start("simulate", "small", {})
+    case["scene"]["materials"]["loose"]["cohesion_kpa"] = 20.0
+    assert workspace.save("small", case["revision"], case)
+    (kept,) = workspace.hidden("small", "jobs", job["id"], "case").iterdir()
+    assert load_case(kept).scene.materials["loose"].cohesion_kpa == 8.0
+    assert load_case(kept).title == load_case(workspace.folder / "small").title
+    assert job["revision"] == case["revision"]
+    assert Jobs(workspace).start("simulate", "small", {})["revision"] != job["revision"]

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
     from gns.direct.judge import calibrated, card, table_text, write_card
     from gns.direct.network import DirectConfig
     from gns.direct.predictor import MODEL_FILE
-    from gns.direct.train import SPLITS, TrainingPlan, read_samples, train
+    from gns.direct.train import TrainingPlan, read_samples, train
     from gns.training.processes import use_threads
     from pipeline.cli import InputError, at_least_one
     from pipeline.config import load_config
@@ -65,13 +65,11 @@ def run(arguments: argparse.Namespace) -> None:
     use_threads(arguments.threads)
     with Progress(0, "direct model", quiet=arguments.quiet) as bar:
         data = Path(arguments.data or base / "runs")
-        samples = read_samples(data)
-        for split in SPLITS:
-            if not any(one.split == split for one in samples):
-                raise InputError(f"{data}: no run of the split {split}; two parts have all of them")
         if alone is not None:
+            samples = read_samples(data, ["train"])
             train(samples, folder, size, plan, bar.say, alone=alone - 1)
             return
+        samples = list(read_samples(data))
         model = train(samples, folder, size, plan, bar.say)
         predictor = calibrated(model, samples)
     predictor.save(folder / MODEL_FILE)

@@ -93,12 +93,13 @@ export class Documents {
     }
   }
 
-  /** Wait until all is saved, before another case is opened. */
+  /** Wait until all is saved, before another case is opened; false: it was changed elsewhere too, and somebody must choose first. */
   async flush() {
     while ((this.dirty || this.saving) && !this.apart && this.name) {
       await this.save();
       await new Promise((go) => { setTimeout(go, 30); });
     }
+    return !this.apart;
   }
 
   /** After a conflict: keep this page's documents, over those of the files. */

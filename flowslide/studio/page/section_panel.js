@@ -1,6 +1,6 @@
 // The section in tables: zones, materials, base, water, spacing, the picture to draw on; faults and vertices.
 
-import { area, dropUnused, lines, moveVertex, removeVertex, insertVertex, rounded } from "./section.js";
+import { area, dropUnused, lines, moveVertex, removeVertex, insertVertex, rounded, waterTableAt } from "./section.js";
 import { button, el, field, keyWords, refill } from "./ui.js";
 import { zoneColours } from "./view.js";
 
@@ -149,7 +149,7 @@ export class SectionPanel {
   water(scene) {
     const found = [field({ words: "pool level", value: scene.water_level, unit: "m", holder: "no water",
       help: "empty: no water; the water table is level unless one is drawn" },
-    (value) => this.edit("pool level", (to) => { to.water_level = value; if (value === null) to.phreatic_line = null; }))];
+    (value) => this.edit("pool level", (to) => Object.assign(to, { phreatic_line: value === null ? null : waterTableAt(to, value), water_level: value })))];
     if (scene.phreatic_line) {
       found.push(el("p", { className: "note", textContent: "The water table is a line of its own." }),
         button("Level water table", () => this.edit("level water table", (to) => { to.phreatic_line = null; })));

@@ -1,7 +1,7 @@
 // The slide: sliders for strengths, pool and effects, the deposit that follows, its readings and its film.
 
 import { Sliders } from "./api.js";
-import { area } from "./section.js";
+import { area, waterTableAt } from "./section.js";
 
 const $ = (id) => document.getElementById(id);
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
@@ -10,7 +10,7 @@ const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
 /** `page` has state, view, documents, say(words, bad) and reopen(), which goes back to the files. */
 export function makeSlide({ state, view, documents, say, reopen }) {
   const sliders = new Sliders({
-    connected(is) { say(is ? "connected" : "the server is gone: start it again, this page connects by itself", !is); },
+    connected(is) { say(is ? "connected" : "the server is gone: if it does not come back, start it again and open the address that it prints", !is); },
     deposit: show,
     failed(message) { say(message, true); },
   });
@@ -20,6 +20,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     if (state.fresh || state.found.faults.length || documents.dirty) return;
     state.fresh = true;
     state.changes = { strengths_kpa: {}, friction_deg: {} };
+    view.level = undefined;
     state.spacing = coarse(state.found.scene);
     fillSpacings();
     buildSliders();
@@ -126,7 +127,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     documents.edit("values of the sliders", ({ scene }) => {
       for (const [name, value] of Object.entries(strengths)) scene.materials[name].cohesion_kpa = value;
       for (const [name, value] of Object.entries(frictions)) scene.materials[name].friction_deg = value;
-      if (level !== undefined) scene.water_level = level;
+      if (level !== undefined) Object.assign(scene, { water_level: level, phreatic_line: waterTableAt(scene, level) });
       if (Object.keys(state.effects).length) scene.effects = { ...scene.effects, ...state.effects };
       state.effects = {};
     });

@@ -13,6 +13,7 @@ import { View } from "./view.js";
 
 const $ = (id) => document.getElementById(id);
 const view = new View($("canvas"), $("legend"));
+const CHOOSE = "this case was changed elsewhere while you edited it: choose which to keep first";
 const GRIDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false, film: false, answered: 0,
@@ -155,7 +156,7 @@ function setMode(mode) {
   editor.active = mode === "section" && !state.found.shipped;
   editor.use("select");
   showMarks();
-  if (mode === "section") { view.deposit = null; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
+  if (mode === "section") { view.deposit = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
   refresh();
   if (mode === "slide" || mode === "survey") slide.flow();
 }
@@ -207,7 +208,7 @@ async function madeCase() {
   const file = $("make-file").files[0];
   const name = $("make-name").value.trim() || (kind === "import" && file ? file.name.replace(/\.[^.]*$/, "").replace(/[^A-Za-z0-9_-]/g, "_") : "");
   try {
-    await documents.flush();
+    if (!await documents.flush()) throw new Error(CHOOSE);
     const asked = { name };
     if (kind === "copy") asked.copy_of = state.name;
     if (kind === "import") {
@@ -263,7 +264,12 @@ async function start() {
     ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   state.workspace = await get("/api/workspace");
   const { cases } = state.workspace;
-  $("case").addEventListener("change", async () => { await documents.flush(); await open($("case").value); });
+  $("case").addEventListener("change", async () => {
+    const wanted = $("case").value;
+    if (await documents.flush()) { await open(wanted); return; }
+    $("case").value = state.name;
+    say(CHOOSE, true);
+  });
   for (const kind of ["new", "copy", "import"]) $(kind).addEventListener("click", () => makeCase(kind));
   $("make-go").addEventListener("click", madeCase);
   $("make-stop").addEventListener("click", () => $("make").close());

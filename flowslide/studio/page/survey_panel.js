@@ -134,7 +134,11 @@ export class SurveyPanel {
   /** The surveyed line: two columns pasted, or a file. */
   profile(entry, i) {
     const text = this.documents.tables[entry.file] ?? "";
-    const set = (content) => this.page.documents.edit("profile", (documents) => { documents.tables[entry.file] = tableOf(content); });
+    const set = (content) => {
+      let table;
+      try { table = tableOf(content); } catch (error) { this.page.say(error.message, true); return; }
+      this.page.documents.edit("profile", (documents) => { documents.tables[entry.file] = table; });
+    };
     const area = el("textarea", { rows: 7, value: text, "aria-label": `points of ${entry.name}`, "data-key": `${i}.file`,
       placeholder: "x and y [m] of the surface, a point a line", on: { change: ({ target }) => set(target.value) } });
     const file = el("input", { type: "file", accept: ".csv,.txt", "aria-label": `file of ${entry.name}` });
@@ -166,10 +170,31 @@ export class SurveyPanel {
   }
 }
 
-/** Pasted columns as the CSV of a profile; what has a header is kept as it is. */
+/**
+ * Pasted columns as the CSV of a profile; what has a header is kept as it is.
+ *
+ * Where tabs or semicolons separate, or blanks between numbers with commas, a comma is a decimal sign.
+ * A row that is not two numbers is an error, but for a title before the first one.
+ */
 export function tableOf(text) {
-  const rows = text.replaceAll("\r", "").split("\n").filter((row) => row.trim());
+  const rows = text.replaceAll("\r", "").split("\n").map((row) => row.trim()).filter(Boolean);
   if (rows.some((row) => /x_m/.test(row))) return `${rows.join("\n")}\n`;
-  const numbers = rows.map((row) => row.trim().split(/[\s,;]+/)).filter(([x]) => Number.isFinite(Number(x)));
-  return `x_m,y_m\n${numbers.map((row) => row.slice(0, 2).join(",")).join("\n")}\n`;
+  const columns = rows.map(cells);
+  const first = columns.findIndex((row) => row.length && row.every(isNumber));
+  const points = first < 0 ? [] : columns.slice(first);
+  points.forEach((row, i) => {
+    if (row.length !== 2 || !row.every(isNumber)) throw new Error(`${rows[first + i]}: a point is two numbers, x and y in metres`);
+  });
+  return `x_m,y_m\n${points.map((row) => row.join(",")).join("\n")}\n`;
+}
+
+const isNumber = (cell) => cell !== "" && Number.isFinite(Number(cell));
+
+function cells(row) {
+  const point = (cell) => cell.trim().replace(/^([-+]?\d*),(\d+)$/, "$1.$2");
+  if (/[\t;]/.test(row)) return row.split(/[\t;]/).map(point);
+  const blanks = row.split(/\s+/);
+  // "12,5 3,2": a comma that separates would have no digit on one of its sides, or stand alone.
+  if (blanks.length === 2 && blanks.every((cell) => /^[-+]?\d+,\d+$/.test(cell))) return blanks.map(point);
+  return row.split(/\s*,\s*|\s+/);
 }

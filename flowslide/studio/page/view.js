@@ -1,6 +1,6 @@
 // Draws the section before the slide and the points of a deposit, with equal scales, pan and zoom.
 
-import { bounds } from "./section.js";
+import { bounds, waterTableAt } from "./section.js";
 
 const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
   "#6f8f3f", "#7c8794", "#c9785a", "#487d74", "#93793f", "#6977b8", "#a85a83", "#4f9a5e"];
@@ -159,8 +159,7 @@ export class View {
     const domain = roomOf(scene);
     const level = this.level ?? scene.water_level;
     if (level === null || level === undefined) return;
-    const line = scene.phreatic_line && this.level === undefined
-      ? scene.phreatic_line : [[domain.x_min, level], [domain.x_max, level]];
+    const line = waterTableAt(scene, level) ?? [[domain.x_min, level], [domain.x_max, level]];
     pen.fillStyle = css("--water");
     pen.globalAlpha = 0.22;
     pen.beginPath();
