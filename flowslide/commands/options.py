@@ -73,7 +73,9 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
     """Add what is said of a drawn section: `--materials`, `--unit` and `--snap`."""
     parser.add_argument("--materials", metavar="FILE", help="YAML with the fields of each material")
     parser.add_argument(
-        "--unit", choices=("m", "mm", "cm", "ft"), help="of the drawing; default: its own, or m"
+        "--unit",
+        choices=("m", "mm", "cm", "dm", "km", "ft", "in", "yd", "us_ft"),
+        help="of the drawing; default: its own, or m",
     )
     parser.add_argument(
         "--snap", type=float, default=0.0, metavar="M", help="join vertices closer than M metres"

@@ -1,7 +1,7 @@
 """Sections drawn elsewhere: CSV, GeoJSON, DXF and grids of FLAC2D become scenes.
 
 All give zones (closed outlines with a name) and, by the names `ground` and `water`, the base and
-the water table. Strengths come with the zones (CSV columns, GeoJSON properties) or from a file
+the water table, which are not closed. Strengths come with the zones (CSV columns, GeoJSON properties) or from a file
 of materials. Nothing is made up: a zone without a strength is refused.
 """
 
@@ -23,9 +23,10 @@ Point = tuple[float, float]
 
 GROUND, WATER = "ground", "water"
 #: Metres in a unit of length.
-UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048}
-#: DXF header code $INSUNITS -> unit.
-DXF_UNITS = {2: "ft", 4: "mm", 5: "cm", 6: "m"}
+UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 0.1, "km": 1e3,
+         "ft": 0.3048, "in": 0.0254, "yd": 0.9144, "us_ft": 1200.0 / 3937.0}  # fmt: skip
+#: DXF header code $INSUNITS -> unit; 0 is none.
+DXF_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm", 21: "us_ft"}
 FORMATS = (".csv", ".geojson", ".json", ".dxf", ".f2grid")
 MATERIAL_FIELDS = tuple(name for name in Material.model_fields if name != "pre_failure")
 
@@ -40,7 +41,7 @@ class Section:
     ground: list[Point] | None = None
     water: list[Point] | None = None
     unit: str | None = None
-    """Unit that the file itself names."""
+    """Unit that the file itself names: one of UNITS, or what it says."""
 
 
 def read_section(path: str | Path, kind: str | None = None) -> Section:
@@ -119,7 +120,12 @@ def section_document(
 
     Strengths, spacing, domain and base may be missing.
     """
-    factor = UNITS[unit or section.unit or "m"]
+    factor = UNITS.get(unit or section.unit or "m")
+    if factor is None:
+        raise InputError(
+            f"{source}: states its unit of length as {section.unit}, which is none of "
+            f"{', '.join(UNITS)}; give the unit (--unit)"
+        )
     snapped = _Snap(snap)
     zones = {
         zone: [snapped((factor * x, factor * y)) for x, y in ring]
@@ -265,13 +271,18 @@ def _open(ring: list[Point]) -> list[Point]:
     return [point for point, after in zip(ring, following, strict=True) if point != after]
 
 
-def _add(section: Section, name: str, line: list[Point], where: str, closed: bool = True) -> None:
-    """Put a line in its place by its name."""
-    if name.lower() in (GROUND, WATER):
+def _add(
+    section: Section, name: str, line: list[Point], where: str, closed: bool | None = None
+) -> None:
+    """Put a line in its place by its name, which ground and water have where it is not closed.
+
+    Whether a row of vertices is closed (None) its name alone says.
+    """
+    if name.lower() in (GROUND, WATER) and not closed:
         if getattr(section, name.lower()) is not None:
             raise InputError(f"{where}: two lines are called {name!r}; join them into one")
         setattr(section, name.lower(), line)
-    elif not closed:
+    elif closed is False:
         raise InputError(
             f"{where}: the line {name!r} is not closed; zones are closed, other lines are called "
             f"{GROUND!r} or {WATER!r}"
@@ -410,7 +421,7 @@ def _read_grid(path: Path) -> Section:
     """The groups of a grid."""
     section = Section()
     for name, line in read_grid(path).items():
-        _add(section, name, line, str(path))
+        _add(section, name, line, str(path), closed=True)
     return section
 
 
@@ -426,7 +437,8 @@ def _read_dxf(path: Path) -> Section:
         drawing = ezdxf.readfile(path)
     except (OSError, ezdxf.DXFError) as error:
         raise InputError(f"{path}: no readable DXF file: {error}") from None
-    section = Section(unit=DXF_UNITS.get(drawing.header.get("$INSUNITS", 0)))
+    code = drawing.header.get("$INSUNITS", 0)
+    section = Section(unit=DXF_UNITS.get(code, f"$INSUNITS {code}") if code else None)
     for shape in drawing.modelspace().query("LWPOLYLINE POLYLINE LINE"):
         name, where = shape.dxf.layer, f"{path}: layer {shape.dxf.layer}"
         if shape.dxftype() == "LINE":

@@ -95,6 +95,17 @@ def test_a_terrain_is_filled_between_base_and_surface(terrain):
     assert above.min() > 0.0 and above.max() < 4.0
 
 
+@pytest.mark.parametrize("spacing", [0.1, 0.3, 0.4, 0.7, 0.8, 0.9])
+def test_a_terrain_is_filled_up_to_its_walls_at_any_spacing(terrain, spacing):
+    zones = [{"name": "all", "material": "slimes"}]
+    folder = terrain(zones, {"slimes": SOILS["slimes"]}, origin=[1000.1, 500.1])
+    scene = load_scene_3d(folder, spacing=spacing)
+    x_min, x_max, y_min, y_max = plan_domain(scene)
+    x, y, _ = fill_terrain(scene).position.T
+    assert x.min() - x_min == pytest.approx(0.5 * spacing) == x_max - x.max()
+    assert y.min() - y_min == pytest.approx(0.5 * spacing) == y_max - y.max()
+
+
 def test_the_domain_is_whole_cells(terrain):
     zones = [{"name": "all", "material": "slimes"}]
     folder = terrain(zones, {"slimes": SOILS["slimes"]})

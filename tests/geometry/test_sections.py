@@ -111,12 +111,33 @@ def test_geojson_round_trip(dam, tmp_path):
     check_same(imported(tmp_path / "dam.geojson"), dam)
 
 
-@pytest.mark.parametrize(("units", "factor"), [(6, 1.0), (4, 1e-3), (2, 0.3048)])
+@pytest.mark.parametrize(
+    ("units", "factor"), [(6, 1.0), (4, 1e-3), (2, 0.3048), (1, 0.0254), (10, 0.9144)]
+)
 def test_dxf_round_trip(dam, tmp_path, units, factor):
     """The drawing's own unit is used; strengths come from a file, by the names of the layers."""
     as_dxf(dam, tmp_path / "dam.dxf", factor, units)
     scene = imported(tmp_path / "dam.dxf", materials=materials_of(dam), snap=1e-6)
     check_same(scene, dam, same_names=False)
+
+
+def test_a_unit_that_nobody_knows_is_asked_for(dam, tmp_path):
+    as_dxf(dam, tmp_path / "dam.dxf", 0.3048, 11)  # angstrom
+    strengths = {"materials": materials_of(dam), "snap": 1e-6}
+    with pytest.raises(InputError, match=r"states its unit of length as \$INSUNITS 11"):
+        imported(tmp_path / "dam.dxf", **strengths)
+    check_same(imported(tmp_path / "dam.dxf", unit="ft", **strengths), dam, same_names=False)
+
+
+@pytest.mark.parametrize("name", ["Ground", "WATER"])
+def test_a_closed_outline_is_a_zone_whatever_its_name(dam, tmp_path, name):
+    strong = {"friction_deg": 40.0, "cohesion_kpa": 5.0}
+    renamed = dam.zones[0].model_copy(update={"name": name})
+    as_dxf(dam.model_copy(update={"zones": [renamed, *dam.zones[1:]]}), tmp_path / "dam.dxf")
+    scene = imported(tmp_path / "dam.dxf", materials={**materials_of(dam), name: strong}, snap=1e-6)
+    assert [zone.name for zone in scene.zones][0] == name
+    assert scene.ground.height(100.0) == pytest.approx(2.0)
+    assert scene.water_level == pytest.approx(35.9)
 
 
 def test_domain_and_base_are_made_when_the_drawing_has_none(tmp_path):

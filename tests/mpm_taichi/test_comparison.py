@@ -237,5 +237,15 @@ def test_every_type_of_measurement_is_read(folder, simulated, tmp_path):
     with (tmp_path / "o.csv").open(newline="") as file:
         rows = {(row["name"], row["part"]): row for row in csv.DictReader(file)}
     assert rows["speed", ""]["unit"] == "m/s" and float(rows["speed", ""]["measured"]) == -4.0
+    foot = case.feet["left"]  # a stake in the last centimetres of the toe has no points around it
+    document["sets"]["all"] = [{"name": "stake", "type": "marker_displacement", "x_m": foot + 0.2,
+                                "y_m": float(case.scene.ground.height(foot)) + 0.01, "dx_m": -30.0,
+                                "std_m": 1.0, **about}]  # fmt: skip
+    path.write_text(yaml.safe_dump(document))
+    case = load_case(tmp_path / "case").with_set("all").resolved(spacing_m=4.0)
+    (stake,) = comparison.read_deposit(case, simulated[1])
+    assert np.isnan(stake.at_start) and np.isnan(stake.simulated)
+    assert "outside the soil" in stake.trouble
+    assert "not read" in comparison.table(case, [stake])
     with pytest.raises(InputError, match="no set of measurements 'lab'; there are all, field"):
         load_case(tmp_path / "case").with_set("lab")
