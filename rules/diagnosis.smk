@@ -7,12 +7,13 @@ def diagnosis_files(wildcards):
     known = CASE_FOLDER / wildcards.case / "diagnosis.yaml"
     if not known.is_file():
         return case_files(wildcards)
+    found = [*case_files(wildcards), os.path.relpath(known)]
     judge = read_yaml(known).get("validation_case")
-    return [
-        *case_files(wildcards),
-        os.path.relpath(known),
-        *(files_of((known.parent / judge).resolve()) if judge else []),
-    ]
+    if judge:
+        place = (known.parent / judge).resolve()
+        own = place / "diagnosis.yaml"
+        found += [*files_of(place), *([os.path.relpath(own)] if own.is_file() else [])]
+    return found
 
 
 # A job that is killed leaves its simulations in diagnosis/runs, which is not an output, so that the next try

@@ -5,8 +5,9 @@ without faults they are written to these files, with faults they are kept as a d
 browser or a server that is killed loses nothing. Cases that ship with the program are read; they
 are copied before they can be edited. Under `.studio/<case>/`: `draft.json`, `journal.jsonl` (every
 accepted edit, with its time), `first/` (the files as they were before the first edit), `view.json`
-(what the page remembers), `bases.json` (those that nobody drew), `jobs/`. A case that is drawn from nothing has a draft alone until its
-section holds together; then it gets the files that `flowslide new` would write.
+(what the page remembers), `bases.json` (those that nobody drew), `jobs/`. A case that is drawn from
+nothing has a draft alone until its section holds together; then it gets the files that `flowslide
+new` would write.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Sections drawn elsewhere: CSV, GeoJSON, DXF and grids of FLAC2D become scenes.
 
 All give zones (closed outlines with a name) and, by the names `ground` and `water`, the base and
-the water table, which are not closed. Strengths come with the zones (CSV columns, GeoJSON properties) or from a file
-of materials. Nothing is made up: a zone without a strength is refused.
+the water table, which are not closed. Strengths come with the zones (CSV columns, GeoJSON
+properties) or from a file of materials. Nothing is made up: a zone without a strength is refused.
 """
 
 from __future__ import annotations

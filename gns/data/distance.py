@@ -28,6 +28,8 @@ FARTHEST = 2.0
 """Beyond this a question is refused unless an answer is asked for all the same."""
 LEAST_SPREAD = 0.05
 """Of a number that hardly differs between the scenes learned from."""
+SAME = 1e-4
+"""Scenes nearer than this are one and the same [spreads]; descriptions are kept in float32."""
 LEAST_UNIT = 1e-6
 """Of a distance, where scenes are copies of each other."""
 
@@ -105,9 +107,23 @@ class KnownScenes:
         spread = np.maximum(features.std(axis=0), LEAST_SPREAD)
         return cls(features, spread, Neighbours(features / spread).unit(alike=2))
 
+    def joined(self, scenes: Sequence[np.ndarray]) -> KnownScenes:
+        """With the descriptions of more scenes, each (2, F); those that are known count once."""
+        new = [one for one in scenes if self._away(one) > SAME]
+        pairs = self.features.reshape(-1, 2, self.features.shape[1])
+        return KnownScenes.of([*pairs, *new])
+
+    def holds(self, start: np.ndarray, facts: SceneFacts) -> bool:
+        """A scene is one of those that were learned from."""
+        return self._away(described(start, facts)) <= SAME
+
+    def _away(self, description: np.ndarray) -> float:
+        """Of a description (2, F) from the nearest [spreads]."""
+        return self._neighbours.distance(description[0] / self.spread)
+
     def distance(self, start: np.ndarray, facts: SceneFacts) -> float:
         """Of a scene to the nearest that was learned from; 1: as its outermost scenes."""
-        return self._neighbours.distance(described(start, facts)[0] / self.spread) / self.unit
+        return self._away(described(start, facts)) / self.unit
 
     @cached_property
     def _neighbours(self) -> Neighbours:

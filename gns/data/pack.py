@@ -81,10 +81,11 @@ def plan_packing(
     if not kept:
         raise InputError(f"{paths[0]}: no run is left to pack; {len(sources)} failed or left out")
     splits = split_runs(
-        {number: source.template for number, source in kept.items()},
+        {source.number: source.template for source in sources},
         valid_share=settings.valid_share,
         test_share=settings.test_share,
         seed=settings.seed,
+        without=reasons,
     )
     shards = {}
     for split in SPLITS:

@@ -10,12 +10,12 @@ in `gns.data.scene_facts`:
 
     positions         (T, N, 2) float32 [m]
     type              (N,) int8
-    properties        (N, 5) float32
+    properties        (N, 6) float32
     initial_velocity  (N, 2) float32 [m/s]
     zone              (N,) int16
     ground            (P, 2) float64 [m]
     phreatic_line     (L, 2) float64 [m]
-    numbers           (14,) float64
+    numbers           (16,) float64
     moments           (2, 5, 2) float64: of the moving points, `gns.data.statistics`
     scene             (bytes,) uint8: the scene's document, JSON in UTF-8
 

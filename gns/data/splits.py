@@ -2,14 +2,15 @@
 
 By run, never by frame: neighbouring frames are nearly copies. Stratified by template: within each
 template every split gets its share, to within one run. A run's split follows from the seed, its
-template and how many runs of that template came before it, so that more scenes later leave the
-runs that are there where they are: a model that ships is never judged on what it has learned from.
+template and how many runs of that template came before it, failed ones and those left out among
+them, so that neither more scenes later nor a run that fails move another: a model is never judged
+on what it has learned from.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import floor
 
 from gns.data.shard import SPLITS
@@ -17,7 +18,12 @@ from pipeline.random_numbers import Stream, number_of
 
 
 def split_runs(
-    templates: Mapping[int, str], *, valid_share: float, test_share: float, seed: int
+    templates: Mapping[int, str],
+    *,
+    valid_share: float,
+    test_share: float,
+    seed: int,
+    without: Collection[int] = (),
 ) -> dict[str, list[int]]:
     """Deal out runs.
 
@@ -29,6 +35,7 @@ def split_runs(
         valid_share: share of the runs that choose among checkpoints.
         test_share: share of the runs that judge the model; the two together are below 1.
         seed: decides the starts.
+        without: runs that count, but are in no split: they failed or are left out.
 
     Returns:
         numbers of the runs of each split, ascending.
@@ -42,7 +49,7 @@ def split_runs(
         test, rest = _every(runs, test_share, stream.unit())
         valid, train = _every(rest, valid_share / (1.0 - test_share), stream.unit())
         for split, chosen in (("train", train), ("valid", valid), ("test", test)):
-            splits[split] += chosen
+            splits[split] += [run for run in chosen if run not in without]
     _leave_none_empty(splits, {"valid": valid_share, "test": test_share})
     return {split: sorted(runs) for split, runs in splits.items()}
 

@@ -243,8 +243,8 @@ def profile_error(
         facts: of the scene.
 
     Returns:
-        mean absolute difference over where either deposit lies [m]; area between the two surfaces
-        over the area of the soil.
+        mean absolute difference over where either deposit lies [m], NaN where none does; area
+        between the two surfaces over the area of the soil.
     """
     soil = facts.type == SOIL
     one, other = predicted[soil].astype(np.float64), simulated[soil].astype(np.float64)
@@ -258,7 +258,8 @@ def profile_error(
     difference = np.abs(heights[0] - heights[1])
     covered = float(np.sum(np.maximum(*heights) > facts.ground_height(x)))
     between = float(difference.sum()) * 0.5 * d
-    return between / (covered * 0.5 * d), between / (float(soil.sum()) * d**2)
+    thickness = between / (covered * 0.5 * d) if covered else math.nan
+    return thickness, between / (float(soil.sum()) * d**2)
 
 
 # --- energy ---
@@ -277,7 +278,8 @@ def energy_history(positions: np.ndarray, facts: SceneFacts) -> Energy:
     soil = facts.type == SOIL
     mass = facts.properties[soil, 2].astype(np.float64) * facts.spacing**2
     path = positions[:, soil].astype(np.float64)
-    velocity = np.gradient(path, facts.frame_time, axis=0)
+    moves = len(path) > 1
+    velocity = np.gradient(path, facts.frame_time, axis=0) if moves else np.zeros_like(path)
     velocity[0] = facts.initial_velocity[soil]
     kinetic = 0.5 * (velocity**2).sum(axis=2) @ mass
     middle = 0.5 * (positions[1:].astype(np.float64) + positions[:-1])

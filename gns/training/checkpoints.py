@@ -59,19 +59,22 @@ class ModelFolder:
     ) -> Path | None:
         """Make room where the folder holds another training; return where that is now.
 
-        Nothing is removed: a model may have cost weeks. `beginnings` as of `load_state`.
+        Nothing is removed: a model may have cost weeks. It can go on there, and its evaluation goes
+        with it. `beginnings` as of `load_state`.
         """
         if not self.state.exists():
             return None
         if self._other(read_document(self.state), made_from, beginnings) is None:
             return None
         number = 1
-        while (place := self.folder.with_name(f"{self.folder.name}.before-{number}")).exists():
+        before = self.folder.with_name(f"{self.folder.name}.before")
+        # A place without a state is one that a kill left half filled.
+        while any((place := Path(f"{before}-{number}")).rglob(STATE_FILE.name)):
             number += 1
-        make_folder(place)
-        for path in (self.model, self.metrics, self.state):
-            if path.exists():
-                path.rename(place / path.name)
+        make_folder(place / STATE_FILE.parent)
+        files = [path for path in self.folder.iterdir() if path.is_file()]
+        for path in (*sorted(files), self.state):  # the state last: killed before, it is done again
+            path.rename(place / path.relative_to(self.folder))
         return place
 
     def save_model(self, simulator: Simulator, **more: Any) -> None:

@@ -34,6 +34,20 @@ def use_threads(number: int | None) -> None:
         torch.set_num_threads(number)
 
 
+def check_device(device: str) -> None:
+    """Refuse a device that this machine lacks.
+
+    Raises:
+        InputError: there is none.
+    """
+    import torch
+
+    from pipeline.cli import InputError
+
+    if device == "cuda" and not torch.cuda.is_available():
+        raise InputError("--device cuda: this machine has no CUDA device; use cpu")
+
+
 def in_processes(number: int, arguments: Sequence[str]) -> int:
     """Run `python -m ARGUMENTS` in several processes at once.
 

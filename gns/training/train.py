@@ -273,7 +273,7 @@ def _begin(
     simulator = _first_simulator(learned, settings, start).to(group.device)
     if settings.precision == "bfloat16":
         simulator.network.edge_precision = torch.bfloat16
-    simulator.known = _known_scenes(learned)
+    simulator.known = _known_scenes(learned, None if start is None else start.known)
     optimizer = Optimizers(
         list(simulator.parameters()),
         rate=settings.learning_rate,
@@ -333,13 +333,13 @@ def _first_simulator(
     return start
 
 
-def _known_scenes(learned: Windows) -> KnownScenes:
-    """What the model will have learned from."""
+def _known_scenes(learned: Windows, before: KnownScenes | None) -> KnownScenes:
+    """What the model will have learned from, with what it has learned from before."""
     scenes = []
     for run in map(int, learned.runs):
         start = learned.positions(run, 0, 1)[0]
         scenes.append(described(start, learned.facts(run)))
-    return KnownScenes.of(scenes)
+    return KnownScenes.of(scenes) if before is None else before.joined(scenes)
 
 
 def _contacts(learned: Windows) -> list[str]:

@@ -30,6 +30,7 @@ from gns.rollout.differentiate import REVERSE_COST, jacobian, reverse_jacobian
 from gns.rollout.rollout import Rest, RestWatch, frames_of, wrong_step
 from gns.rollout.traced_rollout import trace
 from gns.rollout.zone_parameters import UnknownProperty, scene_function
+from gns.training.processes import check_device, use_threads
 from inversion.engines.rollout_readings import RolledOut, RolloutReading
 from inversion.engines.rollout_store import (
     RolloutStore,
@@ -80,10 +81,8 @@ def prepare(device: str, threads: int | None) -> None:
     Raises:
         InputError: there is no such device here.
     """
-    if device == "cuda" and not torch.cuda.is_available():
-        raise InputError("--device cuda: this machine has no CUDA device; use cpu")
-    if threads is not None:
-        torch.set_num_threads(threads)
+    check_device(device)
+    use_threads(threads)
 
 
 class GNSEngine(Forward):

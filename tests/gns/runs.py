@@ -19,6 +19,8 @@ def scene_of(number: int, *, scale: str = "coarse", spacing: float = 2.0, **chan
         template=LETTERS[number % 5], scale=scale, index=number, draws=1, materials="wide"
     )
     scene = make_scene(number, spacing=spacing)
+    # No two are the same: a model would refuse to be judged by what it has learned from.
+    scene = scene.with_strength("liquefied fill", cohesion_kpa=18.7 + 0.01 * number)
     return scene.changed(origin=origin.model_dump(), **changes)
 
 

@@ -37,6 +37,16 @@ def test_what_was_learned_from_is_near_and_other_scenes_are_farther():
     assert learned.distance(*of(make_scene(3))) > 1.0, "another section"
 
 
+def test_what_was_learned_from_before_stays_known():
+    first = known(10.0, 14.0, 20.0, 28.0, 40.0)
+    near_copies = [described(*of(scene(kpa))) for kpa in (20.0, 20.1, 20.2)]
+    both = first.joined(near_copies)
+    assert both.distance(*of(scene(40.0))) < 1e-3 and both.holds(*of(scene(10.0)))
+    assert len(both.features) == 2 * 7, "20 kPa counts once"
+    assert both.distance(*of(scene(24.0))) < 2.0, "three near copies do not make the unit small"
+    assert not both.holds(*of(scene(24.0)))
+
+
 def test_left_and_right_are_alike():
     start, facts = of(scene(20.0))
     one, other = described(start, facts)

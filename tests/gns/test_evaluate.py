@@ -15,10 +15,11 @@ import torch
 from geometry.scenes.scene import save_scene
 from gns.__main__ import main
 from gns.data.dataset import Windows
+from gns.data.distance import described
 from gns.evaluation.card import accuracy, known_failures, read_card, schema_text
 from gns.evaluation.evaluate import evaluate, one_step_errors, read_mpm_seconds
 from gns.evaluation.metrics import runout
-from gns.network.simulator import Simulator
+from gns.network.simulator import Simulator, read_document
 from gns.training.checkpoints import ModelFolder
 from gns.training.distributed import Group
 from gns.training.train import train
@@ -131,6 +132,36 @@ def test_evaluate_writes_a_card_that_fits_its_schema(packed, model, root, tmp_pa
     assert [int(row["run"]) for row in rows] == list(runs)
     for picture in ("worst.png", "training.png"):
         assert (model / picture).stat().st_size > 10_000
+
+
+def test_a_model_is_not_judged_by_what_it_has_learned_from(packed, model, tmp_path, capsys):
+    folder = shutil.copytree(model, tmp_path / "model")
+    windows = Windows(packed, "test")
+    first, *others = map(int, windows.runs)
+    simulator = Simulator.load(folder / "model.pt")
+    scene = described(windows.positions(first, 0, 1)[0], windows.facts(first))
+    simulator.known = simulator.known.joined([scene])
+    document = read_document(folder / "model.pt")
+    kept = {name: document[name] for name in ("step", "made_from", "learned_from")}
+    simulator.save(folder / "model.pt", **kept)
+    main(["evaluate", "--data", str(packed), "--model", str(folder), "--runs", "1", "--quiet"])
+    assert f"not judged by runs {first}: the model has learned" in capsys.readouterr().out
+    with (folder / "evaluation.csv").open() as file:
+        assert [int(row["run"]) for row in csv.DictReader(file)] == others[:1]
+
+
+@pytest.mark.parametrize("command", ["evaluate", "rollout"])
+def test_a_device_that_is_not_there_is_refused_in_one_line(
+    packed, model, tmp_path, monkeypatch, command
+):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    save_scene(small_scene(spacing=2.0), tmp_path / "scene.yaml")
+    given = {
+        "evaluate": ["--data", str(packed), "--model", str(model)],
+        "rollout": [str(tmp_path / "scene.yaml"), "--model", str(model), "--out", str(tmp_path)],
+    }[command]
+    with pytest.raises(InputError, match="--device cuda: this machine has no CUDA device"):
+        main([command, *given, "--device", "cuda"])
 
 
 def test_rollout_of_a_scene(model, tmp_path, capsys):

@@ -142,6 +142,15 @@ def test_one_step():
     assert math.isnan(one_step_error(predicted, still, facts))
 
 
+def test_one_frame_and_no_deposit_have_no_error_of_their_own():
+    facts, path = heap(8.0)
+    one = score(path[:1], path[:1], facts)
+    assert one.position_error_m == 0.0 and math.isnan(one.kinetic_error)
+    spread = path[-1:] * np.float32([40.0, 1.0])  # no two points hang together
+    one = score(np.concatenate([path[:1], spread]), np.concatenate([path[:1], spread]), facts)
+    assert one.position_error_m == 0.0 and one.profile_error_share == 0.0
+
+
 def test_energy_of_a_fall():
     scene = make_scene(spacing=D)
     facts, start = start_of(scene, SETTINGS)

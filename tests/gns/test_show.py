@@ -40,7 +40,9 @@ def test_an_overview_of_a_folder_and_of_a_shard(packed, tmp_path, monkeypatch):
         listed = [(one.template, one.points, one.frames) for one in metadata.runs(split)]
         own = [one for one in everything if one.split == split]
         assert [(one.template, one.points, one.frames) for one in own] == listed
-    assert all(one.cohesion == pytest.approx(18.7e3 / (1800 * 9.81 * 2)) for one in everything)
+    assert all(
+        one.cohesion == pytest.approx(18.7e3 / (1800 * 9.81 * 2), rel=0.02) for one in everything
+    )
     assert max(one.travel for one in everything) > 1.0
     assert (tmp_path / "all.png").stat().st_size > 10_000
 

@@ -44,6 +44,15 @@ def test_more_scenes_leave_the_others_where_they_are():
         assert runs == [run for run in new[split] if run < 200]
 
 
+@settings(max_examples=examples(20), deadline=None)
+@given(lost=st.sets(st.integers(0, 199), max_size=40))
+def test_a_run_that_fails_leaves_the_others_where_they_are(lost):
+    whole = split_runs(templates(200), **SHARES)
+    left = split_runs(templates(200), **SHARES, without=lost)
+    for split, runs in whole.items():
+        assert left[split] == [run for run in runs if run not in lost]
+
+
 def test_the_seed_decides():
     first = split_runs(templates(300), **SHARES)
     assert first == split_runs(dict(reversed(templates(300).items())), **SHARES)

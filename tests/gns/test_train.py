@@ -503,13 +503,17 @@ def test_another_training_in_the_same_folder_is_refused(trained, packed, tmp_pat
 
 def test_another_training_is_set_aside_when_asked(trained, packed, tmp_path):
     shutil.copytree(trained, tmp_path / "model")
+    (tmp_path / "model" / "card.yaml").write_text("of the old one")
     other = SETTINGS.model_copy(update={"steps": 2})
     for _ in range(2):  # the second time it is the same training
         run(tmp_path / "model", packed, other, start_over=True)
         aside = tmp_path / "model.before-1"
         assert same(weights(aside), weights(trained)) and numbers(aside) == numbers(trained)
+        assert (aside / "card.yaml").read_text() == "of the old one"
         assert not (tmp_path / "model.before-2").exists()
         assert numbers(tmp_path / "model")[-1]["step"] == 2
+    run(aside, packed)  # it can go on there: it is done
+    assert same(weights(aside), weights(trained))
 
 
 def test_two_trainings_in_one_folder_are_refused(tmp_path):
@@ -621,6 +625,8 @@ def test_learning_on_from_a_model(trained, packed, tmp_path):
         assert torch.allclose(result.state_dict()[name], value, atol=1e-6)
     low, _ = opened(packed)[0].metadata.ranges["cohesion"]
     assert result.config.ranges["cohesion"] == (min(low, 1.0), 9.0)
+    learned, _ = opened(packed)
+    assert len(result.known.features) == 2 * len(learned.runs), "the same scenes count once"
 
 
 # -- validation and the command -------------------------------------------------------------------

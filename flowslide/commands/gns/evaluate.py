@@ -51,18 +51,21 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.evaluation.evaluate import evaluate, read_mpm_seconds, save_scores
     from gns.network.simulator import Simulator, read_document
     from gns.training.checkpoints import METRICS_FILE, MODEL_FILE, ModelFolder
-    from gns.training.processes import use_threads
+    from gns.training.processes import check_device, use_threads
     from report.pictures.rollouts import save_history
 
+    check_device(arguments.device)
     use_threads(arguments.threads)
     document = read_document(model / MODEL_FILE)
     simulator = Simulator.from_document(document, str(model / MODEL_FILE)).to(arguments.device)
     every = Windows(data, arguments.split)
     learned_from = _learned_from(document, every.metadata, model)
     windows = Windows(data, arguments.split, stride=simulator.stride_in(every.metadata))
-    runs = [int(number) for number in windows.runs[: arguments.runs]]
-    if not runs:
+    if not len(windows.runs):
         raise InputError(f"{data}: no run in the split {arguments.split}")
+    runs = _unseen(simulator, windows)[: arguments.runs]
+    if not runs:
+        raise InputError(f"{data}: the model has learned from every run of {arguments.split}")
     mpm_seconds = None if arguments.mpm is None else read_mpm_seconds(arguments.mpm)
     lines = ModelFolder(model).read_metrics()
     with Progress(len(runs), "evaluating", quiet=arguments.quiet) as bar:
@@ -90,6 +93,27 @@ def run(arguments: argparse.Namespace) -> int:
     _print(result, found)
     print(f"wrote {model / CARD_FILE}")
     return 0
+
+
+def _unseen(simulator, windows) -> list[int]:
+    """The runs of a split that can judge a model.
+
+    It has not learned from their scenes, in this training or in one that it went on from, and they
+    have a second frame.
+    """
+    unseen, seen, short = [], [], []
+    for run in map(int, windows.runs):
+        start, facts = windows.positions(run, 0, 1)[0], windows.facts(run)
+        if simulator.known is not None and simulator.known.holds(start, facts):
+            seen.append(run)
+        elif len(windows.positions(run)) < 2:
+            short.append(run)
+        else:
+            unseen.append(run)
+    for runs, why in ((seen, "the model has learned from them"), (short, "they end at once")):
+        if runs:
+            print(f"not judged by runs {', '.join(map(str, runs))}: {why}")
+    return unseen
 
 
 def _folders(arguments: argparse.Namespace, config: Config) -> tuple[Path, Path]:

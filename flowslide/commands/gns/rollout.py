@@ -55,9 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
     from gns.network.simulator import Simulator
     from gns.rollout.rollout import Rest, frames_of, rollout
     from gns.training.checkpoints import MODEL_FILE
-    from gns.training.processes import use_threads
+    from gns.training.processes import check_device, use_threads
     from pipeline.places import MODELS, resolve
 
+    check_device(arguments.device)
     use_threads(arguments.threads)
     simulator = Simulator.load(resolve(arguments.model, MODELS) / MODEL_FILE, arguments.device)
     thrust = simulator.config.thrust
