@@ -1,13 +1,19 @@
 # The benchmark of hidden effects: made and sealed, diagnosed blind, scored (docs/records/hidden-effects.md). Cases are made and
-# diagnosed in shares, each a job that resumes where it stopped: finished cases stay where they are.
+# diagnosed in shares, each a job that resumes where it stopped: finished cases stay where they are. Cases of another plan, of
+# other settings or of an earlier version are refused, not mixed with new ones: a sealed set is a record.
 
 HIDDEN = SETTINGS.hidden_effects
 HIDDEN_FOLDER = f"{RESULTS}/hidden_effects"
 HIDDEN_SHARES = range(1, HIDDEN.shares + 1)
+HIDDEN_PLAN = Path(HIDDEN.benchmark)  # a file, or the folder of one
 HIDDEN_FILES = sorted(
-    os.path.relpath(path)
-    for pattern in ("*.yaml", "*.py", "sections/*/*.yaml")
-    for path in (Path(workflow.basedir) / "benchmarks" / "hidden_effects").glob(pattern)
+    {
+        os.path.relpath(path)
+        for pattern in ("*.yaml", "*.py", "sections/*/*.yaml")
+        for place in (Path(workflow.basedir, "benchmarks", "hidden_effects"), HIDDEN_PLAN)
+        for path in place.glob(pattern)
+    }
+    | ({os.path.relpath(HIDDEN_PLAN)} if HIDDEN_PLAN.is_file() else set())
 )
 
 

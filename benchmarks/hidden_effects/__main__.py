@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +15,18 @@ from benchmarks.generated_pages import around, renew, table
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
 from pipeline.cli import InputError, add_common, base_parser, main_exit
 from pipeline.config import Config, load_config
-from pipeline.files import make_folder
+from pipeline.files import content_hash, make_folder, read_json, write_json
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
-    from benchmarks.hidden_effects.making.benchmark import Benchmark
+    from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
     from benchmarks.hidden_effects.making.laboratory import Laboratory
 
 FOLDER = "benchmarks/hidden_effects"
 RESULTS = "hidden_effects"
 RECORD = "results.json"
+#: What truths, and what verdicts, follow from.
+MADE_FROM, JUDGED_BY = "made_from.json", "judged_by.json"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -143,17 +145,72 @@ def _plan(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.make import reach_of
 
     benchmark, laboratory = _workshop(arguments, config)
+    places = Places(_out(arguments, config))
+    _keep_origin(places.out / MADE_FROM, _made_from(benchmark, config), [places.reach])
     if benchmark.plan.sources:
-        raise InputError("plan: amplitudes of slides by other codes are drawn; `make` makes them")
+        write_json(places.reach, [])
+        print("nothing to measure: amplitudes of slides by other codes are drawn")
+        return 0
     total = len(benchmark.sections) * len((*benchmark.library, *benchmark.outside))
     with Progress(total, "looking at effects", quiet=arguments.quiet) as progress:
         reach_of(
             benchmark,
-            Places(_out(arguments, config)),
+            places,
             laboratory,
             on_case=lambda done, _, words: progress.advance(1, words),
         )
     return 0
+
+
+def _made_from(benchmark: Benchmark, config: Config) -> dict[str, Any]:
+    """All that truths follow from."""
+    import geometry
+    import mpm_taichi
+    from geometry.scenes.scene import scene_hash
+    from mpm_taichi import effects
+
+    return {
+        "plan": benchmark.plan,
+        "sections": {name: scene_hash(one.scene) for name, one in benchmark.sections.items()},
+        "simulation": config.simulation,
+        "physics": [one.PHYSICS_VERSION for one in (geometry, mpm_taichi, effects)],
+    }
+
+
+def _judged_by(places: Places, config: Config) -> dict[str, Any]:
+    """All that verdicts follow from."""
+    import diagnosis
+    import geometry
+    import inversion
+    import mpm_taichi
+    from mpm_taichi import effects
+    from pipeline.files import file_hash
+
+    packages = (geometry, mpm_taichi, effects, inversion, diagnosis)
+    return {
+        "sealed": file_hash(places.sealed),
+        "settings": [config.simulation, config.diagnosis],
+        "physics": [one.PHYSICS_VERSION for one in packages],
+    }
+
+
+def _keep_origin(path: Path, origin: dict[str, Any], files: Iterable[Path]) -> None:
+    """Write what files follow from next to them.
+
+    Raises:
+        InputError: some are there that follow from something else: they are not mixed.
+    """
+    key = content_hash(origin)
+    if path.is_file():
+        same = read_json(path) == key
+    else:
+        same = not any(file.is_file() for file in files)
+    if not same:
+        raise InputError(
+            f"{path.parent}: has files of another plan, of other settings or of an earlier "
+            "version; give another folder with --out, or remove it"
+        )
+    write_json(path, key)
 
 
 def _make(arguments: argparse.Namespace, config: Config) -> int:
@@ -162,13 +219,15 @@ def _make(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.make import make
 
     benchmark, laboratory = _workshop(arguments, config)
-    part = part_of(arguments.part)
+    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    _keep_origin(places.out / MADE_FROM, _made_from(benchmark, config),
+                 [places.reach, *places.out.glob("truths/*.json")])  # fmt: skip
     total = len(range(part.k, benchmark.plan.cases, part.n))
     make_all = make_by_codes if benchmark.plan.sources else make
     with Progress(total, "making hidden effects", quiet=arguments.quiet) as progress:
         make_all(
             benchmark,
-            Places(_out(arguments, config)),
+            places,
             laboratory,
             part=(part.k, part.n),
             on_case=lambda done, _, words: progress.advance(1 if done else 0, words),
@@ -183,6 +242,7 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
 
     places, part = Places(_out(arguments, config)), part_of(arguments.part)
     total = len(sealed_cases(places)[part.k :: part.n])
+    _keep_origin(places.out / JUDGED_BY, _judged_by(places, config), _verdicts(places))
     with Progress(total, "diagnosing blind", quiet=arguments.quiet) as progress:
         run_cases(
             places,
@@ -203,6 +263,7 @@ def _more(arguments: argparse.Namespace, config: Config) -> int:
     benchmark, laboratory = _workshop(arguments, config)
     places, part = Places(_out(arguments, config)), part_of(arguments.part)
     names = [one["name"] for one in sealed_cases(places)]
+    _keep_origin(places.out / JUDGED_BY, _judged_by(places, config), _verdicts(places))
     names = (doubted(places, names) if arguments.doubted else names)[part.k :: part.n]
     with Progress(len(names), "diagnosing with more", quiet=arguments.quiet) as progress:
         run_more(
@@ -215,6 +276,10 @@ def _more(arguments: argparse.Namespace, config: Config) -> int:
             on_case=lambda done, _, words: progress.advance(1, words),
         )
     return 0
+
+
+def _verdicts(places: Places) -> Iterable[Path]:
+    return places.out.glob("verdicts/*/*.json")
 
 
 def _score(arguments: argparse.Namespace, config: Config) -> int:
@@ -234,7 +299,6 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         generated_sparse,
     )
     from benchmarks.hidden_effects.scoring.score import score
-    from pipeline.files import write_json
 
     out = _out(arguments, config)
     places = Places(out)

@@ -4,10 +4,12 @@ from collections import Counter
 
 import pytest
 
+from benchmarks.hidden_effects.__main__ import FOLDER, main
 from benchmarks.hidden_effects.making.benchmark import coarser
 from benchmarks.hidden_effects.making.plan import ROUND, plan, reaches
 from benchmarks.hidden_effects.making.sections import load_section
 from pipeline.cli import InputError
+from pipeline.files import read_json
 
 EFFECTS = ["softening", "rate", "pool"]
 SECTIONS, SURVEYS = ["dam", "tailings"], ["profile", "markers"]
@@ -107,3 +109,18 @@ def test_nothing_to_hide_is_an_error():
     with pytest.raises(ValueError, match="nothing to hide|no two effects"):
         plan(12, seed=0, effects=[], outside=["lens"], sections=SECTIONS, surveys=SURVEYS,
              reach=REACH)  # fmt: skip
+
+
+def test_files_of_another_plan_or_of_other_settings_are_not_mixed(tmp_path):
+    (tmp_path / "truths").mkdir()
+    (tmp_path / "truths" / "case_0001.json").write_text("{}")
+    given = ["--benchmark", f"{FOLDER}/slice.yaml", "--out", str(tmp_path), "--quiet"]
+    with pytest.raises(InputError, match="of an earlier version; give another folder"):
+        main(["make", *given])
+    other = tmp_path / "other"
+    by_codes = ["plan", "--benchmark", f"{FOLDER}/foreign_sixth.yaml", "--out", str(other)]
+    for _ in range(2):  # the second time it is the same plan
+        main(by_codes)
+        assert read_json(other / "reach.json") == []
+    with pytest.raises(InputError, match="has files of another plan, of other settings"):
+        main([*by_codes, "--set", "simulation.courant=0.1"])
