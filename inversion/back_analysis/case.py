@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from inversion.problem.changes import Changes, on_top
 from inversion.problem.layers import with_relation_priors
 from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
 from pipeline.cli import InputError
+
+if TYPE_CHECKING:
+    from geometry.survey3d.survey import Survey3d
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ class InversionCase(Case):
             name = variant.measurements or self.measurement_set
             fit = variant.fit
             if fit is None:
-                fit = _fit_of(self.question, self.measurements, name)
+                fit = fit_of(self.question, self.measurements, name)
             targets = self._targets(name, fit)
         return vary(self.setup, variant, targets, self.source)
 
@@ -210,7 +214,7 @@ def inversion_case(
     question = with_relation_priors(question, case, str(case.folder / FILE_NAME))
     targets = make_targets(
         case.measured,
-        fit=_fit_of(question, measurements, case.measurement_set),
+        fit=fit_of(question, measurements, case.measurement_set),
         loss=question.loss,
         source=str(case.folder / FILE_NAME),
         use_constructed=use_constructed,
@@ -226,7 +230,9 @@ def inversion_case(
     return asked
 
 
-def _fit_of(question: Question, measurements: Measurements, chosen: str) -> list[str] | None:
+def fit_of(
+    question: Question, measurements: Measurements | Survey3d, chosen: str
+) -> list[str] | None:
     """`fit` speaks of the default set; another set is fitted by the same names if it has any."""
     if question.fit is None or chosen == measurements.default_set:
         return question.fit

@@ -33,19 +33,29 @@ def deviating(
 ) -> Setup:
     """A setup whose section differs by a standard score of each of its uncertain assumptions.
 
+    What two of them say of one vertex, one soil or the pool adds up.
+
     Raises:
         InputError: beginning with `where`: the section does not hold together there.
     """
     before = setup.scene
     scene = _with_boundaries(before, uncertain, scores, where)
-    changes = []
+    rise: float | None = None
+    of_soil: dict[tuple[str, str], float] = {}
     for one, score in zip(uncertain, scores, strict=True):
         if isinstance(one, WaterLevel):
-            level = before.water_level + score * one.std_m
-            scene = scene_from_mapping(pool_at(scene, level), where)
+            rise = (rise or 0.0) + score * one.std_m
         elif isinstance(one, FixedProperty):
-            key = material_key(one.property)
-            changes += property_changes(before, one.zones, key, score * one.std)
+            for zone in one.zones:
+                key = zone, material_key(one.property)
+                of_soil[key] = of_soil.get(key, 0.0) + score * one.std
+    if rise is not None:
+        scene = scene_from_mapping(pool_at(scene, before.water_level + rise), where)
+    changes = [
+        found
+        for (zone, key), change in of_soil.items()
+        for found in property_changes(before, [zone], key, change)
+    ]
     if changes:
         scene = with_changes(scene, changes, where)
     return setup.with_scene(scene)

@@ -19,7 +19,7 @@ from geometry.scenes3d.scene3d import FILE_NAME as SCENE_FILE
 from geometry.scenes3d.scene3d import Scene3d, load_scene_3d
 from geometry.survey.blow_counts import BlowCount
 from geometry.survey3d.survey import Survey3d, load_survey
-from inversion.back_analysis.case import Reading
+from inversion.back_analysis.case import Reading, fit_of
 from inversion.back_analysis.deviations import property_changes, with_changes
 from inversion.back_analysis.variants import Changed, sides, vary
 from inversion.engines.measured_ground import MeasuredGround
@@ -161,7 +161,9 @@ class GroundCase:
         """The setup of a variant that changes no more than measurements and simulation."""
         targets = self.setup.targets
         if variant.measurements is not None or variant.fit is not None:
-            targets = self._targets(variant.measurements or self.measurement_set, variant.fit)
+            name = variant.measurements or self.measurement_set
+            fit = fit_of(self.question, self.survey, name) if variant.fit is None else variant.fit
+            targets = self._targets(name, fit)
         return vary(self.setup, variant, targets, self.source)
 
     @cached_property
@@ -260,7 +262,7 @@ def ground_case(
     scene = _at_spacing(drawn, spacing_m or own, source)
     survey = load_survey(folder, scene)
     chosen = measurement_set or survey.default_set
-    fit = question.fit if chosen == survey.default_set else None
+    fit = fit_of(question, survey, chosen)
     targets = make_targets(
         survey.chosen(chosen), fit=fit, loss=question.loss, source=source,
         use_constructed=use_constructed,

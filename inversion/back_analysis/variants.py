@@ -106,14 +106,9 @@ def apply_changes(setup: Setup, changes: Changes, where: str) -> Changed:
         ground["friction_coefficient"] = None
         scene = scene.changed(ground=ground)
         words.append(f"base {changes.contact.replace('_', ' ')}")
-    given = [one for one in changes.properties if one.value is not None]
-    if given:
-        scene = _other_soil(replace(setup, scene=scene), given, where)
-        words += [
-            f"{one.property} {one.value:g} in "
-            + (f"zones {', '.join(one.zones)}" if one.zones else "all zones")
-            for one in given
-        ]
+    if any(one.value is not None for one in changes.properties):
+        scene = _other_soil(replace(setup, scene=scene), changes.properties, where)
+        words += [_soil_words(one) for one in changes.properties]
     if changes.simulation:
         settings, how = _simulated(settings, changes.simulation)
         words.append(how)
@@ -140,15 +135,22 @@ def _shared_otherwise(setup: Setup, zones: Mapping[str, Sequence[str]], where: s
     return replace(setup, scene=scene_from_mapping(document, where), parameters=Parameters(specs))
 
 
+def _soil_words(one: OtherProperty) -> str:
+    value = "as drawn" if one.value is None else f"{one.value:g}"
+    return f"{one.property} {value} in " + (
+        f"zones {', '.join(one.zones)}" if one.zones else "all zones"
+    )
+
+
 def _other_soil(setup: Setup, properties: Sequence[OtherProperty], where: str) -> Scene:
-    """The scene with other properties, but for what is calibrated."""
+    """The scene with other properties, but for what is calibrated; of a zone the last one holds."""
     names = [zone.name for zone in setup.scene.zones]
     calibrated = {
         (zone, material_key(spec.property))
         for spec in setup.parameters.specs
         for zone in spec.zones
     }
-    changes = []
+    changes: dict[tuple[str, str], float | None] = {}
     for one in properties:
         for zone in one.zones or names:
             if zone not in names:
@@ -158,8 +160,9 @@ def _other_soil(setup: Setup, properties: Sequence[OtherProperty], where: str) -
                 )
             if (zone, one.property) in calibrated:
                 raise InputError(f"{where}: properties: {one.property} of {zone} is calibrated")
-            changes.append((zone, one.property, one.value))
-    return with_changes(setup.scene, changes, f"{where}: properties")
+            changes[zone, one.property] = one.value
+    known = [(*key, value) for key, value in changes.items() if value is not None]
+    return with_changes(setup.scene, known, f"{where}: properties")
 
 
 def _simulated(

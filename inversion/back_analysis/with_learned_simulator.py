@@ -199,13 +199,6 @@ class SurrogateAnalysis(LearnedAnalysis):
     def _uncertainty(self) -> None:
         """The uncertainty from the survey, and how much the surrogate's error adds to it."""
         self.answer_std = self.share_of_engine(SOURCE)
-        names = self.case.parameters.names
-        sigma = self.found.best.prediction.sigma_v0_kpa
-        self.ratio_changes[SOURCE] = {
-            name: float(std / stress)
-            for name, std, stress in zip(names, self.answer_std, sigma, strict=True)
-            if np.isfinite(stress)
-        }
 
     def _manifest(self) -> dict[str, Any]:
         made = super()._manifest()

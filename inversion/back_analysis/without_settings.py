@@ -160,6 +160,8 @@ class LearnedAnalysis(BackAnalysis):
     def share_of_engine(self, source: str) -> np.ndarray:
         """Take the engine's error out of the spread; it becomes a source of its own.
 
+        Of strengths as well as of their ratios to the stress before failure.
+
         Args:
             source: its name among the sources of uncertainty.
 
@@ -171,9 +173,13 @@ class LearnedAnalysis(BackAnalysis):
         survey = self.case.objective().covariance
         self.spread = posterior(self.objective, derivative, values, errors=survey)
         std = np.sqrt(np.maximum(whole.std**2 - self.spread.std**2, 0.0))
-        self.more_sources[source] = dict(
-            zip(self.case.parameters.names, map(float, std), strict=True)
-        )
+        names, stress = self.case.parameters.names, self.found.best.prediction.sigma_v0_kpa
+        self.more_sources[source] = dict(zip(names, map(float, std), strict=True))
+        self.ratio_changes[source] = {
+            name: float(one / vertical)
+            for name, one, vertical in zip(names, std, stress, strict=True)
+            if np.isfinite(vertical)
+        }
         return std
 
     def differences(self) -> list[str]:

@@ -121,8 +121,8 @@ class DirectEngine(Forward):
         """Predictions of all requests; one it has no answer to has failed, as a run may.
 
         Raises:
-            InputError: a section that the model does not know, or the first far outside its
-                training; a fitted measurement that it cannot read.
+            InputError: a section that the model does not know, or one that is far outside its
+                training where the question starts; a fitted measurement that it cannot read.
         """
         self.runs += len(requests)
         return [
@@ -170,9 +170,11 @@ class DirectEngine(Forward):
         """Standard deviation of the model's error of each number, (m,) [m] or [s].
 
         Of toes and times from their own interval, of elevations from the interval of the columns
-        there; as of a normal distribution with the same 90 % interval.
+        there; as of a normal distribution with the same 90 % interval. NaN where it has no answer.
         """
         (asked,) = self._asked([request])
+        if not isinstance(asked, Asked):
+            return np.full(len(request.setup.targets.names), np.nan)
         forecast, _ = self.forecast(asked)
         return np.concatenate(
             [_std(entry, forecast, asked) for entry in request.setup.targets.entries]
@@ -204,7 +206,7 @@ class DirectEngine(Forward):
                 f"far as its outermost sections from each other); beyond {FARTHEST:g} it answers "
                 "a back-analysis with inversion.outside_training: true alone; ask the engine mpm"
             )
-            if not self._answers:
+            if not self._answers and self._start_is_far(setup):
                 raise InputError(words)
             return _failed(setup, begin, words)
         self._answers = True
@@ -216,6 +218,12 @@ class DirectEngine(Forward):
             if start is None:
                 return _failed(setup, begin, "the slide runs farther than the model sees")
         return Asked(setup, scene, section, begin, start)
+
+    def _start_is_far(self, setup: Setup) -> bool:
+        """Whether the model knows nothing like the section where its question starts."""
+        scene = setup.at(setup.parameters.start).scene
+        section = section_of(scene, setup.settings.gravity_m_per_s2)
+        return self.predictor.distance(section) > FARTHEST
 
     def _start_of(self, request: Request, scene: Scene) -> Start:
         """The last one, where the request differs from it in strengths alone; else a new one."""

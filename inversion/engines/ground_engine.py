@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometry import PHYSICS_VERSION as GEOMETRY_VERSION
 from geometry.scenes3d.scene3d import Scene3d
 from inversion.engines.run_store import DAMAGE, OnRun
 from inversion.estimation.data import Targets
@@ -261,18 +262,20 @@ def _load(path: Path) -> KeptMaps | None:
 def _key(scene: Scene3d, problem: Problem3d, settings: SimulationSettings) -> str:
     """Hash of everything that the maps and readings depend on."""
     plain = {
-        "physics": PHYSICS_VERSION,
+        "physics": [PHYSICS_VERSION, GEOMETRY_VERSION],  # readings are kept, not positions
         "settings": settings.model_dump(mode="json"),
         "document": scene.document.model_dump(mode="json"),
         "materials": [material.model_dump(mode="json") for material in problem.materials],
         "domain": problem.domain,
         "spacing": [problem.spacing, problem.cells_per_spacing],
+        "edges": [problem.contact, problem.friction_coefficient, problem.flanks],
     }
     digest = hashlib.sha256(json.dumps(plain, sort_keys=True).encode())
     rasters = [problem.base, *([problem.water] if problem.water else [])]
     if scene.ground is not None and scene.ground.after is not None:
         rasters.append(scene.ground.after)
     arrays = [problem.position, problem.volume, problem.material, problem.zone]
+    arrays += [] if problem.velocity is None else [problem.velocity]
     arrays += [np.array([*raster.origin, raster.spacing]) for raster in rasters]
     for array in (*arrays, *(raster.values for raster in rasters)):
         digest.update(np.ascontiguousarray(array))

@@ -36,6 +36,8 @@ SCOUTS = 2**14
 CHOICE = 3
 #: Rounds of refined and of fine runs; each is placed by what the rounds before have found.
 ROUNDS = 3
+#: Runs in the middle of the posterior of which another way to simulate is tried, until one ends.
+TRIES = 3
 #: More coarse runs than this share may not fail.
 MOST_FAILED = 0.5
 
@@ -55,6 +57,7 @@ class Inference:
         read: (all numbers of the model,) bool: enough runs could be read; these are the k numbers.
         otherwise: change of the numbers with each other way to simulate, (k,) by name.
         engine_std: of the engine's own error of the numbers, (k,), in the middle of the posterior.
+        remarks: on what could not be found.
         timings: of the stages [s].
     """
 
@@ -68,6 +71,7 @@ class Inference:
     read: np.ndarray = field(init=False)
     otherwise: dict[str, np.ndarray] = field(default_factory=dict)
     engine_std: np.ndarray = field(init=False)
+    remarks: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -162,15 +166,37 @@ class Inference:
     def _simulate_otherwise(self) -> None:
         if len(self.values) == 0:
             return
+        fitted = [self.names.index(self.targets.names[k])
+                  for k in np.flatnonzero(self.targets.fitted)]  # fmt: skip
+        middle = self._in_the_middle()
+        self.otherwise, failed = {}, set[str]()
+        for place in middle:
+            changes = self.model.simulated_otherwise(self.values[place])
+            for name, change in changes.items():
+                if name not in self.otherwise and np.isfinite(change[self.read][fitted]).all():
+                    self.otherwise[name] = np.nan_to_num(change[self.read])
+            failed = changes.keys() - self.otherwise.keys()
+            if not failed:
+                break
+        self.remarks += [f"{name}: could not be compared; its error is not known and left out"
+                         for name in sorted(failed)]  # fmt: skip
+        own = self.model.error_std(self.values[middle[0]])[self.read]
+        if not np.isfinite(own[fitted]).all():
+            self.remarks.append("the engine's own error could not be found and is left out")
+        self.engine_std = np.nan_to_num(own)
+
+    def _in_the_middle(self) -> list[int]:
+        """Runs in the middle of the posterior, the first the best: others where that one fails."""
         paired = np.isfinite(self.fine).any(axis=1)
-        # The first of the pairs, or of the refined runs, lies in the middle of the posterior.
+        known = np.isfinite(self.coarse).all(axis=1)
+        likely = np.where(known, self.likelihood()(self.values), -np.inf)
+        others = [int(place) for place in np.argsort(-likely)[:TRIES]]
+        # Rounds are spread out from the middle of the posterior: so the first of the pairs, or of
+        # the refined runs, lies there.
         first = int(np.argmax(paired)) if paired.any() else self.settings.coarse_runs
-        centre = self.values[min(first, len(self.values) - 1)]
-        self.otherwise = {
-            name: np.nan_to_num(change[self.read])
-            for name, change in self.model.simulated_otherwise(centre).items()
-        }
-        self.engine_std = np.nan_to_num(self.model.error_std(centre)[self.read])
+        if first >= len(self.values):
+            return others
+        return [first, *(place for place in others if place != first)][:TRIES]
 
     # --- the posterior ---
 
@@ -207,6 +233,11 @@ class Inference:
             total += np.outer(error, error)
         own = dict(zip(names, self.engine_std, strict=True))
         return total + np.diag([own.get(name, 0.0) ** 2 for name in self.targets.names])
+
+    def shared_errors(self) -> np.ndarray:
+        """Covariance of the errors of other ways to simulate and of the engine, (k, k)."""
+        ways = [np.outer(change, change) for change in self.otherwise.values()]
+        return sum(ways, np.diag(self.engine_std**2))
 
     def _sampled(self) -> Inferred:
         likelihood, settings = self.likelihood(), self.settings
@@ -269,13 +300,43 @@ class Inferred:
         return np.sqrt(np.mean(self._after[1] ** 2, axis=0))
 
     def replicated(self, *, prior: bool = False) -> np.ndarray:
-        """Numbers of a run with all errors of the model, but none of the survey, (s, k)."""
+        """Numbers of a run with all errors of the model, but none of the survey, (s, k).
+
+        After the data the errors are those that the fitted numbers leave possible: an error that
+        all numbers share is known from one of them. What a limit says of it is left out.
+        """
         mean, std = self._before if prior else self._after
         random = np.random.default_rng([self.inference.settings.seed, 3 + prior])
-        found = mean + std * random.standard_normal(mean.shape)
+        error = std * random.standard_normal(mean.shape)
         for change in self.inference.otherwise.values():
-            found = found + random.standard_normal((len(found), 1)) * change
-        return found + random.standard_normal(found.shape) * self.inference.engine_std
+            error = error + random.standard_normal((len(error), 1)) * change
+        error = error + random.standard_normal(error.shape) * self.inference.engine_std
+        return mean + (error if prior else self._given_the_data(mean, std, error, random))
+
+    def _given_the_data(
+        self, mean: np.ndarray, std: np.ndarray, error: np.ndarray, random: np.random.Generator
+    ) -> np.ndarray:
+        """Errors of the model (s, k) drawn without the data, moved to what these leave possible.
+
+        Matheron's rule: with E the covariance of these errors and S that of the survey, an error e
+        and a survey's error n drawn from both become e + E_f (E_ff + S)^-1 (residual - e_f - n), f
+        the fitted numbers.
+        """
+        inference, targets = self.inference, self.inference.targets
+        fitted = np.flatnonzero(targets.fitted & ~targets.censored)
+        at = [inference.names.index(targets.names[k]) for k in fitted]
+        part = np.ix_(fitted, fitted)
+        whole, shared = inference.errors()[part], inference.shared_errors()[:, at]
+        root = np.linalg.cholesky(targets.covariance[part])
+        survey = random.standard_normal((len(mean), len(fitted))) @ root.T
+        left = targets.measured[fitted] - mean[:, at] - error[:, at] - survey
+        found = error.copy()
+        for one in np.array_split(np.arange(len(mean)), 1 + len(mean) * len(fitted) ** 2 // 10**7):
+            total = whole + std[one][:, at, None] ** 2 * np.eye(len(fitted))
+            weight = np.linalg.solve(total, left[one][..., None])[..., 0]
+            found[one] += weight @ shared.T
+            found[np.ix_(one, at)] += std[one][:, at] ** 2 * weight
+        return found
 
 
 def _parts(number: int) -> list[int]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.forward import Prediction, Setup
+from inversion.estimation.forward import Forward, Prediction, Setup
 from inversion.posterior.unknown import Section, Unknown
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
@@ -125,13 +126,29 @@ class SectionModel:
     @property
     def other_ways(self) -> list[tuple[str, Setup]]:
         """Other ways to simulate among the sensitivities: name and setup."""
+        return self._known_ways[0]
+
+    @property
+    def remarks(self) -> list[str]:
+        """Other ways to simulate that the engine does not know."""
+        return self._known_ways[1]
+
+    @cached_property
+    def _known_ways(self) -> tuple[list[tuple[str, Setup]], list[str]]:
         available, _ = self.section.case.sensitivities_of(self.store.refused)
-        return [
-            (sensitivity.name, side.setup)
-            for sensitivity, sides in available
-            if isinstance(sensitivity, CellSize | TimeStep | OtherSetting)
-            for side in sides
-        ]
+        known, left_out = [], []
+        for sensitivity, sides in available:
+            if not isinstance(sensitivity, CellSize | TimeStep | OtherSetting):
+                continue
+            for side in sides:
+                reason = ""
+                if self.engine.unseen is not None:
+                    reason = self.engine.unseen(self.section.case.setup, side.setup)
+                if reason:
+                    left_out.append(f"{sensitivity.name}: left out: {reason}")
+                else:
+                    known.append((sensitivity.name, side.setup))
+        return known, left_out
 
     def simulated_otherwise(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Change of the numbers (k,) at values (q,) with each other way to simulate, by its name.
@@ -158,9 +175,18 @@ class SectionModel:
         setup, found = self._setup(values, False), np.zeros(len(self.names))
         if setup is not None:
             request = setup.at(values[: self.section.parameters])
-            own = self.engine.forward(self.store).error_std(request)
+            own = self._forward.error_std(request)
             found[: len(self.shown)] = own[self.shown]
         return found
+
+    @cached_property
+    def _forward(self) -> Forward:
+        """The engine; one that has learned must know the section where the question starts."""
+        engine = self.engine.forward(self.store)
+        if self.engine.unseen is not None:
+            setup = self.section.case.setup
+            engine.predict([setup.at(setup.parameters.start)])
+        return engine
 
     def _setup(self, values: np.ndarray, coarse: bool) -> Setup | None:
         try:
@@ -174,7 +200,7 @@ class SectionModel:
         there = [place for place, setup in enumerate(setups) if setup is not None]
         requests = [setups[place].at(values[place, :parameters]) for place in there]
         found = np.full((len(values), len(self.names)), np.nan)
-        predictions = self.engine.forward(self.store).predict(requests)
+        predictions = self._forward.predict(requests)
         for place, prediction in zip(there, predictions, strict=True):
             found[place] = self._read(prediction)
         self.unread += int(np.isnan(found).any(axis=1).sum())

@@ -113,7 +113,9 @@ def document_of(found: Inferred) -> PosteriorDocument:
         ),
         remarks=[
             *model.section.remarks,
+            *model.remarks,
             *coarse_remarks(found),
+            *inference.remarks,
             *(f"{name}: too few runs could be read; left out" for name in inference.unread),
         ],
         timings={name: round(time, 2) for name, time in inference.timings.items()},

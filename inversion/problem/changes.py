@@ -108,16 +108,32 @@ class Waterfall(Document):
 
 
 def on_top(before: Changes, step: WaterfallStep) -> Changes:
-    """The changes of a step with those before it."""
+    """The changes of a step with those before it: of a zone the last one holds."""
     fresh = step.case is not None
-    soil = {} if fresh else {(one.property, *one.zones): one for one in before.properties}
+    soil = [] if fresh else before.properties
     for one in step.properties:
-        soil[(one.property, *one.zones)] = one
+        left = (_without(other, one) for other in soil)
+        soil = [*(other for other in left if other is not None), one]
     return Changes(
         water=step.water or before.water,
         pool_level_m=before.pool_level_m if step.pool_level_m is None else step.pool_level_m,
         contact=step.contact or before.contact,
         simulation={**before.simulation, **step.simulation},
-        properties=list(soil.values()),
+        properties=soil,
         zones={**({} if fresh else before.zones), **step.zones},
     )
+
+
+def _without(before: OtherProperty, after: OtherProperty) -> OtherProperty | None:
+    """What an earlier change still says after a later one; None: nothing.
+
+    A change of all zones cannot lose some of them, so it stays, before the later one.
+    """
+    if before.property != after.property:
+        return before
+    if not after.zones:
+        return None
+    if not before.zones:
+        return before
+    left = [zone for zone in before.zones if zone not in after.zones]
+    return before.model_copy(update={"zones": left}) if left else None

@@ -187,6 +187,7 @@ def test_far_from_the_training_it_answers_only_if_asked(setup):
     lost = engine.predict([request, near])  # a trial on the way to an answer
     assert lost[0].failed and "from the training of the direct model" in lost[0].reason
     assert np.isnan(lost[0].values).all() and not lost[1].failed
+    assert np.isnan(engine.error_std(request)).all()
     bold = DirectEngine(engine.store, engine.predictor, anywhere=True)
     assert np.isfinite(bold.predict([request])[0].values[setup.targets.fitted]).all()
 
@@ -253,6 +254,10 @@ def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkey
     result = back_analysis_by(engine_named("direct"), case, RunStore(None), Watch()).run()
     assert result.engine == "direct"
     assert any("from the training of the direct model" in line for line in result.remarks)
+    # Its error is in the ratio as it is in the strength.
+    strength = next(one for one in result.answer.parameters if one.ratio is not None)
+    share = strength.ratio_std / strength.ratio / (strength.std_total / strength.value)
+    assert share == pytest.approx(1.0, abs=0.15)
     assert untrained("direct").name == "direct"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from geometry.terrain.raster import Raster, read_raster, write_raster
 from inversion.back_analysis.ground_case import ground_case
 from inversion.back_analysis.on_ground import on_ground
 from inversion.back_analysis.result import load_result
-from inversion.engines.ground_engine import GroundEngine
+from inversion.engines.ground_engine import GroundEngine, _key
 from inversion.engines.measured_ground import MeasuredGround
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
@@ -150,6 +151,36 @@ def test_a_question_has_the_readings_that_three_dimensions_have(tmp_path):
     analysis = on_ground(case, tmp_path / "out", Watch(), threads=1)
     assert analysis.known_variants() == case.variants
     assert analysis.coarse_spacing_m is None  # too few points for coarse runs
+
+
+def test_another_set_is_fitted_by_the_same_names(tmp_path):
+    folder = asked(slide(tmp_path / "dam"), RUNOUT, fit=["toe"])
+    area = {"name": "area", "type": "inundated_area", "value_m2": 900.0, "std_m2": 90.0} | SAID
+    survey = {"case": "dam", "default_set": "one", "sets": {
+        "one": [RUNOUT, area], "two": [RUNOUT | {"value_m": 25.0}, area]}}  # fmt: skip
+    write_text(folder / FILE_NAME, yaml_text(survey))
+    question = {"parameters": [STRENGTH], "fit": ["toe"],
+                "variants": [{"name": "second survey", "measurements": "two"}]}  # fmt: skip
+    write_text(folder / "inversion.yaml", yaml_text(question))
+    case = ground_case(folder, load_config(None))
+    other = ground_case(folder, load_config(None), measurement_set="two")
+    (variant,) = case.variants[0]
+    for targets in (case.setup.targets, other.setup.targets, case.variant(variant).setup.targets):
+        assert dict(zip(targets.names, targets.fitted, strict=True)) == {"toe": True, "area": False}
+
+
+def test_a_run_is_known_by_all_that_holds_the_soil(tmp_path):
+    folder = asked(slide(tmp_path / "dam"), RUNOUT)
+    problem, scene = ground_case(folder, load_config(None)).setup.problem, load_scene_3d(folder)
+    settings = load_config(None).simulation
+    others = [
+        problem,
+        replace(problem, contact="coulomb", friction_coefficient=0.2),
+        replace(problem, contact="coulomb", friction_coefficient=0.4),
+        replace(problem, flanks="no_slip"),
+        replace(problem, velocity=np.ones_like(problem.position)),
+    ]
+    assert len({_key(scene, one, settings) for one in others}) == len(others)
 
 
 def test_coarse_runs_are_of_the_same_question(tmp_path):

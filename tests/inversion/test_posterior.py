@@ -26,7 +26,7 @@ from inversion.posterior.runs import SectionModel
 from inversion.posterior.sampling import resampled, spread_out, tempered
 from inversion.posterior.summary import coarse_remarks, shares
 from inversion.posterior.unknown import Unknown, section_of, unknown_parameter
-from inversion.problem.question import Prior
+from inversion.problem.question import FixedProperty, Prior
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import PosteriorSettings
 from tests.inversion.analytic import angle, strength, targets, toes
@@ -137,6 +137,29 @@ def test_one_standard_deviation_is_what_a_back_analysis_tries(lsfd):
             assert found.foot == pytest.approx(side.setup.foot)
     still = deviating(case.setup, section.nuisances, np.zeros(2), case.source)
     assert still.scene == case.setup.scene
+
+
+def test_what_two_assumptions_say_of_one_soil_adds_up(lsfd):
+    from flowslide import load_case
+
+    case = inversion_case(load_case(lsfd))
+    zones = [zone.name for zone in case.scene.zones]
+
+    def density(name, where, std):
+        return FixedProperty(kind="property", name=name, zones=where, property="density", std=std)
+
+    uncertain = [density("all", zones, 50.0), density("one", zones[:1], 80.0)]
+    drawn = case.scene
+
+    def found(scores):
+        scene = deviating(case.setup, uncertain, scores, "test").scene
+        of = {zone.name: scene.materials[zone.material].density for zone in scene.zones}
+        before = {zone.name: drawn.materials[zone.material].density for zone in drawn.zones}
+        return [of[name] - before[name] for name in zones[:2]]
+
+    assert found([1.0, 0.0]) == pytest.approx([50.0, 50.0])
+    assert found([1.0, 1.0]) == pytest.approx([130.0, 50.0])
+    assert found([0.0, -1.0]) == pytest.approx([-80.0, 0.0])
 
 
 def test_a_prior_is_cut_where_the_section_no_longer_holds_together(lsfd):
@@ -355,8 +378,69 @@ def test_the_engines_own_error_is_part_of_the_covariance_and_of_what_is_predicte
     assert strengths.std() == pytest.approx(std, rel=0.15)
     assert std > 1.2 * by_quadrature(runout, 53.0, 6.0)[1]
     assert found.sampled.log_evidence == pytest.approx(log_evidence, abs=0.4)
-    added = found.replicated().var() - found.predicted.var()
+    bare, _ = found.likelihood.emulator.predict(found.prior)
+    added = found.replicated(prior=True).var() - bare.var()
     assert added == pytest.approx(8.0**2, rel=0.15)
+    # What the survey says of the number itself it says with its own error, whatever the model's.
+    assert found.replicated().mean() == pytest.approx(53.0, abs=1.5)
+    assert found.replicated().std() < 6.0
+
+
+@pytest.mark.parametrize(("shared", "own"), [(12.0, 0.0), (0.0, 4.0), (5.0, 3.0)])
+def test_an_error_that_numbers_share_is_known_from_the_one_that_is_fitted(shared, own):
+    """Two toes by the same formula, the first surveyed to 2 m and fitted: in closed form.
+
+    Of the second, mu + e1, the data say: mu + e0 = 53 +- 2, and e1 - e0 has 2 own^2.
+    """
+    model = FormulaModel(
+        lambda values: np.repeat(runout(values)[:, None], 2, axis=1), names=["toe 0", "toe 1"],
+        otherwise={"flip": shared}, own_std=own,
+    )  # fmt: skip
+    goal = make_targets(toes(53.0, 60.0, std=2.0), fit=["toe 0"], loss="misfit", source="test")
+    found = infer(model, goal)
+    toe = found.replicated()
+    assert toe[:, 0].mean() == pytest.approx(53.0, abs=0.7)
+    assert toe[:, 0].std() == pytest.approx(2.0, rel=0.15)
+    assert toe[:, 1].mean() == pytest.approx(53.0, abs=1.0)
+    assert toe[:, 1].std() == pytest.approx(np.sqrt(2.0**2 + 2.0 * own**2), rel=0.15)
+
+
+def test_a_way_to_simulate_that_fails_is_tried_elsewhere_and_then_said():
+    tried = []
+
+    @dataclass
+    class Failing(FormulaModel):
+        failing: int = 1
+
+        def simulated_otherwise(self, values):
+            tried.append(values)
+            late = np.nan if len(tried) <= self.failing else 3.0
+            return {"flip": np.array([late]), "step": np.array([1.0])}
+
+    found = infer(Failing(runout)).inference
+    assert len(tried) == 2 and not np.array_equal(*tried) and not found.remarks
+    assert {name: list(change) for name, change in found.otherwise.items()} == {
+        "flip": [3.0], "step": [1.0]
+    }  # fmt: skip
+    for one in tried:  # where the posterior is
+        assert abs(runout(one[None])[0] - 53.0) < 15.0
+    tried.clear()
+    found = infer(Failing(runout, failing=9)).inference
+    assert list(found.otherwise) == ["step"] and len(tried) == 3
+    assert found.remarks == ["flip: could not be compared; its error is not known and left out"]
+
+
+def test_without_refined_runs_the_middle_is_where_the_posterior_is():
+    asked = []
+
+    @dataclass
+    class Asking(FormulaModel):
+        def simulated_otherwise(self, values):
+            asked.append(values)
+            return {}
+
+    infer(Asking(runout), settings=FEW.model_copy(update={"refined_runs": 0}))
+    assert abs(runout(asked[0][None])[0] - 53.0) < 12.0
 
 
 @pytest.mark.slow

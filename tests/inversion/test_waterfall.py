@@ -54,8 +54,39 @@ def test_steps_stand_on_those_before_them_and_another_case_ends_the_soil():
     assert more.properties == [light] and more.zones == {"s": ["a"]}
     back = light.model_copy(update={"value": None})
     assert on_top(before, WaterfallStep(name="x", properties=[back])).properties == [back]
+    heavy = OtherProperty(property="density", value=1800.0)
+    part = OtherProperty(zones=["a"], property="density", value=1900.0)
+    steps = [WaterfallStep(name="x", properties=[one]) for one in (heavy, part, heavy)]
+    assert on_top(before, steps[0]).properties == [heavy]
+    assert on_top(on_top(before, steps[0]), steps[1]).properties == [heavy, part]
+    assert on_top(on_top(before, steps[1]), steps[2]).properties == [heavy]
+    two = Changes(properties=[part.model_copy(update={"zones": ["a", "b"]})])
+    assert [one.zones for one in on_top(two, steps[1]).properties] == [["b"], ["a"]]
     moved = on_top(before, WaterfallStep(name="x", case="."))
     assert moved.properties == [] and moved.zones == {} and moved.simulation == before.simulation
+
+
+def test_the_last_that_is_said_of_a_zone_holds(asking):
+    def core(value, zones=("5",)):
+        return [{"property": "density", "value": value, "zones": list(zones)}]
+
+    steps = [
+        {"name": "core", "properties": core(1700.0)},
+        {"name": "all", "properties": core(1800.0, ())},
+        {"name": "core again", "properties": core(1900.0)},
+        {"name": "as drawn", "properties": core(None)},
+    ]
+    case = inversion_case(load_case(asking(steps)))
+    zones = {zone.name: zone.material for zone in case.scene.zones}
+    drawn = case.scene.materials[zones["5"]].density
+    other = next(name for name in zones if name != "5")
+    found = []
+    for reading in case.waterfall:
+        scene = reading.setup.scene
+        soil = {zone.name: scene.materials[zone.material].density for zone in scene.zones}
+        found.append((soil["5"], soil[other]))
+    assert [pair[0] for pair in found] == [1700.0, 1800.0, 1900.0, drawn]
+    assert [pair[1] for pair in found][1:] == [1800.0] * 3
 
 
 def test_each_step_is_a_setup_with_one_unknown(asking):
