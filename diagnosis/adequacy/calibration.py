@@ -261,7 +261,9 @@ def errors_at(
     survey = targets.covariance
     if not options.numerical_covariance:
         return covariance(survey, source=source), nothing
-    kinds = paired(own, options)
+    kinds = {
+        kind: state for kind, state in paired(own, options).items() if runs.model.simulates(state)
+    }
     transfer = fine = None
     finer_noise = 0.0
     if "transfer" in kinds and runs.affords([kinds["transfer"]], "transfer"):

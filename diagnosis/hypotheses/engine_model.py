@@ -214,6 +214,11 @@ class EngineModel:
         """See `Model`."""
         return self._forward.error_std(self._request(self.run_behind(state), self.targets))
 
+    def simulates(self, state: State) -> bool:
+        """See `Model`."""
+        unseen, own = self.engine.unseen, replace(state, numerics="own")
+        return unseen is None or not unseen(self.setup_of(own), self.setup_of(state))
+
     @cached_property
     def proposals(self) -> list[Proposal]:
         """Measurements that could still be made."""

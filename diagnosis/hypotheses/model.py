@@ -177,6 +177,14 @@ class Model(Predictor, Protocol):
     curves: list[Curve]
     runs: int
 
+    def error_std(self, state: State) -> np.ndarray:
+        """Standard deviation of the engine's own error of each number, (m,)."""
+        ...
+
+    def simulates(self, state: State) -> bool:
+        """Whether it has an answer to a state with other numerics, and another than to its own."""
+        ...
+
 
 @runtime_checkable
 class Proposing(Model, Protocol):

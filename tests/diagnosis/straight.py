@@ -133,6 +133,9 @@ class Straight:
     def error_std(self, state: State) -> np.ndarray:
         return np.full(SIZE, self.engine_std)
 
+    def simulates(self, state: State) -> bool:
+        return True
+
     def predict(self, states: Sequence[State]) -> np.ndarray:
         self.runs += len(states)
         new = [state for state in dict.fromkeys(states) if state not in self._kept]

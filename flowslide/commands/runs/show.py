@@ -9,7 +9,7 @@ from flowslide.commands import options
 from pipeline.cli import InputError
 
 COLOURS = ("displacement", "plastic_strain", "speed", "material")
-FIELDS = ("positions", "time", "material", "velocity", "plastic_shear_strain")
+FIELDS = ("positions", "time", "material", "velocity", "plastic_shear_strain", "kinematic")
 DESCRIPTION = "Draw a run: a picture (png, svg, pdf) or an animation (mp4, gif)."
 
 
