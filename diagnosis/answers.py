@@ -6,7 +6,7 @@ and the same as objects.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.diagnose import Diagnosis, diagnose
@@ -66,7 +66,9 @@ def _keep_comparison(session: Session, found: Comparison) -> None:
     judged = judge(found.base.data, found.base.fit)
     if not session.is_base:
         root = compare(session.root.model, session.root.options)
-        judged = judge_again(root.base.data, found.base.fit)
+        # A hypothesis may move what was measured, where it says that the survey erred.
+        moved = replace(root.base.data, measured=found.base.data.measured)
+        judged = judge_again(moved, found.base.fit)
         model, note = None, session.hypothesis.notes.strip() or "by hand"
         effects = {name: effect.amplitude for name, effect in session.hypothesis.effects.items()}
     step = step_of(

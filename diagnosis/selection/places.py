@@ -22,6 +22,7 @@ from diagnosis.selection.explain import with_candidate
 from diagnosis.selection.refit import ANCHORED, JUDGES, FittedModel, refit
 from diagnosis.selection.selection import Selection
 from diagnosis.signatures.signatures import take_signatures
+from inversion.estimation.misfit import total_of
 from inversion.estimation.response_surface import Surface
 
 #: Fall of the sum of squares that a place must promise beyond the one before it.
@@ -55,7 +56,12 @@ def seek_places(selection: Selection, models: list[FittedModel]) -> list[FittedM
     found = list(models)
     for _ in range(MOVES):
         moved = _moved(selection, model, now)
-        if moved is None or moved.fit.total > now.fit.total - PROMISE:
+        if moved is None:
+            break
+        # The same C for both: the errors of this place may have been found, those of that not.
+        data = selection.explanation.context.of(moved).data
+        here = total_of(data, now.fit.space, now.fit.prediction, now.fit.x)
+        if moved.fit.total > here - PROMISE:
             break
         now = moved
         found.append(now)
@@ -78,6 +84,10 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
     best = None
     if there and runs.affords(states, f"places near {name}"):
         rows = runs.predict(states)
+        # Cells have been measured at this place alone; the neighbours have what they do here.
+        cells = selection.comparison.base.cells
+        rows = [row + cells.of(states[0]) - cells.of(one)
+                for one, row in zip(states, rows, strict=True)]  # fmt: skip
         found = judged(selection.explanation.context.of(now).data, fit, draws=1, seed=0)
         drops = {}
         for other, row in zip(there, rows[1:], strict=True):

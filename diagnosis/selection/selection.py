@@ -25,7 +25,7 @@ from diagnosis.selection.refit import (
     weighed,
     with_own_derivative,
 )
-from diagnosis.selection.tried_models import AdoptedModel, TriedModels, accepted_here
+from diagnosis.selection.tried_models import AdoptedModel, TriedModels, accepted_here, why_not
 from diagnosis.signatures.signatures import Signature, score_all, take_signatures
 from inversion.estimation.budget import Runs
 
@@ -227,7 +227,11 @@ class Selection:
         self.tried.way.append(AdoptedModel(model, adequacy, found, scores, note))
 
     def drop_needless(self) -> None:
-        """Take an effect that costs little to remove out of the model adopted last."""
+        """Take an effect that costs little to remove out of the model adopted last.
+
+        What is left must be a model that could have been adopted: none that drives a parameter to a
+        bound, where its evidence means nothing.
+        """
         now = self.now.model
         if len(now.names) < 2:
             return
@@ -236,7 +240,12 @@ class Selection:
             self._seek_near(key, now)
         models = self.tried.models
         known = [models[key] for key in smaller if key in models]
-        found = [self.tried.weighed(model) for model in known if not model.unread]
+        before = self.tried.weighed(self.tried.way[0].model)
+        found = [
+            model
+            for model in map(self.tried.weighed, known)
+            if not why_not(before, model, self.options)
+        ]
         less = max(found, key=lambda model: model.ln_evidence, default=None)
         if less is None:
             return

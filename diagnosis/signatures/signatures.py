@@ -397,15 +397,20 @@ def _score(
     null_share = np.clip(drawn / size, 0.0, most)
     if candidate.switch:  # on, or off; there is nothing in between
         share, null_share = np.round(share), np.round(null_share)
+    # An amplitude other than 0 pays for its distance from the prior's mean there, which at 0 nobody
+    # pays who has not got the effect.
+    paid = ((candidate.prior_mean or 0.0) / (candidate.prior_std or 1.0)) ** 2
     share = float(share)
+    drop = 2.0 * share * agree - share**2 * size
+    null_drop = 2.0 * null_share * drawn - null_share**2 * size
     score = Score(
         name=candidate.name,
         rung=rung,
         z=agree / np.sqrt(size),
         amplitude=share * rung,
-        drop=2.0 * share * agree - share**2 * size,
+        drop=max(drop - paid, 0.0),
         visible=float(np.linalg.norm(s)),
         whole=float(np.linalg.norm(whole)),
         projected=s,
     )
-    return score, 2.0 * null_share * drawn - null_share**2 * size
+    return score, np.maximum(null_drop - paid, 0.0)

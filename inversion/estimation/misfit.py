@@ -279,9 +279,11 @@ def system(data: Data, space: Unknowns, derivative: np.ndarray, x: np.ndarray) -
     near = 1e-6 * (space.high - space.low)
     inside = (x > space.low + near) & (x < space.high - near)
     inside[space.p :] = True
-    strengths = space.parameters.logarithmic & ~space.parameters.has_prior
+    parameters = space.parameters
+    strengths = parameters.strengths & ~parameters.has_prior
     beyond = np.zeros(space.size)
-    beyond[: space.p][strengths] = data.strength_error**2
+    # A share of the strength, and so an error of its logarithm, of which x is a multiple.
+    beyond[: space.p][strengths] = (data.strength_error / parameters.prior_std[strengths]) ** 2
     return System(data, derivative, space.prior[0], inside & space.free, beyond)
 
 
