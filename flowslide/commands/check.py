@@ -65,6 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
             f"{scene.name:<24}{len(scene.zones):>6}{len(points):>8}{area:>10.1f}{filled:>9}{drawn:>7}"
         )
         print_gaps(scene)
+        print_faces(scene)
         if measurements is not None:
             _print_measurements(measurements)
         if counted:
@@ -101,6 +102,25 @@ def print_gaps(scene: Scene) -> None:
         print(f"  gap of {area:.3g} m2 between zones at ({x:.2f}, {y:.2f})")
     if len(found) > 5:
         print(f"  and {len(found) - 5} smaller gaps")
+
+
+def print_faces(scene: Scene) -> None:
+    """Print where the section ends in a vertical face, as ground that was drawn as a zone does."""
+    import shapely
+
+    from geometry.survey.columns import SIDES, outward_of, toe_thickness
+
+    whole = shapely.union_all([shapely.Polygon(zone.polygon) for zone in scene.zones])
+    low, high = scene.extent
+    for side in SIDES:
+        x = scene.foot(side) - outward_of(side) * 0.05 * scene.spacing
+        cut = shapely.LineString([(x, low - 1.0), (x, high + 1.0)]).intersection(whole)
+        if cut.length > toe_thickness(scene.spacing):
+            print(
+                f"  the section ends on the {side} in a face of {cut.length:.3g} m at x = "
+                f"{scene.foot(side):g} m, from which a runout is counted; ground beyond the foot "
+                "of a dam is drawn as `ground`, not as a zone"
+            )
 
 
 def _measurements_beside(path: Path, scene: Scene) -> Measurements | None:

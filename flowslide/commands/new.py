@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from flowslide.commands import options
+from flowslide.commands.check import print_faces
 
 CASES = "case_histories"
 DESCRIPTION = (
@@ -78,6 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
     folder = made.folder
     ran = ", ".join(f"{r.side} {r.value_m:g} +- {r.std_m:.2g} m" for r in made.runouts)
     print(f"wrote {folder}: {len(made.scene.zones)} zones; runout {ran}")
+    print_faces(made.scene)
     print("It works as it is; lines with FILL IN wait for what only you know. Next:")
     print(f"  flowslide check {folder}")
     print(f"  flowslide show {folder} --out {folder.name}.png")

@@ -30,6 +30,8 @@ from inversion.classical.slices import Polyline, Slices
 from inversion.classical.slide_forces import SlideForces, sum_forces
 from pipeline.cli import InputError, WorkFailed
 
+#: Share of a slip surface that must pass through liquefied soil.
+LEAST_LIQUEFIED = 0.01
 METHODS = {
     "kinetics": "Kinetics (Olson 2001)",
     "zif": "Zero inertial factor (Kramer and Wang 2015)",
@@ -146,14 +148,25 @@ class Workbench:
         self._slices: dict[tuple, Slices] = {}
 
     def slide(self, judgement: Judgement) -> Slide:
-        """The slide of a judgement. Raises `InputError` as `CaseSections.slide`."""
+        """The slide of a judgement.
+
+        Raises:
+            InputError: as `CaseSections.slide`; or its slip surface passes no liquefied soil.
+        """
         name = judgement.slip_surface
         if name not in self._slips:
             chosen = self.judgement.model_copy(update={"slip_surface": name})
             self._slips[name] = self.case.slip(chosen)
         key = (name, judgement.water == "none", judgement.water_line, judgement.unit_weight_factor)
         if key not in self._slides:
-            self._slides[key] = self.case.slide(judgement, self._slips[name])
+            slide = self.case.slide(judgement, self._slips[name])
+            bases = slide.slices(slide.section(0.0), form="buoyant", base=judgement.base_strength)
+            if bases.length[bases.liquefied].sum() < LEAST_LIQUEFIED * bases.length.sum():
+                raise InputError(
+                    f"{self.case.folder}: {judgement.name}: slip surface: passes through no "
+                    "liquefied soil, so there is no S_r to find on it"
+                )
+            self._slides[key] = slide
         return self._slides[key]
 
     def stage(self, judgement: Judgement, share: float) -> Stage:

@@ -345,7 +345,8 @@ def _comment(text: str) -> str:
 def _dump(part: Mapping[str, Any]) -> str:
     """YAML of some keys: numbers, points and lists of them behind the key, the rest below it."""
     text = ""
-    for key, value in part.items():
+    for name, value in part.items():
+        key = yaml_text({name: 0}).rsplit(": 0", 1)[0]  # quoted where it would be no text
         below = _has_mappings(value)
         inner = yaml_text(
             value,

@@ -8,6 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
+from geometry.scenes.scene import load_scene
 from inversion.__main__ import main
 from inversion.catalogue.catalogue import (
     FOLDER,
@@ -28,7 +29,8 @@ from inversion.catalogue.correlations import (
 from pipeline.cli import InputError
 from report.charts.catalogue import catalogue_figure, draw_catalogue
 
-OURS = OurAnswer("lower_san_fernando", "Lower San Fernando", "S_r", ("1",), 27.5, 3.0, 0.17, 0.02)
+ZONES = tuple(f"upstream_fill_{k}" for k in range(1, 5))
+OURS = OurAnswer("lower_san_fernando", "Lower San Fernando", "S_r", ZONES, 27.5, 3.0, 0.17, 0.02)
 
 
 def case_strengths(case: str) -> list:
@@ -38,7 +40,7 @@ def case_strengths(case: str) -> list:
 
 
 def parameter(**fields) -> dict:
-    return {"label": "S_r", "zones": ["1"], "value": 27.5, "std_total": 3.0, "ratio": 0.17,
+    return {"label": "S_r", "zones": list(ZONES), "value": 27.5, "std_total": 3.0, "ratio": 0.17,
             "ratio_std": 0.02, **fields}  # fmt: skip
 
 
@@ -208,6 +210,14 @@ def test_a_row_that_is_too_long_or_goes_on(tmp_path):
 # --- our answers ---
 
 
+def test_zones_of_the_catalogue_are_those_of_its_cases(root):
+    cases = {entry.name: entry.case for entry in load_catalogue() if entry.case}
+    for strength in load_strengths():
+        if strength.zones:
+            scene = load_scene(root / "case_histories" / cases[strength.name] / "scene.yaml")
+            assert set(strength.zones) <= {zone.name for zone in scene.zones}, strength.name
+
+
 def test_our_answers_stand_over_the_blow_count_of_their_zone():
     strengths, entries = load_strengths(), load_catalogue()
     assert blow_count(OURS, strengths, entries).n1_60 == 11.5
@@ -241,7 +251,7 @@ def test_the_picture_shows_all_that_has_a_place():
     figure = catalogue_figure(load_catalogue(), load_strengths(), [OURS, own])
     (ax,) = figure.axes
     words = [text.get_text() for text in ax.texts]
-    assert "A  Lower San Fernando, zone 1: 27.5 ± 3 kPa" in words
+    assert f"A  Lower San Fernando, zones {', '.join(ZONES)}: 27.5 ± 3 kPa" in words
     assert "B  My Dam, zone base: 10 ± 2 kPa" in words and "blow count\nunknown" in words
     placed = [s for s in load_strengths() if s.ratio is not None and s.n1_60 is not None]
     assert len(placed) == 10

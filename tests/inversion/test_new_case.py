@@ -212,3 +212,24 @@ def test_shared_materials_must_be_parted(tmp_path):
                section=path)  # fmt: skip
     (spec,) = inversion_case(load_case(both)).question.parameters
     assert spec.zones == ["base", "cap"]
+
+
+@pytest.mark.parametrize("name", ["1", "sand #1", "Zone 1: sand", "yes", "null"])
+def test_a_material_may_have_any_name(dry, tmp_path, name):
+    dry.write_text(
+        DRY.replace("y,friction", "y,material,friction").replace("0,0,0,8", f'0,0,"{name}",0,8')
+        .replace("cap,5,4,33", "cap,5,4,cap,33").replace(",,\n", ",,,\n")
+    )  # fmt: skip
+    folder = new(tmp_path / "dam", "--liquefied", "base", "--runout", "left=5", section=dry)
+    scene = load_scene(folder / "scene.yaml")
+    assert list(scene.materials) == [name, "cap"] and scene.zones[0].material == name
+
+
+def test_ground_that_was_drawn_as_a_zone_is_remarked(dry, tmp_path, capsys):
+    foundation = "foundation,-40,-4,30,5\nfoundation,80,-4,,\nfoundation,80,0,,\n"
+    dry.write_text(DRY + foundation + "foundation,20,0,,\nfoundation,0,0,,\nfoundation,-40,0,,\n")
+    new(tmp_path / "dam", "--liquefied", "base", "--runout", "left=5", section=dry)
+    said = capsys.readouterr().out
+    assert "ends on the left in a face of 4 m at x = -40 m" in said
+    geometry(["check", str(tmp_path / "dam")])
+    assert said.count("in a face of") == 2 == capsys.readouterr().out.count("in a face of")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -218,6 +219,13 @@ def test_without_a_file_every_side_with_a_runout_is_analysed():
     nothing = nothing.model_copy(update={"sets": {"field": kept}})
     with pytest.raises(InputError, match="name the side"):
         default_judgements(nothing, "case")
+
+
+def test_a_slip_surface_without_liquefied_soil_is_refused_in_one_line(tmp_path):
+    folder = shutil.copytree(CASES / "lower_san_fernando", tmp_path / "dam")
+    (folder / "slip_surface.csv").write_text("x_m,y_m\n121.6,19.1\n180,19.1\n202,24\n214.5,37.4\n")
+    with pytest.raises(InputError, match="passes through no liquefied soil"):
+        main(["classical", str(folder), "--slide", "upstream", "--out", str(tmp_path / "out")])
 
 
 @pytest.mark.slow
