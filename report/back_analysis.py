@@ -136,7 +136,8 @@ def _section(data: BackAnalysisData) -> Section:
     from report.pictures.case_history import save_case_picture
 
     path = data.folder / "section.png"
-    save_case_picture(data.case, data.run, read_deposit(data.case, data.run), path)
+    readings = read_deposit(data.case, data.run)
+    save_case_picture(data.case, data.run, readings, path)
     toes = "; ".join(words.toe_words(data))
     return Section(
         title,
@@ -145,6 +146,7 @@ def _section(data: BackAnalysisData) -> Section:
             "Two sections, coloured by material: before the slide, and the simulated deposit with "
             "the measured surface and the measured and simulated toe.",
             f"Simulated with the calibrated strengths: {toes}." if toes else "",
+            words.without_steps(data, {one.name: one.simulated for one in readings}),
             words.constructed_sentence(data),
             caption="Dotted: constructed, not surveyed. White bar: stated range of the toe.",
             least_width_px=WIDE_PX,
@@ -344,7 +346,9 @@ def _film(film: Path | None) -> Section:
 
 
 def _made(data: BackAnalysisData) -> Section:
-    remarks = said(f"Not available: {remark}" for remark in data.result.remarks)
+    remarks = said(
+        f"{remark[:1].upper()}{remark[1:].rstrip('.')}." for remark in data.result.remarks
+    )
     settings = folded("Settings, versions, machine", tables.provenance_table(data))
     return Section(
         "How this was made", [*remarks, *tabulated(tables.timing_table(data)), *settings]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from inversion.posterior.document import PosteriorDocument, load_posterior
+from inversion.posterior.document import PosteriorDocument, PredictedNumber, load_posterior
 from inversion.posterior.draws import Draws, load_draws
 from report.charts.corner import draw_corner
 from report.charts.posterior import draw_before_after, draw_predicted, draw_shares
@@ -70,12 +70,17 @@ def answer_sentence(document: PosteriorDocument) -> str:
 def misfit_sentence(document: PosteriorDocument) -> str:
     """What the posterior does not predict within its own and the survey's errors."""
     far = [
-        f"{one.name} (measured {with_unit(one.measured, one.unit)}, predicted "
+        f"{one.name} (measured {'< ' * one.censored}{with_unit(one.measured, one.unit)}, predicted "
         f"{with_unit(one.after.mean, one.unit)})"
         for one in document.numbers
-        if abs(one.difference_in_std) > FAR and not one.censored and one.role != "constructed"
+        if one.role != "constructed" and _off(one) > FAR
     ]
     return f"Not reproduced: {', '.join(far)}." if far else ""
+
+
+def _off(one: PredictedNumber) -> float:
+    """How far a prediction is from what was measured [std]; 0 while a limit is kept."""
+    return max(-one.difference_in_std, 0.0) if one.censored else abs(one.difference_in_std)
 
 
 def evidence_sentence(document: PosteriorDocument) -> str:

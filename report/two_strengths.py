@@ -23,7 +23,7 @@ from diagnosis.verdict.verdict import (
 )
 from inversion.back_analysis.result import FILE_NAME as RESULT_FILE
 from inversion.back_analysis.result import FittedTo, Result, load_result
-from inversion.engines.registry import engines
+from inversion.engines.registry import REFERENCE, engine_named, engines
 from pipeline.cli import InputError
 from pipeline.config import validate_settings
 from pipeline.files import read_json
@@ -67,11 +67,12 @@ def two_strengths(folder: str | Path) -> TwoStrengths:
     Args:
         folder: of a back-analysis or of a diagnosis.
     """
-    results = Path(folder).resolve().parent
-    answer, document = _back_analysis(results), diagnosis_in(results)
+    folder = Path(folder).resolve()
+    answer, document = _back_analysis(folder), diagnosis_in(folder.parent)
     if answer is None or document is None or answer.case != document.case:
         return TwoStrengths(Table(HEAD, []))
     words = {p.name: p for p in document.parameters if p.strength}
+    by = "" if answer.engine == REFERENCE else f" by {engine_named(answer.engine).description}"
     shared = [p for p in answer.answer.parameters if p.name in words and p.lower_bound_95 is None]
     rows, differences = [], []
     for parameter in shared:
@@ -79,7 +80,7 @@ def two_strengths(folder: str | Path) -> TwoStrengths:
         of = f", {parameter.label}" if len(shared) > 1 else ""
         base = document.base
         value = plus_minus(parameter.value, parameter.std_total, unit)
-        rows.append((f"back-analysis{of}", value, _question(answer.answer.fitted_to)))
+        rows.append((f"back-analysis{by}{of}", value, _question(answer.answer.fitted_to)))
         rows.append(_of_stage(f"diagnosis, base model{of}", base, name, unit, document))
         final = document.final if isinstance(document, Verdict) else base
         if final.effects:
@@ -127,13 +128,15 @@ def _reason(differences: list[tuple[float, float, str]], base: FittedModelSummar
     return f"{questions} {differ} {why}"
 
 
-def _back_analysis(results: Path) -> Result | None:
-    """The back-analysis, by the material point method first; None: none, or not readable."""
-    for engine in engines().values():
-        folder = results / engine.folder
-        if (folder / RESULT_FILE).is_file():
+def _back_analysis(folder: Path) -> Result | None:
+    """That of the folder, else one next to it, by the material point method first.
+
+    None: there is none, or none that can be read.
+    """
+    for place in (folder, *(folder.parent / engine.folder for engine in engines().values())):
+        if (place / RESULT_FILE).is_file():
             try:
-                return load_result(folder)
+                return load_result(place)
             except InputError:
                 continue
     return None

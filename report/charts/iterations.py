@@ -38,6 +38,8 @@ def draw_iterations(data: BackAnalysisData, path: Path) -> Path | None:
     kept, run = data.sections, data.run
     if kept is None or run is None or kept.final.shape[1:] != run.positions.shape[1:]:
         return None
+    if not np.isfinite(kept.final).any():  # the engine simulates no slide
+        return None
     looks = shown_looks(np.isfinite(kept.final).all(axis=(1, 2)), kept.accepted, kept.answer)
     shown = _as_run(run, np.concatenate([kept.initial[None], kept.final[looks]]))
     marks = overlays(*_marks(data)) if data.case is not None else None
@@ -151,9 +153,13 @@ def draw_history(data: BackAnalysisData, path: Path) -> Path:
         _line(simulated, places, [line.predicted.get(m.name, np.nan) for line in kept], number)
         simulated.axhline(m.measured, color=COLOURS[number], linewidth=0.8, zorder=1)
         ends = (m.measured - m.std, m.measured + m.std) if m.low is None else (m.low, m.high)
+        ends = (0.0, m.measured) if m.censored else ends
         simulated.axhspan(*ends, color=COLOURS[number], alpha=0.1, linewidth=0, zorder=0)
     style.title(simulated, "Simulated; line and band: measured, with its range")
-    names = [f"{m.name}: {fixed(m.predicted)}, measured {m.measured:g} {m.unit}" for m in fitted]
+    names = [
+        f"{m.name}: {fixed(m.predicted)}, measured {'< ' * m.censored}{m.measured:g} {m.unit}"
+        for m in fitted
+    ]
     _end_labels(simulated, [m.predicted for m in fitted], names)
     style.labels(simulated, "evaluation (0: the first guess)", fitted[0].unit if fitted else "")
     for ax in (loss, values, simulated):

@@ -53,14 +53,14 @@ class Sections:
 
 @dataclass(frozen=True)
 class Series:
-    """The numbers of one measurement."""
+    """The numbers of one measurement that have the same role: a profile may be held out in part."""
 
     name: str
     lines: list[MeasurementAnswer]
 
     @property
     def role(self) -> str:
-        """Of the first number; a profile with a block held out has others too."""
+        """Of all of them."""
         return self.lines[0].role
 
 
@@ -119,12 +119,15 @@ class BackAnalysisData:
 
     @property
     def series(self) -> list[Series]:
-        """Measurements with a measured value, all numbers of one together, in order of the file."""
-        found: dict[str, list[MeasurementAnswer]] = {}
+        """Measurements with a measured value, in order of the file.
+
+        All numbers of one together, but for those of another role.
+        """
+        found: dict[tuple[str, str], list[MeasurementAnswer]] = {}
         for m in self.result.measurements:
             if m.measured is not None and m.difference_in_std is not None:
-                found.setdefault(m.group, []).append(m)
-        return [Series(name, lines) for name, lines in found.items()]
+                found.setdefault((m.group, m.role), []).append(m)
+        return [Series(name, lines) for (name, _), lines in found.items()]
 
     @property
     def with_water(self) -> bool | None:
@@ -190,9 +193,17 @@ def load_back_analysis(
 
 
 def _case(place: str | Path | None, name: str) -> Case | None:
-    """The case at a place, or the one of a name that ships; None: there is none to compare with."""
-    place = resolve(name, CASES) if place is None else Path(place)
-    return load_case(place) if (place / MEASUREMENTS).is_file() else None
+    """The case at a place or of a name; where none is given, that of the result if it is there.
+
+    Raises:
+        InputError: the one that is given has no measurements.
+    """
+    found = resolve(name if place is None else place, CASES)
+    if (found / MEASUREMENTS).is_file():
+        return load_case(found)
+    if place is not None:
+        raise InputError(f"{found}: has no {MEASUREMENTS}, so it is not the case of this result")
+    return None
 
 
 def _run(path: Path) -> Run | None:

@@ -105,9 +105,9 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
     ]
     return [
         f"The simulator is {found.model}, differentiated through the whole rollout. It was "
-        f"compared with the material point method at {len(found.pairs)} states around the answer "
-        f"and differs by {'; '.join(differences)}. {corrected} corrects every prediction, and "
-        "the scatter is part of the covariance of the fit, where it adds "
+        f"compared with the material point method at {len(found.pairs)} states around the answer. "
+        f"That differs from it by {'; '.join(differences)}. {corrected} corrects every prediction, "
+        "and the scatter is part of the covariance of the fit, where it adds "
         f"{'; '.join(added)}.",
         "The section and the film show the material point method at this answer; the iterations "
         "show the learned simulator.",
@@ -283,6 +283,24 @@ def toe_words(data: BackAnalysisData) -> list[str]:
         for toe in data.toes
         if toe.name in known
     ]
+
+
+def without_steps(data: BackAnalysisData, simulated: Mapping[str, float]) -> str:
+    """Whose slide is drawn where the engine has simulated none; empty: it has.
+
+    Args:
+        data: of the report.
+        simulated: readings of the slide that is drawn, by name.
+    """
+    if data.result.engine not in WITHOUT_STEPS:
+        return ""
+    toes = [
+        f"its {toe.name} moves {fixed(simulated[toe.name])} m"
+        for toe in data.toes
+        if np.isfinite(simulated.get(toe.name, np.nan))
+    ]
+    drawn = "Section and film show the material point method with these strengths, not the model"
+    return f"{drawn}: {', '.join(toes)}." if toes else f"{drawn}."
 
 
 def constructed_sentence(data: BackAnalysisData) -> str:

@@ -320,10 +320,12 @@ def _varied(data: BackAnalysisData, shown: Sequence[ParameterAnswer]) -> Iterato
 def _model(data: BackAnalysisData) -> Iterator[Row]:
     """What no back-analysis can question: the model itself."""
     found = _verdict(data)
-    how = f"{NOT_CHECKED} here: flowslide diagnose {data.result.case}"
+    solid = data.result.engine == "mpm3d"
+    how = NOT_CHECKED if solid else f"{NOT_CHECKED} here: flowslide diagnose {data.result.case}"
     if found is not None:
         how = f"diagnosis, {found.verdict.replace('_', ' ')}: {found.sentence}"
-    yield Row("the model lacks nothing", "plane strain; S_r constant from the first moment",
+    space = "" if solid else "plane strain; "
+    yield Row("the model lacks nothing", f"{space}S_r constant from the first moment",
               data.result.engine, how=how)  # fmt: skip
 
 

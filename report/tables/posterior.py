@@ -41,12 +41,14 @@ def predicted_table(document: PosteriorDocument) -> Table:
             f"{number(one.after.mean)} ± {number(one.after.std, 2)}",
             _range(one.after.interval_95),
             _range(one.before.interval_95),
-            None if one.censored else signed(one.difference_in_std),
+            None
+            if one.censored and one.difference_in_std >= 0.0
+            else signed(-one.difference_in_std),
         ]
         for one in document.numbers
     ]
     header = ["number", "role", "measured", "std", "predicted", "95 %", "before the data",
-              "difference in std"]  # fmt: skip
+              "predicted minus measured, in std"]  # fmt: skip
     return Table(header, rows)
 
 

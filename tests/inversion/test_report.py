@@ -16,7 +16,7 @@ from pipeline.cli import InputError
 from report.back_analysis import PAGE, write_report
 from report.charts.iterations import MOST, shown_looks
 from report.charts.uncertainty import bars
-from report.data.back_analysis import BackAnalysisData, load_back_analysis
+from report.data.back_analysis import BackAnalysisData, _case, load_back_analysis
 from report.data.methods import reference, slides
 from report.numbers import signed
 from report.sentences.back_analysis import (
@@ -74,7 +74,7 @@ def test_every_part_is_there_in_order(full_page):
     wanted = PICTURES | {"sensitivities.svg", "equally_good.svg", "waterfall.svg"}
     assert {path.name for path in folder.glob("*.svg")} == wanted
     assert text.count('src="data:image/svg+xml') == len(wanted)
-    assert "27.5 ± 1.6 kPa" in text and "no cell size for the fill" in text
+    assert "27.5 ± 1.6 kPa" in text and "No cell size for the fill." in text
     assert "31.3" in text and "24.6 to 45.4" in text  # Kinetics with its range
     assert "level of the fill" in text and "not added" in text  # a target is reported, not added
 
@@ -179,6 +179,30 @@ def test_a_profile_is_judged_as_a_whole():
         "Not reproduced: profile, 5 of 20 values off by more than 2 standard deviations, root mean "
         "square 2.3 m, worst at x 18 m (+14.0 standard deviations, compared)."
     )
+
+
+def test_what_was_held_out_of_a_profile_is_judged_by_itself():
+    def said(off: float, held: float) -> str:
+        made = document([parameter("s")])
+        made["measurements"] += [
+            measurement(f"profile at x {x} m", group="profile", measured=2.0, std=1.0,
+                        predicted=2.0 + one, difference_in_std=one, role=role)
+            for x, (one, role) in enumerate([(off, "fitted")] * 10 + [(held, "held out")] * 2)
+        ]  # fmt: skip
+        return misfit_sentence(BackAnalysisData(Path(), Result.model_validate(made)))
+
+    agree = said(0.1, 0.5)
+    assert agree.startswith("Measurements that were not fitted agree") and "0 of 2" in agree
+    assert said(3.0, 0.5).startswith("Not reproduced: profile, 10 of 10 values")
+    off = said(0.1, 5.0)
+    assert off.startswith("Not reproduced: profile, 2 of 2 values") and "held out" in off
+
+
+def test_a_case_that_is_given_must_be_there():
+    with pytest.raises(InputError, match=r"has no measurements.yaml"):
+        _case("no/such/case", "lower_san_fernando_paper")
+    assert _case("lower_san_fernando_paper", "").name == "lower_san_fernando_paper"
+    assert _case(None, "nobody's") is None
 
 
 def test_what_is_not_identifiable_is_reported():
