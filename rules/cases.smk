@@ -67,8 +67,8 @@ rule simulate_case:
     message:
         "Simulating the case history {wildcards.case}"
     shell:
-        "python -m mpm_taichi case {params.case} --out {params.folder} --config {params.config}"
-        " --threads {threads} > {output.summary} 2> {log}"
+        "python -m mpm_taichi case {params.case:q} --out {params.folder:q} --config {params.config:q}"
+        " --threads {threads} > {output.summary:q} 2> {log:q}"
 
 
 for target, case in [*CASE_ALIASES.items(), *((case, case) for case in CASES)]:

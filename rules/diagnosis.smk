@@ -52,8 +52,8 @@ rule diagnose_case:
     message:
         "Which effect is missing in the model of the case history {wildcards.case}"
     shell:
-        "python -m diagnosis run {params.case} --out {params.folder} --config {params.config}"
-        " --threads {threads} > {output.summary} 2> {log}"
+        "python -m diagnosis run {params.case:q} --out {params.folder:q} --config {params.config:q}"
+        " --threads {threads} > {output.summary:q} 2> {log:q}"
 
 
 for target, case in [*CASE_ALIASES.items(), *((case, case) for case in QUESTIONS)]:

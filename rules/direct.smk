@@ -47,8 +47,8 @@ rule simulate_direct:
     message:
         "Simulating part {wildcards.part} of the runs for the direct models"
     shell:
-        "python -m gns direct-runs --parts {params.number}-{params.number} --out {params.folder}"
-        " --config {params.config} --threads {threads} > {log} 2>&1"
+        "python -m gns direct-runs --parts {params.number}-{params.number} --out {params.folder:q}"
+        " --config {params.config:q} --threads {threads} > {log:q} 2>&1"
 
 
 # A job that is killed leaves the state of the training next to the model, so that the next try goes on.
@@ -75,8 +75,8 @@ rule train_direct_network:
         "Learning network {wildcards.network} of the {wildcards.kind} model without steps"
     shell:
         "python -m gns direct-train {params.kind} --network {wildcards.network}"
-        " --data {params.data} --out {params.folder} --config {params.config} --threads {threads}"
-        " > {log} 2>&1"
+        " --data {params.data:q} --out {params.folder:q} --config {params.config:q} --threads {threads}"
+        " > {log:q} 2>&1"
 
 
 rule judge_direct_model:
@@ -107,5 +107,5 @@ rule judge_direct_model:
     message:
         "Calibrating and judging the {wildcards.kind} model without steps"
     shell:
-        "python -m gns direct-train {params.kind} --data {params.data} --out {params.folder}"
-        " --config {params.config} --threads {threads} > {output.table} 2> {log}"
+        "python -m gns direct-train {params.kind} --data {params.data:q} --out {params.folder:q}"
+        " --config {params.config:q} --threads {threads} > {output.table:q} 2> {log:q}"

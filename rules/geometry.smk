@@ -34,7 +34,7 @@ rule sample_scenes:
         "Drawing scenes {params.indices} of the scale {wildcards.scale}"
     shell:
         "python -m geometry sample --scale {wildcards.scale} --indices {params.indices}"
-        " --out {params.folder} --config {params.config} > {output} 2> {log}"
+        " --out {params.folder:q} --config {params.config:q} > {output:q} 2> {log:q}"
 
 
 rule draw_gallery:
@@ -61,8 +61,8 @@ rule draw_gallery:
     message:
         "Drawing a gallery of the scale {wildcards.scale}"
     shell:
-        "(cat {input} > {output.draws} && python -m geometry show --scale {wildcards.scale}"
-        " --out {output.picture} --config {params.config}) > {log} 2>&1"
+        "(cat {input:q} > {output.draws:q} && python -m geometry show --scale {wildcards.scale}"
+        " --out {output.picture:q} --config {params.config:q}) > {log:q} 2>&1"
 
 
 for scale in SETTINGS.scales:

@@ -29,8 +29,8 @@ rule pack_trajectories:
     message:
         "Packing the runs of the scale {wildcards.scale}"
     shell:
-        "python -m gns pack {input.trajectories} --scale {wildcards.scale} --out {params.folder}"
-        " --leave-out {input.failed} --config {params.config} > {log} 2>&1"
+        "python -m gns pack {input.trajectories:q} --scale {wildcards.scale} --out {params.folder:q}"
+        " --leave-out {input.failed:q} --config {params.config:q} > {log:q} 2>&1"
 
 
 def learned_physics(wildcards):
@@ -66,8 +66,8 @@ rule train_model:
     shell:
         "if [ {resources.gpu} -gt 0 ]; then how='--device cuda --processes {resources.gpu}';"
         " else how='--device cpu --joint-batch --processes {threads} --threads 1'; fi;"
-        " python -m gns train --scale {wildcards.scale} --data {params.data} --out {params.folder}"
-        " --start-over $how --config {params.config} > {output} 2> {log}"
+        " python -m gns train --scale {wildcards.scale} --data {params.data:q} --out {params.folder:q}"
+        " --start-over $how --config {params.config:q} > {output:q} 2> {log:q}"
 
 
 rule evaluate_model:
@@ -107,9 +107,9 @@ rule evaluate_model:
     message:
         "Judging the model of the scale {wildcards.scale} on held-out runs"
     shell:
-        "python -m gns evaluate --scale {wildcards.scale} --data {params.data}"
-        " --model {params.folder} --mpm {input.runs} --threads {threads}"
-        " --config {params.config} > {output.summary} 2> {log}"
+        "python -m gns evaluate --scale {wildcards.scale} --data {params.data:q}"
+        " --model {params.folder:q} --mpm {input.runs:q} --threads {threads}"
+        " --config {params.config:q} > {output.summary:q} 2> {log:q}"
 
 
 for scale in SETTINGS.scales:

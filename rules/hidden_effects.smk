@@ -39,8 +39,8 @@ rule plan_hidden:
     message:
         "How well can hidden effects be seen? {output}"
     shell:
-        "python -m benchmarks.hidden_effects plan --benchmark {params.benchmark} --out {params.folder}"
-        " --threads {threads} --config {params.config} > {log} 2>&1"
+        "python -m benchmarks.hidden_effects plan --benchmark {params.benchmark:q} --out {params.folder:q}"
+        " --threads {threads} --config {params.config:q} > {log:q} 2>&1"
 
 
 rule make_hidden:
@@ -66,9 +66,9 @@ rule make_hidden:
     message:
         "Hiding effects, share {wildcards.share} of {params.shares}"
     shell:
-        "python -m benchmarks.hidden_effects make --benchmark {params.benchmark} --out {params.folder}"
-        " --part {wildcards.share}/{params.shares} --threads {threads} --config {params.config}"
-        " > {log} 2>&1"
+        "python -m benchmarks.hidden_effects make --benchmark {params.benchmark:q} --out {params.folder:q}"
+        " --part {wildcards.share}/{params.shares} --threads {threads} --config {params.config:q}"
+        " > {log:q} 2>&1"
 
 
 # The hashes of all truths, before any diagnosis.
@@ -92,8 +92,8 @@ rule seal_hidden:
     message:
         "Sealing the truths: {output}"
     shell:
-        "python -m benchmarks.hidden_effects make --benchmark {params.benchmark} --out {params.folder}"
-        " --config {params.config} > {log} 2>&1"
+        "python -m benchmarks.hidden_effects make --benchmark {params.benchmark:q} --out {params.folder:q}"
+        " --config {params.config:q} > {log:q} 2>&1"
 
 
 rule diagnose_hidden:
@@ -123,9 +123,9 @@ rule diagnose_hidden:
     message:
         "Diagnosing blind, share {wildcards.share} of {params.shares}"
     shell:
-        "python -m benchmarks.hidden_effects run --out {params.folder} --variants {params.variants}"
-        " --part {wildcards.share}/{params.shares} --threads {threads} --config {params.config}"
-        " > {log} 2>&1"
+        "python -m benchmarks.hidden_effects run --out {params.folder:q} --variants {params.variants}"
+        " --part {wildcards.share}/{params.shares} --threads {threads} --config {params.config:q}"
+        " > {log:q} 2>&1"
 
 
 rule hidden_effects:
@@ -148,5 +148,5 @@ rule hidden_effects:
     message:
         "The score of the benchmark of hidden effects: {output}"
     shell:
-        "python -m benchmarks.hidden_effects score --benchmark {params.benchmark} --out {params.folder}"
-        " --config {params.config} > {log} 2>&1"
+        "python -m benchmarks.hidden_effects score --benchmark {params.benchmark:q} --out {params.folder:q}"
+        " --config {params.config:q} > {log:q} 2>&1"

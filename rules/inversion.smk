@@ -42,7 +42,7 @@ rule classical_case:
     message:
         "Kinetics, ZIF and IMM on the case history {wildcards.case}"
     shell:
-        "python -m inversion classical {params.case} --out {params.folder} > {log} 2>&1"
+        "python -m inversion classical {params.case:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 # A job that is killed leaves its simulations in inversion/runs, which is not an output, so that the next try
@@ -84,8 +84,8 @@ rule invert_case:
     message:
         "Back-analysis of the case history {wildcards.case}"
     shell:
-        "python -m inversion invert {params.case} --engine mpm --out {params.folder}"
-        " --config {params.config} --threads {threads} > {output.summary} 2> {log}"
+        "python -m inversion invert {params.case:q} --engine mpm --out {params.folder:q}"
+        " --config {params.config:q} --threads {threads} > {output.summary:q} 2> {log:q}"
 
 
 def model_at_hand():
@@ -147,10 +147,10 @@ rule invert_case_gns:
     message:
         "Back-analysis of the case history {wildcards.case} by a learned simulator"
     shell:
-        "python -m inversion invert {params.case} --engine gns --model {params.model}"
-        " --out {params.folder} --config {params.config} --threads {threads} --quick"
+        "python -m inversion invert {params.case:q} --engine gns --model {params.model:q}"
+        " --out {params.folder:q} --config {params.config:q} --threads {threads} --quick"
         " --set inversion.outside_training=true"
-        " > {output.summary} 2> {log}"
+        " > {output.summary:q} 2> {log:q}"
 
 
 # Everything that the question leaves unknown, before and after the measurements. A job that is killed leaves its
@@ -189,8 +189,8 @@ rule posterior_case:
     message:
         "Posterior of the case history {wildcards.case}"
     shell:
-        "python -m inversion posterior {params.case} --out {params.folder}"
-        " --config {params.config} --threads {threads} > {output.summary} 2> {log}"
+        "python -m inversion posterior {params.case:q} --out {params.folder:q}"
+        " --config {params.config:q} --threads {threads} > {output.summary:q} 2> {log:q}"
 
 
 def answered_case(case):

@@ -33,8 +33,8 @@ rule simulate_batch:
         "Simulating runs {params.indices} of the scale {wildcards.scale} on the {params.device}"
     shell:
         "python -m mpm_taichi run --scale {wildcards.scale} --batch {wildcards.batch}"
-        " --scenes {params.scenes} --out {params.folder} --config {params.config}"
-        " --device {params.device} --threads {threads} > {log} 2>&1"
+        " --scenes {params.scenes:q} --out {params.folder:q} --config {params.config:q}"
+        " --device {params.device} --threads {threads} > {log:q} 2>&1"
 
 
 rule list_runs:
@@ -68,9 +68,9 @@ rule list_runs:
     message:
         "Listing the runs of the scale {wildcards.scale} and those that failed"
     shell:
-        "(python -m mpm_taichi status {input} --csv {output.table}"
-        " && python {params.script} {output.table} --name {wildcards.scale}"
-        " --failed {output.failed} --picture {output.picture} --page {output.page}) > {log} 2>&1"
+        "(python -m mpm_taichi status {input:q} --csv {output.table:q}"
+        " && python {params.script:q} {output.table:q} --name {wildcards.scale}"
+        " --failed {output.failed:q} --picture {output.picture:q} --page {output.page:q}) > {log:q} 2>&1"
 
 
 for scale in SETTINGS.scales:

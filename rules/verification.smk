@@ -17,4 +17,4 @@ rule verify:
     message:
         "Running the verification suite; its pictures go to docs/images/verification"
     shell:
-        "python -m benchmarks.verification --resume > {log} 2>&1 && cp {log} {output}"
+        "python -m benchmarks.verification --resume > {log:q} 2>&1 && cp {log:q} {output:q}"
