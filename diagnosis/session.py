@@ -250,7 +250,8 @@ def open_session(
 
     Args:
         case: with measurements.
-        out: folder of the results; None: `<results_folder>/<case>/diagnosis`.
+        out: folder of the results; None: `<results_folder>/<case>/diagnosis`, of another engine
+            `diagnosis_direct`.
         hypothesis: a file to go on from, or its name in `hypotheses/` of the folder; None: the
             base model.
         spacing_m: of material points; None: the case's own.
@@ -262,7 +263,8 @@ def open_session(
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    folder = Path(out or Path(case.config.results_folder) / case.name / "diagnosis")
+    own = f"diagnosis{engine.suffix}"
+    folder = Path(out or Path(case.config.results_folder) / case.name / own)
     if (folder / "models").is_dir() and not (folder / FOLDER).is_dir():
         say(f"{folder / 'models'}: is not read any more; rename it to {FOLDER}")
     name, model, origin = BASE, None, ""

@@ -605,7 +605,7 @@ def predict(
                 samples=samples,
             )
         sections = prediction.envelope(found, spacing=section.scene.spacing, ground=section.ground)
-        document = document_of(section, known, found, sections)
+        document = {**document_of(section, known, found, sections), "engine": chosen.name}
         write_json(folder / PREDICTION, document)
         write_page(section.scene, document, folder)
         return document

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from inversion.engines.registry import engine_named
 from inversion.posterior.document import PosteriorDocument, PredictedNumber, load_posterior
 from inversion.posterior.draws import Draws, load_draws
 from report.charts.corner import draw_corner
@@ -27,7 +28,7 @@ def write_report(folder: str | Path) -> Path:
     folder = Path(folder)
     document, draws = load_posterior(folder), load_draws(folder)
     page = folder / PAGE
-    lead = f"{answer_sentence(document)} {misfit_sentence(document)}".strip()
+    lead = f"{answer_sentence(document)} {misfit_sentence(document)} {_by(document)}".strip()
     write_page(page, f"{document.title}: posterior", _sections(document, draws, folder), lead=lead)
     return page
 
@@ -36,6 +37,8 @@ def summary(document: PosteriorDocument) -> str:
     """The answer for a terminal or a log."""
     coarse = document.coarse_spacing_m
     runs, of = document.runs, f" with coarse runs at {coarse:g} m" if coarse else ""
+    by = engine_named(document.engine).said
+    of += f" {by}" if by else ""
     heading = (
         f"{document.title}: posterior at {document.spacing_m:g} m{of}, measurements "
         f"{document.measurement_set!r}\n{_runs_words(document)}; "
@@ -50,6 +53,11 @@ def summary(document: PosteriorDocument) -> str:
         "\n".join(map(plain, [evidence_sentence(document), *document.remarks])),
     ]
     return "\n\n".join(part for part in parts if part)
+
+
+def _by(document: PosteriorDocument) -> str:
+    by = engine_named(document.engine).said
+    return f"Predicted {by}." if by else ""
 
 
 def answer_sentence(document: PosteriorDocument) -> str:

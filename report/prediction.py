@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from geometry.scenes.scene import Scene
+from inversion.engines.registry import REFERENCE, engine_named
 from inversion.prediction.prediction_document import QUANTILES
 from report.numbers import fixed
 from report.page import Section, said, shown, tabulated, write_page
@@ -32,7 +33,8 @@ def summary(document: dict[str, Any]) -> str:
     """The answer for a terminal or a log."""
     toes = toes_of(document)
     lines = [
-        f"{document['case']}: {strength_words(document)}", "", quantity_table(document).text(), "",
+        f"{document['case']}: {strength_words(document)}{_by(document)}", "",
+        quantity_table(document).text(), "",
         exceedance_table(toes).text() if toes else "no toe moves", *remarks(document),
         f"{len(document['runs'])} simulations, {document['samples']} samples",
     ]  # fmt: skip
@@ -65,9 +67,14 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
                f"{document['spacing_m']:g} m."]),
     ]  # fmt: skip
     title = f"{document['case'].replace('_', ' ')}: prediction"
-    lead = f"Assumed S_r: {strength_words(document)}."
+    lead = f"Assumed S_r: {strength_words(document)}{_by(document)}."
     write_page(folder / PAGE, title, [Section("How far it would run", parts)], lead=lead)
     return folder / PAGE
+
+
+def _by(document: dict[str, Any]) -> str:
+    by = engine_named(document.get("engine", REFERENCE)).said
+    return f", {by}" if by else ""
 
 
 def strength_words(document: dict[str, Any]) -> str:

@@ -17,7 +17,9 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     options.add_case(parser)
-    options.add_out(parser, "default: results/<case>/posterior, with mpm3d posterior_3d")
+    options.add_out(
+        parser, "default: results/<case>/posterior, of another engine posterior_direct, ..."
+    )
     options.add_engine(parser)
     options.add_set_of_measurements(parser)
     options.add_spacing(parser)
@@ -30,13 +32,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Find the posterior, write it, print it."""
     from flowslide import api
+    from inversion.engines.registry import engine_named
     from pipeline.config import load_config
     from pipeline.progress import Progress
     from report.posterior import summary
 
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
-    own = "posterior_3d" if arguments.engine == "mpm3d" else "posterior"
+    own = f"posterior{engine_named(arguments.engine).suffix}"
     folder = Path(arguments.out or Path(settings.results_folder) / case.name / own)
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         document = api.posterior(

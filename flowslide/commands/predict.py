@@ -63,8 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_spacing(parser)
     options.add_out(
         parser,
-        "default: results/<case>/prediction, of a scene3d.yaml prediction_3d, with mpm3d "
-        "prediction_over_width",
+        "default: results/<case>/prediction, of another engine prediction_direct, of a "
+        "scene3d.yaml prediction_3d, with mpm3d prediction_over_width",
     )
     options.add_simulating(parser)
 
@@ -72,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Predict, write, print."""
     from flowslide import api
+    from inversion.engines.registry import engine_named
     from pipeline.cli import InputError
     from pipeline.config import load_config
     from pipeline.progress import Progress
@@ -95,7 +96,8 @@ def run(arguments: argparse.Namespace) -> None:
     zones = [zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()]
     settings = load_config(arguments.config, arguments.overrides)
     case = api.load_case(arguments.case, settings=settings)
-    own = "prediction_over_width" if arguments.engine == "mpm3d" else "prediction"
+    engine = engine_named(arguments.engine)
+    own = "prediction_over_width" if engine.name == "mpm3d" else f"prediction{engine.suffix}"
     folder = Path(arguments.out or Path(settings.results_folder) / case.name / own)
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
         shared = {

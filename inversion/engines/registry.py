@@ -68,6 +68,16 @@ class Engine:
         return plain if self.store is None else self.store(folder, setup, plain)
 
     @property
+    def suffix(self) -> str:
+        """Of folders of its results that are no back-analyses: those of engines lie apart."""
+        return self.folder.removeprefix("inversion")
+
+    @property
+    def said(self) -> str:
+        """Who has answered, for a sentence; empty for the engine that judges the others."""
+        return "" if self.name == REFERENCE else f"by {self.description}"
+
+    @property
     def label(self) -> str:
         """Name for a terminal, with what it is short for."""
         return self.name if self.name == self.short.lower() else f"{self.name} ({self.short})"

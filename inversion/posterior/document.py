@@ -112,6 +112,7 @@ class PosteriorDocument(StrictDocument):
     case: str
     title: str
     measurement_set: str
+    engine: str = Field("mpm", description="what predicted")
     spacing_m: float = Field(description="of the answer")
     coarse_spacing_m: float | None = Field(description="of the coarse runs; null: the same")
     physics: dict[str, int]

@@ -86,6 +86,7 @@ def document_of(found: Inferred) -> PosteriorDocument:
         case=case.name,
         title=case.title,
         measurement_set=case.measurement_set,
+        engine=model.engine.name,
         spacing_m=case.scene.spacing,
         coarse_spacing_m=case.coarse_spacing_m,
         physics={"mpm": SOLVER_VERSION, "inversion": PHYSICS_VERSION},
