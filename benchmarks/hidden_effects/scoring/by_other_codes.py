@@ -160,7 +160,7 @@ def shares_of(cases: Sequence[ByCode]) -> dict[str, Share]:
         "right": share(singles, lambda one: one.right),
         "right_of_named": share(named, lambda one: one.right),
         "held_out_falls": share(
-            right,
+            [one for one in right if one.judged.digest.base.held_out_n],
             lambda one: (
                 one.judged.digest.final.held_out_chi2 < one.judged.digest.base.held_out_chi2
             ),

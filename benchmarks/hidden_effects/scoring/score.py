@@ -90,8 +90,13 @@ class Judged:
 
     @property
     def found_exactly(self) -> bool:
-        """The effects of the verdict are those that were hidden."""
-        return set(self.digest.effects) == self.hidden
+        """The verdict names the effects that were hidden and no other."""
+        return self.attributed and set(self.digest.effects) == self.hidden
+
+    @property
+    def found_half(self) -> bool:
+        """The verdict names one of the effects that were hidden."""
+        return self.attributed and bool(set(self.digest.effects) & self.hidden)
 
     @property
     def beside(self) -> float | None:
@@ -188,6 +193,7 @@ def score(judged: Sequence[Judged]) -> Score:
     answered = [one for one in singles if one.attributed]
     right = [one for one in singles if one.right]
     named = [one for one in (*singles, *nulls) if one.named is not None]
+    held = [one for one in right if one.digest.base.held_out_n]
     laws = [one for one in outside if one.curve_found is not None]
     shares = {
         "false_attribution": Share.of(one.attributed for one in nulls),
@@ -200,13 +206,13 @@ def score(judged: Sequence[Judged]) -> Score:
         "set_of_three_60": _share(alike, lambda one: one.useful_set, 60.0),
         "set_holds_truth": Share.of(one.set_holds for one in answered),
         "held_out_falls": Share.of(
-            one.digest.final.held_out_chi2 < one.digest.base.held_out_chi2 for one in right
+            one.digest.final.held_out_chi2 < one.digest.base.held_out_chi2 for one in held
         ),
         "strength_within_2_std": Share.of(one.strength_within for one in right),
         "strength_within_2_std_all": Share.of(one.strength_within for one in judged),
         "pair_exact": Share.of(one.found_exactly for one in pairs),
         "pair_exact_25": Share.of(one.found_exactly for one in pairs if (one.beside or 0.0) >= 25),
-        "pair_half": Share.of(bool(set(one.digest.effects) & one.hidden) for one in pairs),
+        "pair_half": Share.of(one.found_half for one in pairs),
         "explained_away": Share.of(one.explained_away for one in outside),
         "explained_unlike": Share.of(one.explained_away and not one.like_law for one in outside),
         "curve_recovered": Share.of(one.curve_found for one in laws),
@@ -218,8 +224,8 @@ def score(judged: Sequence[Judged]) -> Score:
         "strength_error_final": _median(abs(one.strength_error("final")) for one in right),
         "strength_error_base_all": _median(abs(one.strength_error("base")) for one in singles),
         "strength_error_final_all": _median(abs(one.strength_error("final")) for one in singles),
-        "held_out_base": _median(_per_number(one, "base") for one in right),
-        "held_out_final": _median(_per_number(one, "final") for one in right),
+        "held_out_base": _median(_per_number(one, "base") for one in held),
+        "held_out_final": _median(_per_number(one, "final") for one in held),
         "set_size": _median(float(len(one.digest.set_90)) for one in answered),
         "runs": _median(float(one.digest.runs) for one in judged),
         "seconds": _median(one.digest.seconds for one in judged),
@@ -235,7 +241,7 @@ def score(judged: Sequence[Judged]) -> Score:
         "set_holds": _binned(singles, lambda one: one.set_holds),
         "wrong_name": _binned(singles, lambda one: one.named is not None and not one.right),
         "pair_exact": _beside(pairs, lambda one: one.found_exactly),
-        "pair_half": _beside(pairs, lambda one: bool(set(one.digest.effects) & one.hidden)),
+        "pair_half": _beside(pairs, lambda one: one.found_half),
     }
     counts = {kind: len(members) for kind, members in kinds.items()}
     return Score(shares, medians, bins, counts)
@@ -243,7 +249,7 @@ def score(judged: Sequence[Judged]) -> Score:
 
 def _per_number(one: Judged, stage: str) -> float:
     part = getattr(one.digest, stage)
-    return part.held_out_chi2 / max(part.held_out_n, 1)
+    return part.held_out_chi2 / part.held_out_n
 
 
 def _share(cases: Sequence[Judged], test: Callable[[Judged], bool], least: float) -> Share:
