@@ -7,6 +7,7 @@ others keep what the other case knows of them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -38,12 +39,15 @@ def validated(session: Session, found: Diagnosis) -> ValidationCase | None:
     options = other.options(model)
     base = found.comparison.base.fit
     final = found.decision.final.model.fit
+    fixed = {} if session.hypothesis is None else session.hypothesis.effects
+    adopted = {name: one.amplitude for name, one in fixed.items()}
     chi2 = []
     for fit in (base, final):
-        rows = model.predict([_there(model, fit, seed) for seed in range(SEEDS)])
-        fine = _finer(model, fit, options) - mean_of(rows)
-        own = model.error_std(_there(model, fit, 0))
-        slope = _slope(model, fit, options)
+        states = [_there(model, fit, adopted, seed) for seed in range(SEEDS)]
+        rows = model.predict(states)
+        fine = _finer(model, states[0], options) - mean_of(rows)
+        own = model.error_std(states[0])
+        slope = _slope(model, states[0], options)
         chi2.append(misfit(model, rows, options, fine=fine, slope=slope, engine_std=own))
     used = _used(model)
     return ValidationCase(case=other.name, n=int(used.sum()), chi2_base=chi2[0], chi2_final=chi2[1])
@@ -91,27 +95,26 @@ def misfit(
     return float(off @ np.linalg.solve(found[np.ix_(used, used)], off))
 
 
-def _finer(model: EngineModel, fit: Fit, options: Options) -> np.ndarray:
+def _finer(model: EngineModel, there: State, options: Options) -> np.ndarray:
     """Mean prediction with finer cells (m,); NaN where none is asked for."""
     if not options.wants_finer:
         return np.full(len(model.targets.names), np.nan)
-    states = [_there(model, fit, seed) for seed in range(options.finer_runs)]
-    return mean_of(model.predict([replace(one, numerics="fine") for one in states]))
+    states = [replace(there, seed=seed, numerics="fine") for seed in range(options.finer_runs)]
+    return mean_of(model.predict(states))
 
 
-def _slope(model: EngineModel, fit: Fit, options: Options) -> np.ndarray | None:
+def _slope(model: EngineModel, there: State, options: Options) -> np.ndarray | None:
     """Derivative by ln of each strength that is found, (m, k); None where none is asked for."""
     if not options.source_strength:
         return None
-    strengths = np.flatnonzero(model.parameters.logarithmic & ~model.parameters.has_prior)
-    here = _there(model, fit, 0)
+    strengths = np.flatnonzero(model.parameters.strengths & ~model.parameters.has_prior)
     columns = []
     for place in strengths:
         ends = []
         for factor in (STRONGER, 1.0 / STRONGER):
-            values = list(here.values)
+            values = list(there.values)
             values[place] *= factor
-            ends.append(replace(here, values=tuple(values)))
+            ends.append(replace(there, values=tuple(values)))
         high, low = model.predict(ends)
         columns.append((high - low) / (2.0 * np.log(STRONGER)))
     return np.nan_to_num(np.column_stack(columns)) if columns else None
@@ -122,12 +125,20 @@ def _used(model: EngineModel) -> np.ndarray:
     return np.array([role in ("fitted", "held out") for role in model.targets.roles])
 
 
-def _there(model: EngineModel, fit: Fit, seed: int) -> State:
-    """A fit as a state of the other case."""
+def _there(model: EngineModel, fit: Fit, adopted: Mapping[str, float], seed: int) -> State:
+    """A fit as a state of the other case.
+
+    Args:
+        model: of that case.
+        fit: of the first.
+        adopted: effects of the hypothesis that the fit stands on, and their amplitudes.
+        seed: of the jitter.
+    """
     found = fit.space.parameters.as_mapping(fit.space.values(fit.x))
     own = model.parameters.as_mapping(model.parameters.prior_mean)
     values = [found.get(name, own[name]) for name in model.parameters.names]
     # Where the section is drawn otherwise and what the survey errs belong to the first case.
     acting = {c.name for c in model.candidates if c.family not in ("section", "survey")}
-    effects = {n: a for n, a in fit.space.amplitudes(fit.x).items() if n in acting}
+    found_there = {**adopted, **fit.space.amplitudes(fit.x)}
+    effects = {name: size for name, size in found_there.items() if name in acting}
     return state(values, effects, seed=seed)
