@@ -6,7 +6,8 @@ Laplace's integral over all unknowns of a model, linear around its fit:
            + ln prior odds,
 
 the odds 1/C(K, n) for n effects out of K candidates. r'r is taken where the sum of squares would be
-least without the amplitudes' bounds; P is the share of that Gaussian which lies within them.
+least without the amplitudes' bounds; P is the share of that Gaussian which lies within them. A
+parameter that rests on a bound has one flank of a Gaussian, from the bound inwards.
 What all models share (priors of the parameters, the data's own constant) is left out, so only
 differences mean anything.
 """
@@ -16,11 +17,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import log_ndtr, ndtr
 from scipy.stats import norm
 
 from inversion.estimation.data import Data
-from inversion.estimation.misfit import augmented_residual, system
+from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
 
 #: Least share of a Gaussian that can lie within the bounds; below, the fit is at its bound anyway.
@@ -47,10 +48,37 @@ def ln_evidence(data: Data, fit: Fit, candidates: int) -> float:
         space.high[fitted],
     )
     odds = -ln_choices(candidates, len(space.effects))
+    flanks = _at_bounds(data, fit, linear, left)
     return float(
-        -0.5 * left @ left + volume - space.ln_prior_width
+        -0.5 * left @ left + volume + flanks - space.ln_prior_width
         + math.log(max(share, LEAST_SHARE)) + odds
     )  # fmt: skip
+
+
+def _at_bounds(data: Data, fit: Fit, linear: System, left: np.ndarray) -> float:
+    """Ln of the integrals over the parameters that rest on a bound, each by itself.
+
+    With t the way inwards and what moves at its best for each t, half the sum of squares grows by
+    g t + h t^2 / 2.
+
+    Args:
+        data: the measurements.
+        fit: with parameters at their bounds or not.
+        linear: of what moves.
+        left: residual that it leaves.
+    """
+    space, total = fit.space, 0.0
+    rows, _ = space.prior
+    for k in np.flatnonzero(space.free[: space.p] & ~linear.moving[: space.p]):
+        column = np.concatenate([data.whitened(fit.derivative[:, k]), rows[:, k]])
+        is_low = fit.x[k] - space.low[k] < space.high[k] - fit.x[k]
+        inwards = linear.project(column if is_low else -column)
+        g, h, width = -inwards @ left, inwards @ inwards, space.high[k] - space.low[k]
+        root = math.sqrt(max(h, 1e-12))
+        near, far = log_ndtr(-g / root), log_ndtr(-(g + h * width) / root)
+        within = near + math.log1p(-math.exp(min(far - near, -1e-12)))
+        total += 0.5 * (g / root) ** 2 + 0.5 * math.log(2.0 * math.pi) - math.log(root) + within
+    return total
 
 
 def ln_choices(candidates: int, effects: int) -> float:

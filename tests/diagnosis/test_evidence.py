@@ -23,7 +23,7 @@ from inversion.estimation.data import Data
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Amplitude, Unknowns
 from tests.budget import examples
-from tests.diagnosis.straight import Straight, straight
+from tests.diagnosis.straight import Straight, errors, straight, truth
 
 
 def fitted(case: Straight, space: Unknowns) -> Fit:
@@ -72,6 +72,24 @@ def test_laplace_is_exact_where_the_model_is_linear(bounds):
     )
     exact = by_quadrature(case, with_effect) - by_quadrature(case, without)
     assert gain == pytest.approx(exact, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude", "strength"),
+    [("like_strength", 1.0, 190.0), ("like_strength", 1.0, 215.0), ("bend", 1.0, 260.0),
+     ("bend", -1.0, 1.5)],
+)  # fmt: skip
+def test_laplace_is_exact_where_a_parameter_rests_on_its_bound(name, amplitude, strength):
+    """The strength of the base model is at 2 or 200 kPa; one of the effects brings it back."""
+    case = Straight(truth({name: amplitude}, strength=strength) + errors(3))
+    without = case.space([])
+    with_effect = case.space([Amplitude(name, -3.0, 3.0, 1.0)])
+    fits = [fitted(case, space) for space in (without, with_effect)]
+    ends = without.low[0], without.high[0]
+    assert min(abs(fits[0].x[0] - end) for end in ends) < 1e-6
+    gain = ln_evidence(case.data, fits[1], 1) - ln_evidence(case.data, fits[0], 1)
+    exact = by_quadrature(case, with_effect) - by_quadrature(case, without)
+    assert gain == pytest.approx(exact, abs=0.15)
 
 
 def test_laplace_with_a_prior_and_with_two_amplitudes():
