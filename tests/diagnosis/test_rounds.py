@@ -24,6 +24,7 @@ from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Amplitude
+from tests.diagnosis import straight as straight_model
 from tests.diagnosis.straight import X, signatures, straight
 
 
@@ -34,6 +35,31 @@ def verdict_on(seed: int, effects: dict[str, float], **options) -> Verdict:
 
 def names(verdict: Verdict) -> tuple[str, ...]:
     return tuple(effect.name for effect in verdict.answer.effects)
+
+
+@pytest.mark.parametrize(("seed", "strength"), [(1, 180.0), (4, 170.0)])
+def test_a_model_that_was_refused_does_not_come_back_as_half_of_a_pair(monkeypatch, seed, strength):
+    """One of two effects alone drives the strength to its bound of 200 kPa."""
+    quiet = np.zeros(straight_model.SIZE)
+
+    def two() -> dict[str, np.ndarray]:
+        found = {name: quiet.copy() for name in ("E", "F", "G")}
+        slope = straight_model.slopes()[:, 0]
+        found["E"][1:25] = 1.2 * np.sin(X / 7.0)
+        found["F"][1:25] = 0.45 * np.sin(X / 3.0 + 1.0)
+        found["E"], found["F"] = found["E"] - 0.25 * slope, found["F"] + 0.12 * slope
+        found["G"][25:] = [0.0, 0.5, 0.2, 0.0]
+        return found
+
+    monkeypatch.setattr(straight_model, "signatures", two)
+    truth = straight_model.truth({"E": 1.0, "F": 0.9}, strength=strength)
+    model = straight_model.Straight(truth + straight_model.errors(seed))
+    found = diagnose(
+        model,
+        Options(replicates=2, second_scheme=False, finer_share=0.0, finer_share_std=0.0, draws=300),
+    )
+    assert found.decision.verdict == "identified"
+    assert found.decision.final.model.names == ("E", "F")
 
 
 @pytest.mark.slow
