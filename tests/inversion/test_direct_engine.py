@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from diagnosis.adequacy.calibration import calibrate
 from diagnosis.hypotheses.engine_model import EngineModel
+from diagnosis.options import Options
 from geometry.case import load_case
 from geometry.survey.toe_history import ToeHistory
 from gns.direct.network import DirectConfig, DirectModel
@@ -112,6 +114,22 @@ def test_a_diagnosis_puts_on_trial_what_it_sees_and_nothing_else(setup):
     for begin, why in reasons.items():
         names = [name for name in model.left_out if name.startswith(begin)]
         assert names and all(why in model.left_out[name] for name in names), begin
+
+
+def test_a_diagnosis_does_without_the_second_transfer_that_it_does_not_know(setup):
+    engine = engine_of(setup)
+    known = replace(engine_named("direct"), forward=lambda store: engine)
+    state = State(tuple(float(value) for value in setup.parameters.start))
+    answers = {
+        kind: [
+            EngineModel(setup, engine.store, engine=one).simulates(replace(state, numerics=kind))
+            for one in (known, engine_named("mpm"))
+        ]
+        for kind in ("own", "transfer", "fine")
+    }
+    assert answers["transfer"] == [False, True] and answers["fine"] == [True, True]
+    base = calibrate(EngineModel(setup, engine.store, engine=known), Options())
+    assert np.isfinite(base.fit.total) and not np.any(base.covariance.transfer)
 
 
 def test_a_hypothesis_that_it_refuses_is_no_answer_and_stops_nothing(setup):
