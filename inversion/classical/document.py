@@ -113,7 +113,14 @@ def labels(analysis: Analysis) -> list[str]:
         "measured": "surface after the slide: measured",
         "simulated": f"surface after the slide: simulated ({analysis.after.source})",
     }[analysis.after.kind]
-    return [after, f"slip surface: {_slip_label(analysis)}", SECTIONS_NOTE]
+    dry = analysis.slide.before.water is None and analysis.judgement.water != "none"
+    unused = [f"no water in the section: water: {analysis.judgement.water} says nothing"]
+    return [
+        after,
+        f"slip surface: {_slip_label(analysis)}",
+        SECTIONS_NOTE,
+        *(unused if dry else []),
+    ]
 
 
 def published(measurements: Measurements, analysis: Analysis) -> dict[str, Any]:
