@@ -9,8 +9,9 @@ measurement, survey and model together,
 is the expected separation in squared standard deviations. Measurements are chosen greedily: the
 second is the one that adds most to the first.
 
-Where only the base model survives, the rivals are it and each candidate at the amplitude that would
-just be found: the measurement that would have shown most of what may still hide.
+Where one explanation alone survives, the rivals are it and the next most probable. Where that is
+the base model, they are it and each candidate at the amplitude that would just be found: the
+measurement that would have shown most of what may still hide.
 
 Predictions of what has not been measured are read from runs that were made for other reasons: no
 run is asked for.
@@ -98,6 +99,8 @@ def suggest(
     if not model.proposals:
         return []
     rivals = _survivors(model, comparison, tried_models, decision)
+    if len(rivals) == 1 and rivals[0].names:  # the answer, and what comes next to it
+        rivals = _survivors(model, comparison, tried_models, decision, least=0.0)[:2]
     if len(rivals) < 2:
         rivals = _hidden(model, comparison, explanation, options)
     error = proposal_error(model, comparison, options)
@@ -148,17 +151,22 @@ def separation(rivals: Sequence[Rival], error: np.ndarray, index: Sequence[int])
 
 
 def _survivors(
-    model: Proposing, comparison: Comparison, tried_models: TriedModels, decision: Decision
+    model: Proposing,
+    comparison: Comparison,
+    tried_models: TriedModels,
+    decision: Decision,
+    *,
+    least: float = LEAST_SHARE,
 ) -> list[Rival]:
-    """Explanations that still have some probability."""
+    """Explanations that still have some probability, the most probable first."""
     found = []
     for names, weight in decision.probability.items():
-        if weight < LEAST_SHARE or len(found) == MOST_RIVALS:
+        if weight < least or len(found) == MOST_RIVALS:
             break
         fit = tried_models.models[names].fit
         reading = read_at(model, comparison, fit.space, fit.x)
         mean, slope = reading
-        found.append(Rival(names, weight, mean, _open(comparison.base.data, fit, slope)))
+        found.append(Rival(names, max(weight, 1e-9), mean, _open(comparison.base.data, fit, slope)))
     return found
 
 
