@@ -79,15 +79,26 @@ class Sample:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """How long and how fast."""
+    """How long and how fast.
 
-    steps: int = 20000
+    At `restart_at` a second cycle begins from the averaged weights, as a training of its own: its
+    rate rises to `restart_share` of the first and falls again. One that is shorter has none.
+    """
+
+    steps: int = 28000
+    restart_at: int = 20000
+    restart_share: float = 0.5
     batch: int = 32
     rate: float = 2e-3
     warmup: int = 200
     save_every: int = 500
     decay: float = 0.05
     seed: int = 0
+
+    @property
+    def first_cycle(self) -> int:
+        """Steps of the first cycle."""
+        return min(self.restart_at, self.steps)
 
 
 def split_of(run: int) -> str:
@@ -269,13 +280,7 @@ def _network(
     if kept is not None:
         network.load_state_dict(kept["weights"])
         return network.eval()
-    optimiser = Optimizers(
-        list(network.parameters()),
-        rate=plan.rate,
-        muon_rate=plan.rate,
-        decay=plan.decay,
-        as_adam=True,
-    )
+    optimiser = _optimiser(network, plan)
     average = {name: value.clone() for name, value in network.state_dict().items()}
     folder.mkdir(parents=True, exist_ok=True)
     first, kept = 0, _kept(state, key)
@@ -286,6 +291,9 @@ def _network(
     began, running = time.perf_counter(), 0.0
     network.train()
     for step in range(first, plan.steps):
+        if step == plan.first_cycle:
+            network.load_state_dict(average)
+            optimiser = _optimiser(network, plan)
         numbers = torch.Generator().manual_seed(plan.seed * 1_000_003 + step)
         drawn = torch.randint(len(lessons), (plan.batch,), generator=numbers)
         torch.manual_seed(plan.seed * 1_000_003 + step)  # of what is dropped, also after a kill
@@ -320,6 +328,16 @@ def _network(
         torch.save({"key": key, "weights": average}, temporary)
     state.unlink(missing_ok=True)
     return network.eval()
+
+
+def _optimiser(network: DirectNetwork, plan: TrainingPlan) -> Optimizers:
+    return Optimizers(
+        list(network.parameters()),
+        rate=plan.rate,
+        muon_rate=plan.rate,
+        decay=plan.decay,
+        as_adam=True,
+    )
 
 
 def _kept(file: Path, key: str) -> dict[str, Any] | None:
@@ -359,8 +377,11 @@ def answers(model: DirectModel, samples: list[Sample], batch: int = 64) -> Answe
 
 
 def _schedule(step: int, plan: TrainingPlan) -> float:
-    """Share of the learning rate: a rise, then a cosine."""
+    """Share of the learning rate: a rise, then a cosine, in each cycle."""
+    end, share = plan.first_cycle, 1.0
+    if step >= end:
+        step, end, share = step - end, plan.steps - end, plan.restart_share
     if step < plan.warmup:
-        return (step + 1) / plan.warmup
-    way = (step - plan.warmup) / max(plan.steps - plan.warmup, 1)
-    return 0.5 * (1.0 + math.cos(math.pi * way))
+        return share * (step + 1) / plan.warmup
+    way = (step - plan.warmup) / max(end - plan.warmup, 1)
+    return share * 0.5 * (1.0 + math.cos(math.pi * way))

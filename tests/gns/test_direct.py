@@ -276,7 +276,7 @@ def test_arrival_times_are_those_of_the_motion():
 
 
 def test_a_killed_training_goes_on_where_it_stopped(samples, tmp_path):
-    plan = TrainingPlan(steps=6, batch=4, save_every=2)
+    plan = TrainingPlan(steps=6, batch=4, save_every=2, restart_at=3)
     whole = train(samples, tmp_path / "whole", SMALL, plan, lambda line: None)
 
     class KilledError(Exception):

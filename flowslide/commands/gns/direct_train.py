@@ -74,7 +74,14 @@ def run(arguments: argparse.Namespace) -> None:
         predictor = calibrated(model, samples)
     predictor.save(folder / MODEL_FILE)
     facts = card(
-        predictor, samples, {"steps": plan.steps, "seed": plan.seed, "networks": size.networks}
+        predictor,
+        samples,
+        {
+            "steps": plan.steps,
+            "restart_at": plan.first_cycle,
+            "seed": plan.seed,
+            "networks": size.networks,
+        },
     )
     write_card(folder, MODEL_FILE, facts)
     print(table_text(facts))
