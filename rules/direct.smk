@@ -1,6 +1,6 @@
 # Learned models without steps: paired runs of random sections -> trained models with their cards.
 
-DIRECT_PARTS = 620
+DIRECT_PARTS = 1000
 DIRECT_NETWORKS = {"direct": 2, "corrected": 1}
 
 
