@@ -23,7 +23,7 @@ from diagnosis.verdict.verdict import (
 )
 from inversion.back_analysis.result import FILE_NAME as RESULT_FILE
 from inversion.back_analysis.result import FittedTo, Result, load_result
-from inversion.engines.registry import REFERENCE, engine_named, engines
+from inversion.engines.registry import engine_named, engines
 from pipeline.cli import InputError
 from pipeline.config import validate_settings
 from pipeline.files import read_json
@@ -72,7 +72,8 @@ def two_strengths(folder: str | Path) -> TwoStrengths:
     if answer is None or document is None or answer.case != document.case:
         return TwoStrengths(Table(HEAD, []))
     words = {p.name: p for p in document.parameters if p.strength}
-    by = "" if answer.engine == REFERENCE else f" by {engine_named(answer.engine).description}"
+    said = engine_named(answer.engine).said
+    by = f" {said}" if said else ""
     shared = [p for p in answer.answer.parameters if p.name in words and p.lower_bound_95 is None]
     rows, differences = [], []
     for parameter in shared:

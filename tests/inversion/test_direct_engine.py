@@ -22,7 +22,7 @@ from inversion.back_analysis.case import inversion_case
 from inversion.engines.direct_engine import READ, DirectEngine, shipped
 from inversion.engines.forecast_times import read_times, time_error_std
 from inversion.engines.mpm_engine import MPMEngine
-from inversion.engines.registry import engine_named, untrained
+from inversion.engines.registry import engine_named, engines, untrained
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward
 from inversion.posterior.runs import SectionModel
@@ -77,6 +77,14 @@ def test_it_is_an_engine_whose_numbers_are_those_of_the_survey(setup):
     assert one.sigma_v0_kpa[0] > 50.0 and one.spacing_m == setup.scene.spacing
     std = engine.error_std(first)
     assert std.shape == one.values.shape and np.all(std[fitted] > 0)
+
+
+def test_results_of_engines_lie_apart_and_say_who_answered():
+    known = {name: engine.suffix for name, engine in engines().items()}
+    assert known["mpm"] == "" and known["mpm3d"] == "_3d" and known["direct"] == "_direct"
+    assert len(set(known.values())) == len(known)
+    assert engine_named("mpm").said == ""
+    assert engine_named("direct").said == "by a learned model that predicts the deposit in one pass"
 
 
 def test_a_diagnosis_asks_it_for_nothing_that_it_cannot_read(setup):

@@ -102,11 +102,11 @@ def _unseen(simulator, windows) -> list[int]:
     have a second frame.
     """
     unseen, seen, short = [], [], []
-    for run in map(int, windows.runs):
+    for run, frames in zip(map(int, windows.runs), windows.frames, strict=True):
         start, facts = windows.positions(run, 0, 1)[0], windows.facts(run)
         if simulator.known is not None and simulator.known.holds(start, facts):
             seen.append(run)
-        elif len(windows.positions(run)) < 2:
+        elif frames <= windows.stride:
             short.append(run)
         else:
             unseen.append(run)
