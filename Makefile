@@ -39,8 +39,8 @@ BY_UV = @$(PIP) --quiet torch && \
 .DELETE_ON_ERROR:
 
 lsfd: $(READY)
-	@echo "Back-analysis of the Lower San Fernando dam; log: results/logs/invert_lower_san_fernando.log"
-	@$(IN_VENV) snakemake --quiet all --show-failed-logs -- answer_lsfd
+	@echo "Back-analysis of the Lower San Fernando dam, about two minutes; log: results/logs/invert_lower_san_fernando.log"
+	@$(IN_VENV) PYTHONPATH="rules/logging$${PYTHONPATH:+:$$PYTHONPATH}" snakemake --logger flowslide -- answer_lsfd
 	@cat results/lower_san_fernando/inversion/summary.txt
 
 test: $(READY)

@@ -7,6 +7,7 @@
 # __init__.py; that number is among the params, in addition to every setting that matters to the rule.
 
 import ast
+import fcntl
 import os
 import socket
 import sys
@@ -41,6 +42,40 @@ def checked_settings():
         raise WorkflowError(str(error)) from None
 
 
+def hold_folder():
+    """Know of other workflows in this folder, and clear the lock of one that was killed.
+
+    Snakemake's own lock outlives a killed Snakemake. This one does not: every living workflow holds
+    a share of it.
+    """
+    Path(".snakemake").mkdir(exist_ok=True)
+    held = open(".snakemake/flowslide.lock", "w")
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # another one lives, or the file system has no such locks
+        pass
+    else:
+        left = list(Path(".snakemake/locks").glob("*.lock"))
+        for lock in left:
+            lock.unlink()
+        if left:
+            logger.warning("An earlier workflow in this folder was killed; going on where it was.")
+    try:
+        fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        pass
+    return held
+
+
+def checked_results():
+    """The folder of the results, which is a folder or can be made one."""
+    place = Path(SETTINGS.results_folder)
+    there = next(path for path in (place, *place.parents) if path.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        raise WorkflowError(f"results_folder: {place}: no files can be written in {there}")
+    return SETTINGS.results_folder
+
+
 def write_settings():
     """Put the settings in force into one file for the programs, once the workflow has its lock."""
     text = "# Written by the workflow: the settings in force. Edit config/config.yaml instead.\n"
@@ -63,13 +98,21 @@ def physics_version(package):
 
 
 SETTINGS = checked_settings()
-RESULTS = SETTINGS.results_folder
+RESULTS = checked_results()
 CONFIG_FILE = str(Path(RESULTS) / "config.yaml")
+
+
+# Jobs of a cluster read this file as well, and a dry run works on nothing.
+if workflow.is_main_process and not workflow.dryrun:
+    HELD = hold_folder()
 
 
 # Not while this file is read: a dry run next to a running workflow must not change its settings.
 onstart:
-    write_settings()
+    try:
+        write_settings()
+    except InputError as error:
+        raise WorkflowError(str(error)) from None
 
 
 PHYSICS = {package: physics_version(package) for package in ("geometry", "mpm_taichi")}

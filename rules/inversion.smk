@@ -26,7 +26,8 @@ rule classical_case:
     input:
         case_files,
     output:
-        f"{RESULTS}/{{case}}/classical/classical.json",
+        result=f"{RESULTS}/{{case}}/classical/classical.json",
+        summary=f"{RESULTS}/{{case}}/classical/summary.txt",
     log:
         f"{RESULTS}/logs/classical_{{case}}.log",
     benchmark:
@@ -36,13 +37,13 @@ rule classical_case:
         mem_mb=1000,
         runtime=20,
     params:
-        folder=lambda wildcards, output: os.path.dirname(output[0]),
+        folder=lambda wildcards, output: os.path.dirname(output.result),
         case=case_folder,
         physics=content_hash(INVERSION_PHYSICS),
     message:
         "Kinetics, ZIF and IMM on the case history {wildcards.case}"
     shell:
-        "python -m inversion classical {params.case:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m inversion classical {params.case:q} --out {params.folder:q} > {output.summary:q} 2> {log:q}"
 
 
 # A job that is killed leaves its simulations in inversion/runs, which is not an output, so that the next try
