@@ -7,10 +7,13 @@ wrong; in the last case one line names the file, the field, the value and what i
 from __future__ import annotations
 
 import argparse
+import fcntl
 import os
 import signal
+import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import NoReturn
@@ -19,6 +22,10 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 EXIT_TERMINATED = 143
+
+WORKFLOW = "FLOWSLIDE_WORKFLOW"
+GRACE_S = 10.0
+"""Time to tidy up once the workflow has gone [s]; a kernel that computes hears no signal."""
 
 
 class InputError(ValueError):
@@ -94,6 +101,7 @@ def main_exit(
         argv: the arguments; None takes them from the command line.
     """
     _end_on_terminate()
+    _end_with_workflow()
     try:
         code = func(argv) or 0
         sys.stdout.flush()
@@ -137,6 +145,30 @@ def _end_on_terminate() -> None:
 
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, leave)
+
+
+def _end_with_workflow() -> None:
+    """End soon after the workflow that started this process, if it ends by whatever cause.
+
+    `rules/common.smk` names in FLOWSLIDE_WORKFLOW, as HOST:FILE, a file whose lock the workflow holds
+    while it lives. A job of a cluster, on another host, outlives it.
+    """
+    host, _, name = os.environ.get(WORKFLOW, "").partition(":")
+    if not name or host != socket.gethostname():
+        return
+    try:
+        lock = open(name)
+    except OSError:  # tidied away by a later workflow: the one that was named has ended
+        raise SystemExit(EXIT_TERMINATED) from None
+
+    def wait() -> None:
+        with lock:
+            fcntl.flock(lock, fcntl.LOCK_SH)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(GRACE_S)
+        os._exit(EXIT_TERMINATED)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _complain(problem: object, code: int) -> int:

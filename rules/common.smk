@@ -42,29 +42,38 @@ def checked_settings():
         raise WorkflowError(str(error)) from None
 
 
-def hold_folder():
-    """Know of other workflows in this folder, and clear the lock of one that was killed.
+def begin_in_folder():
+    """Hold a lock for as long as this workflow lives, and clear what a killed one has left.
 
-    Snakemake's own lock outlives a killed Snakemake. This one does not: every living workflow holds
-    a share of it.
+    Snakemake's own lock outlives a killed Snakemake; these locks do not. Jobs on this machine wait
+    for theirs, and end when they get it (`pipeline.cli`).
     """
-    Path(".snakemake").mkdir(exist_ok=True)
-    held = open(".snakemake/flowslide.lock", "w")
-    try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # another one lives, or the file system has no such locks
-        pass
-    else:
-        left = list(Path(".snakemake/locks").glob("*.lock"))
-        for lock in left:
-            lock.unlink()
-        if left:
-            logger.warning("An earlier workflow in this folder was killed; going on where it was.")
-    try:
-        fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        pass
-    return held
+    alive = Path(".snakemake/alive")
+    alive.mkdir(parents=True, exist_ok=True)
+    others = [held for path in alive.iterdir() if (held := lives(path))]
+    left = [] if others else list(Path(".snakemake/locks").glob("*.lock"))
+    for lock in left:
+        lock.unlink(missing_ok=True)
+    if left:
+        logger.warning("An earlier workflow in this folder was killed; going on where it was.")
+    place = (alive / f"{socket.gethostname()}-{os.getpid()}").absolute()
+    while True:
+        own = open(place, "w")
+        fcntl.flock(own, fcntl.LOCK_EX)
+        if place.exists():  # not tidied away by one that started at the same moment
+            os.environ["FLOWSLIDE_WORKFLOW"] = f"{socket.gethostname()}:{place}"
+            return own
+
+
+def lives(path):
+    """A workflow still holds this lock; the lock of one that has ended is tidied away."""
+    with open(path) as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+    path.unlink(missing_ok=True)
+    return False
 
 
 def checked_results():
@@ -104,7 +113,7 @@ CONFIG_FILE = str(Path(RESULTS) / "config.yaml")
 
 # Jobs of a cluster read this file as well, and a dry run works on nothing.
 if workflow.is_main_process and not workflow.dryrun:
-    HELD = hold_folder()
+    HELD = begin_in_folder()
 
 
 # Not while this file is read: a dry run next to a running workflow must not change its settings.

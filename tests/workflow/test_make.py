@@ -134,8 +134,10 @@ def test_another_workflow_at_work(made):
     locks = made.folder / ".snakemake" / "locks"
     locks.mkdir(parents=True)
     (locks / "0.output.lock").write_text("results/lower_san_fernando/inversion/result.json\n")
-    with (made.folder / ".snakemake" / "flowslide.lock").open("w") as held:
-        fcntl.flock(held, fcntl.LOCK_SH)
+    alive = made.folder / ".snakemake" / "alive"
+    alive.mkdir()
+    with (alive / "elsewhere-1").open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
         assert failed(made).startswith("error: another workflow works in this folder: wait")
 
 
