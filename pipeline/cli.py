@@ -150,8 +150,8 @@ def _end_on_terminate() -> None:
 def _end_with_workflow() -> None:
     """End soon after the workflow that started this process, if it ends by whatever cause.
 
-    `rules/common.smk` names in FLOWSLIDE_WORKFLOW, as HOST:FILE, a file whose lock the workflow holds
-    while it lives. A job of a cluster, on another host, outlives it.
+    `rules/common.smk` names in FLOWSLIDE_WORKFLOW, as HOST:FILE, a file whose lock the workflow
+    holds while it lives. A job of a cluster, on another host, outlives it.
     """
     host, _, name = os.environ.get(WORKFLOW, "").partition(":")
     if not name or host != socket.gethostname():

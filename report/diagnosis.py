@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from diagnosis.verdict.verdict import COMPARE_FILE, EXPLAIN_FILE, FILE_NAME, WaterfallStep
+from pipeline.ties import ranked
 from report.data.diagnosis import DiagnosisData, Document, load_diagnosis
 from report.numbers import plural, root_mean_square
 from report.page import Part, Section, folded, said, shown, tabulated, write_page
@@ -117,7 +118,7 @@ def summary(document: Document, folder: str | Path) -> str:
 def measurements_text(lines: Sequence) -> str:
     """Measured against modelled, the worst first; constructed data are left out."""
     surveyed = [line for line in lines if line.role != "constructed"]
-    worst = sorted(surveyed, key=lambda line: -abs(line.residual_base or 0.0))
+    worst = ranked(surveyed, lambda line: abs(line.residual_base or 0.0))
     left = len(surveyed) - MOST_LINES
     more = "" if left <= 0 else f"\n... and {left} more with smaller residuals"
     return tables.measurements_table(worst[:MOST_LINES]).text() + more

@@ -24,6 +24,7 @@ from scipy import stats
 from inversion.estimation.data import Data, Places
 from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
+from pipeline.ties import largest
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ def assess(found: ProjectedFit, places: list[Places], *, score: Test | None = No
         null = autocorrelation(found.noise, neighbours)
         tests.append(Test("autocorrelation", float(statistic), exceedance(null, statistic)))
     if len(groups) > 1:
-        worst = max(groups, key=lambda group: group.z)
+        worst = largest(groups, lambda group: group.z)
         null = np.max(_group_z(found, places, found.noise), axis=0)
         tests.append(Test(f"group {worst.name}", worst.z, exceedance(null, worst.z)))
     if score is not None:

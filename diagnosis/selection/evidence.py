@@ -23,6 +23,7 @@ from scipy.stats import norm
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
+from pipeline.ties import ranked
 
 #: Least share of a Gaussian that can lie within the bounds; below, the fit is at its bound anyway.
 LEAST_SHARE = 1e-12
@@ -123,7 +124,7 @@ def probabilities(evidence: dict[tuple[str, ...], float]) -> dict[tuple[str, ...
     top = max(evidence.values())
     weights = {names: math.exp(value - top) for names, value in evidence.items()}
     total = sum(weights.values())
-    order = sorted(weights, key=lambda names: (-weights[names], names))
+    order = ranked(sorted(weights), weights.__getitem__)
     return {names: weights[names] / total for names in order}
 
 

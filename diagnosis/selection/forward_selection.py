@@ -21,6 +21,7 @@ from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
 from diagnosis.selection.tried_models import AdoptedModel, TriedModels, why_not
 from diagnosis.selection.unknown_curve import runs_wanted
+from pipeline.ties import ranked
 
 #: Share of the drop that is asked for which a further effect has to promise before it is refitted:
 #: next to a first, promises are good to a fifth or 3, while a refit takes ten runs.
@@ -185,4 +186,4 @@ def best_pairs(
         drop = float(2.0 * share @ (columns.T @ residual) - share @ gram @ share)
         key = tuple(sorted((first, second)))
         drops[key] = max(drops.get(key, 0.0), drop)
-    return sorted(drops, key=lambda key: -drops[key])[:count]
+    return ranked(sorted(drops), drops.__getitem__)[:count]

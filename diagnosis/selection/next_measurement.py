@@ -37,6 +37,7 @@ from inversion.estimation.misfit import system
 from inversion.estimation.response_surface import Spreads, Surface, Surrogate
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Unknowns
+from pipeline.ties import largest_place
 
 #: Explanations with less probability are not worth telling apart, and no more than this many are.
 LEAST_SHARE, MOST_RIVALS = 0.02, 4
@@ -130,7 +131,7 @@ def greedy(
         gains = [separation(rivals, error, [*index, *proposal.index]) for proposal in left]
         if not np.any(np.isfinite(gains)):
             break  # nothing that is left can be read on what the rivals leave behind
-        best = int(np.nanargmax(gains))
+        best = largest_place(np.nan_to_num(gains, nan=-1.0))
         chosen.append(Suggestion(left[best], float(gains[best])))
         index += left[best].index
         left.pop(best)

@@ -24,6 +24,7 @@ from diagnosis.selection.selection import Selection
 from diagnosis.signatures.signatures import take_signatures
 from inversion.estimation.misfit import total_of
 from inversion.estimation.response_surface import Surface
+from pipeline.ties import largest
 
 #: Fall of the sum of squares that a place must promise beyond the one before it.
 PROMISE = 3.0
@@ -50,7 +51,7 @@ def seek_places(selection: Selection, models: list[FittedModel]) -> list[FittedM
     if not placed or not isinstance(model, Seeking):
         return models
     falls = {one.names: selection.base.fit.total - one.fit.total for one in singles}
-    now = max(placed, key=lambda one: falls[one.names])
+    now = largest(placed, lambda one: falls[one.names])
     if falls[now.names] < WORTH * max(falls.values()):
         return models
     found = list(models)
@@ -94,7 +95,8 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
             if np.all(np.isfinite(row - rows[0])):
                 s = found.system.project(found.system.augmented(row - rows[0]))
                 drops[other] = float(2.0 * s @ found.residual - s @ s)
-        best = max((o for o in drops if drops[o] > PROMISE), key=drops.get, default=None)
+        drops = {other: drop for other, drop in drops.items() if drop > PROMISE}
+        best = largest(drops, drops.__getitem__) if drops else None
     model.drop_placed([other for other in there if other != best])
     return None if best is None else _refitted(selection, model, now, best)
 

@@ -32,6 +32,7 @@ from inversion.estimation.surface_search import (
     settled,
 )
 from inversion.estimation.unknowns import Amplitude, Unknowns
+from pipeline.ties import smallest
 
 #: Turns of a refit, two runs each.
 TURNS = 4
@@ -190,7 +191,7 @@ def walk_the_valley(
         return run_points(context.runs, surrogate, list(zip(points, seeds, strict=False)), what)
     place = new[0]
     found = [least(data, surrogate, x, held=new)[0] for x in guesses]
-    best = min(found, key=lambda x: surrogate.total(data, x))[place]
+    best = smallest(found, lambda x: surrogate.total(data, x))[place]
     other = sorted((x for x in found if x[place] * best < 0.0), key=lambda x: abs(x[place]))
     ladder = sorted((x[place] for x in found if x[place] * best > 0.0), key=abs)
     seen = run_points(context.runs, surrogate, [(x, 5) for x in other[len(other) // 2 :][:1]], what)

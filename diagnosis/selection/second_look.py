@@ -26,6 +26,7 @@ from diagnosis.selection.selection import ERROR_RUNS, Selection
 from diagnosis.selection.tried_models import why_not
 from diagnosis.signatures.confounding import representative
 from diagnosis.signatures.signatures import score_all, take_signatures
+from pipeline.ties import ranked
 
 #: Candidates other than switches that are refitted because the parameters imitate them.
 IMITATED = 4
@@ -97,7 +98,7 @@ def overlooked(selection: Selection) -> list[str]:
         score = representative(explanation.scores, name)
         imitated[name] = score.whole**2 - score.visible**2
     switches, others = [], []
-    for name in sorted(set(imitated) - there, key=lambda name: (-imitated[name], name)):
+    for name in ranked(sorted(set(imitated) - there), imitated.__getitem__):
         one = known[name]
         if one.switch:
             switches.append(name)
@@ -124,7 +125,8 @@ def built_on(selection: Selection) -> list[Promise]:
         and one.total < wanted
         and selection.leaves_spare(one.names)
     ]
-    return sorted(new, key=lambda one: (one.total, one.names))[:PAIRS]
+    in_order = sorted(new, key=lambda one: one.names)
+    return ranked(in_order, lambda one: -one.total)[:PAIRS]
 
 
 def starts(selection: Selection) -> list[tuple[str, ...]]:
@@ -139,9 +141,9 @@ def starts(selection: Selection) -> list[tuple[str, ...]]:
         and not known[key[0]].by_chance
         and selection.base.fit.total - models[key].fit.total > FALL
     }
-    ranked = sorted(totals, key=lambda key: (totals[key], key))
-    forms = [key for key in ranked if known[key[0]].switch]
-    return forms[:FORMS] + [key for key in ranked if key not in forms][:EFFECTS]
+    best_first = ranked(sorted(totals), lambda key: -totals[key])
+    forms = [key for key in best_first if known[key[0]].switch]
+    return forms[:FORMS] + [key for key in best_first if key not in forms][:EFFECTS]
 
 
 def promises(selection: Selection, start: FittedModel) -> list[Promise]:

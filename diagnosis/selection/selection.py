@@ -28,6 +28,7 @@ from diagnosis.selection.refit import (
 from diagnosis.selection.tried_models import AdoptedModel, TriedModels, accepted_here, why_not
 from diagnosis.signatures.signatures import Signature, score_all, take_signatures
 from inversion.estimation.budget import Runs
+from pipeline.ties import largest, ranked
 
 #: Runs that the error of an adopted model takes; they are kept for it.
 ERROR_RUNS = 3
@@ -153,7 +154,7 @@ class Selection:
         """
         least = self.options.least_drop / 2.0
         better = [m for m in models if before.fit.total - m.fit.total > least and not m.unread]
-        for model in sorted(better, key=lambda model: model.fit.total)[:MEASURED]:
+        for model in ranked(better, lambda model: -model.fit.total)[:MEASURED]:
             found = model if model.judged else self.judged(model.names)
             self.tried.models[found.names] = self._measured(found)
         return [self.tried.models[model.names] for model in models]
@@ -186,7 +187,7 @@ class Selection:
         bar = self.tried.weighed(before).ln_evidence + self.options.least_gain
         least = max([*evidence.values(), bar]) - NEAR_BEST
         near = [names for names in evidence if evidence[names] >= least]
-        return sorted(near, key=lambda names: -evidence[names])
+        return ranked(near, evidence.__getitem__)
 
     def accepted(self, before: FittedModel, models: Sequence[FittedModel]) -> FittedModel | None:
         """The model that is adopted in place of one before; None: none passes."""
@@ -246,9 +247,9 @@ class Selection:
             for model in map(self.tried.weighed, known)
             if not why_not(before, model, self.options)
         ]
-        less = max(found, key=lambda model: model.ln_evidence, default=None)
-        if less is None:
+        if not found:
             return
+        less = largest(found, lambda model: model.ln_evidence)
         if self.tried.weighed(now).ln_evidence - less.ln_evidence < self.options.drop_below:
             self.adopt(models[less.names])
             self.now.note = f"without what it does not need: {', '.join(less.names)}"

@@ -12,6 +12,7 @@ from diagnosis.options import Options
 from diagnosis.selection.effect_error import weighed_again
 from diagnosis.selection.refit import FittedModel, RefitContext
 from diagnosis.signatures.signatures import Scores
+from pipeline.ties import ranked
 
 
 @dataclass
@@ -115,7 +116,7 @@ def accepted(
     although together they leave no doubt that something is missing. Then the question "is there
     anything?" is put to their sum, and "what is it?" has several answers.
     """
-    order = sorted((m for m in tried if not m.unread), key=lambda after: -after.ln_evidence)
+    order = ranked((m for m in tried if not m.unread), lambda after: after.ln_evidence)
     for after in order:
         if not why_not(now, after, options):
             return after

@@ -23,6 +23,7 @@ from inversion.estimation.misfit import system
 from inversion.estimation.response_surface import Ladder, Surface, Surrogate, anchor_of, spreads
 from inversion.estimation.surface_search import settled
 from inversion.estimation.unknowns import Amplitude, Unknowns
+from pipeline.ties import largest, ranked
 
 #: Standard deviation of a coefficient beforehand, in the logarithm of the strength.
 PRIOR_STD = 0.6
@@ -100,7 +101,7 @@ def find_curve(
             names = (*before.names, *curve.names)
             found = _estimated(context, surface, names)
             estimates[curve.variable] = (curve, names, found)
-    order = sorted(estimates, key=lambda variable: -estimates[variable][2].ln_evidence)
+    order = ranked(estimates, lambda variable: estimates[variable][2].ln_evidence)
     fits = {variable: estimates[variable][2] for variable in order}
     calibrated = []
     for variable in order[:CALIBRATED]:
@@ -110,7 +111,7 @@ def find_curve(
             calibrated.append(variable)
     if not calibrated:
         return None
-    best = max(calibrated, key=lambda variable: fits[variable].ln_evidence)
+    best = largest(calibrated, lambda variable: fits[variable].ln_evidence)
     fit, curve = fits[best].fit, estimates[best][0]
     places = [fit.space.p + fit.space.names.index(name) for name in curve.names]
     linear = system(context.data, fit.space, fit.derivative, fit.x)

@@ -9,12 +9,14 @@ is found: so much of a strength may be that effect. It is worth knowing when the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from diagnosis.signatures.signatures import Score, Scores, Signature
+from diagnosis.signatures.signatures import Score, Scores, Signature, nearest_first
 from inversion.estimation.misfit import System
 from inversion.estimation.unknowns import Unknowns
+from pipeline.ties import largest, largest_place, smallest
 
 
 @dataclass(frozen=True)
@@ -26,11 +28,15 @@ class Visibility:
         smallest: amplitude that would be found with near certainty; beyond its bounds: never.
         bias: parameter -> change of its value [%] while that amplitude, or the largest that was run
             if that is smaller, remains unfound.
+        rung: amplitude that was run and is nearest to `smallest`.
+        believed: that amplitude, or the largest that was run if that is smaller, over `rung`.
     """
 
     fraction: float
     smallest: float
     bias: dict[str, float]
+    rung: float
+    believed: float
 
 
 def representative(scores: Scores, name: str) -> Score:
@@ -49,7 +55,7 @@ def cosines(scores: Scores, names: list[str]) -> np.ndarray:
     amplitude of the other, and the larger of both ways counts.
     """
     unit = {
-        name: np.array([_direction(score.projected) for score in scores.every[name]])
+        name: np.array([_direction(score.projected) for score in nearest_first(scores.every[name])])
         for name in names
     }
     own = {name: _direction(representative(scores, name).projected) for name in names}
@@ -58,9 +64,10 @@ def cosines(scores: Scores, names: list[str]) -> np.ndarray:
         for j, second in enumerate(names):
             if i != j:
                 along = unit[second] @ own[first]
-                matrix[i, j] = along[np.argmax(np.abs(along))]
-    larger = np.abs(matrix) >= np.abs(matrix.T)
-    return np.clip(np.where(larger, matrix, matrix.T), -1.0, 1.0)
+                matrix[i, j] = along[largest_place(np.abs(along))]
+    for i, j in combinations(range(len(names)), 2):
+        matrix[i, j] = matrix[j, i] = largest((matrix[i, j], matrix[j, i]), abs)
+    return np.clip(matrix, -1.0, 1.0)
 
 
 def _direction(vector: np.ndarray) -> np.ndarray:
@@ -91,7 +98,7 @@ def visibility(
     def distance(score: Score) -> float:
         return abs(np.log(max(score.visible, 1e-12) / detectable))
 
-    nearest = min(scored, key=distance)
+    nearest = smallest(nearest_first(scored), distance)
     share = detectable / max(nearest.visible, 1e-12)
     change = signature.changes[nearest.rung]
     imitation = linear.imitating(linear.augmented(change))[: space.p]
@@ -104,7 +111,13 @@ def visibility(
         for name, a, b in zip(space.parameters.names, before, after, strict=True)
     }
     fraction = nearest.visible / nearest.whole if nearest.whole > 0.0 else 0.0
-    return Visibility(float(min(fraction, 1.0)), float(share * nearest.rung), bias)
+    return Visibility(
+        fraction=float(min(fraction, 1.0)),
+        smallest=float(share * nearest.rung),
+        bias=bias,
+        rung=nearest.rung,
+        believed=float(believed),
+    )
 
 
 def look_alike(names: list[str], matrix: np.ndarray, name: str, least: float) -> list[str]:

@@ -24,7 +24,7 @@ candidates are not many chances.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,6 +34,7 @@ from diagnosis.hypotheses.model import Candidate
 from inversion.estimation.budget import Runs
 from inversion.estimation.misfit import System
 from inversion.estimation.response_surface import Ladder, Surface
+from pipeline.ties import RELATIVE, largest, ranked
 
 #: Farthest that a parameter is moved to meet an effect.
 FARTHEST = 1.5
@@ -319,6 +320,11 @@ class Score:
     projected: np.ndarray
 
 
+def nearest_first(scored: Iterable[Score]) -> list[Score]:
+    """Scores by the size of their amplitude, of each size the positive one first."""
+    return sorted(scored, key=lambda score: (abs(score.rung), score.rung < 0.0))
+
+
 @dataclass(frozen=True)
 class Scores:
     """All scores of a round.
@@ -336,13 +342,18 @@ class Scores:
     p_largest: float
 
     def best(self, name: str) -> Score:
-        """The amplitude with the largest expected drop; if none drops, that with the largest z."""
-        return max(self.every[name], key=lambda score: (score.drop, score.z))
+        """The amplitude with the largest expected drop; if none drops, that with the largest z.
+
+        All amplitudes of a linear effect have the same score: the smallest stands for it.
+        """
+        scored = nearest_first(self.every[name])
+        best = largest(scored, lambda score: score.drop)
+        return best if best.drop > RELATIVE else largest(scored, lambda score: score.z)
 
     @property
     def ranked(self) -> list[str]:
         """Candidates, largest expected drop first."""
-        return sorted(self.every, key=lambda name: -self.best(name).drop)
+        return ranked(self.every, lambda name: self.best(name).drop)
 
 
 def score_all(

@@ -22,7 +22,6 @@ from diagnosis.selection.quoted_strength import EXPLAINED, quoted, unexplained
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.tried_models import AdoptedModel
 from diagnosis.selection.unknown_curve import FoundCurve
-from diagnosis.signatures.confounding import representative
 from diagnosis.verdict import verdict
 from diagnosis.verdict.fitted_models import (
     effect_answers,
@@ -37,6 +36,7 @@ from diagnosis.verdict.fitted_models import (
 )
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import lower_bound, system
+from pipeline.ties import largest
 
 
 def compare_document(
@@ -101,7 +101,7 @@ def comparison_sentence(comparison: Comparison, options: Options) -> str:
     p = f"combined p {adequacy.p_combined:.2g}"
     if judged == "adequate":
         return f"The base model explains the measurements within their errors ({numbers}, {p})."
-    worst = max(adequacy.groups, key=lambda group: group.z, default=None)
+    worst = largest(adequacy.groups, lambda group: group.z) if adequacy.groups else None
     where = "" if worst is None else f"; farthest off is {worst.name}"
     if window is not None and window.p < options.suspect:
         unit = {"x_m": "m", "time_s": "s"}.get(window.axis, "")
@@ -155,22 +155,23 @@ def base_stage(
 def moved_most(comparison: Comparison, explanation: Explanation) -> tuple[str, float | None]:
     """The candidate that moves the held-out numbers most, and by how many standard deviations.
 
-    Of each the representative amplitude, the parameters moved to meet what was fitted.
+    Each with the amplitude that the fitted numbers would just show, as a larger one would have been
+    seen, and the parameters moved to meet these.
     """
     base, linear = comparison.base, comparison.judged.system
     held = np.flatnonzero(base.split.held_out)
     moved: dict[str, float] = {}
     own = np.linalg.cholesky(base.data.covariance[np.ix_(held, held)])
     for name in explanation.names if held.size else ():
-        rung = representative(explanation.scores, name).rung
-        change = explanation.signatures[name].changes[rung]
+        seen = explanation.visible[name]
+        change = seen.believed * explanation.signatures[name].changes[seen.rung]
         met = change - base.fit.derivative @ linear.imitating(linear.augmented(change))
         size = float(np.linalg.norm(np.linalg.solve(own, met[held])))
         if np.isfinite(size):
             moved[name] = size
     if not moved:
         return "", None
-    mover = max(moved, key=lambda name: moved[name])
+    mover = largest(moved, moved.__getitem__)
     return mover, moved[mover]
 
 
@@ -425,7 +426,7 @@ def sentence(found: Diagnosis) -> str:
             )
         case "unknown_effect" if final.model.names:
             does = "improve" if len(final.model.names) > 1 else "improves"
-            left = max(final.adequacy.groups, key=lambda group: group.z)
+            left = largest(final.adequacy.groups, lambda group: group.z)
             return (
                 f"{_joined(final.model.names).capitalize()} {does} the model, {_fall(found)}, and "
                 f"{'do' if does == 'improve' else 'does'} not explain the measurements: "

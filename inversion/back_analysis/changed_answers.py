@@ -19,6 +19,7 @@ from inversion.estimation.forward import Prediction
 from inversion.estimation.misfit import root_mean_square
 from inversion.estimation.search import SearchResult
 from inversion.problem.question import CellSize, Sensitivity, Variant
+from pipeline.ties import ranked
 
 
 @dataclass
@@ -102,7 +103,7 @@ def sensitivity_answer(solved: Sequence[Solved], here: Here) -> SensitivityAnswe
     entry, parameters = solved[0].entry, solved[0].problem.objective.parameters
     answered = [_side(one, here) for one in solved]
     changes = [side.change for side in answered]
-    worst = max(answered, key=lambda side: abs(side.change[parameters.names[0]]))
+    worst = ranked(answered, lambda side: abs(side.change[parameters.names[0]]))[0]
     std = {name: root_mean_square(changes, name) for name in parameters.names}
     limit = None
     if isinstance(entry, CellSize):
@@ -163,11 +164,12 @@ def largest(solved: Sequence[Solved], here: Here, std: np.ndarray, share: float)
     kept: set[str] = set()
     for place, total in enumerate(whole):
         rest = total - std[place] ** 2
-        for name in sorted(variances, key=lambda name: -variances[name][place]):
+        own = {name: variance[place] for name, variance in variances.items()}
+        for name in ranked(own, own.__getitem__):
             if rest <= (1.0 - share) * total:
                 break
             kept.add(name)
-            rest -= variances[name][place]
+            rest -= own[name]
     return kept
 
 

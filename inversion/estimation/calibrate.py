@@ -32,6 +32,7 @@ from inversion.estimation.lbfgsb import lbfgsb
 from inversion.estimation.search import Evaluation, Search, SearchResult
 from inversion.estimation.unknowns import Parameters
 from pipeline.cli import WorkFailed
+from pipeline.ties import smallest
 
 Method = Literal["gauss_newton", "lbfgsb"]
 METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
@@ -286,7 +287,7 @@ def look_around(search: Search, start: np.ndarray, best: Evaluation) -> Evaluati
         search.record(values, "scan", iteration, prediction)
         for values, prediction in zip(trials, search.predict(trials), strict=True)
     ]
-    nearest = min(evaluations, key=lambda evaluation: evaluation.loss, default=best)
+    nearest = smallest(evaluations, lambda evaluation: evaluation.loss, default=best)
     return nearest if nearest.loss < best.loss else None
 
 

@@ -35,6 +35,7 @@ import numpy as np
 from inversion.estimation.data import Data, Targets
 from inversion.estimation.forward import Prediction
 from inversion.estimation.unknowns import Parameters, Unknowns
+from pipeline.ties import largest_place
 
 #: Singular values of A below this share of 1 (the prior's scale) count as no knowledge at all.
 NO_KNOWLEDGE = 1e-6
@@ -380,10 +381,10 @@ def simple_basis(directions: np.ndarray) -> np.ndarray:
     space = np.array(directions, dtype=float)
     found = []
     while len(space):
-        axis = int(np.argmax(np.linalg.norm(space, axis=0)))
+        axis = largest_place(np.linalg.norm(space, axis=0))
         along = space.T @ space[:, axis]
         along /= np.linalg.norm(along)
-        found.append(along * np.sign(along[np.argmax(np.abs(along))]))
+        found.append(along * np.sign(along[largest_place(np.abs(along))]))
         # The remaining space: its part at right angles to the direction just found.
         rest = space - np.outer(space @ along, along)
         _, size, rows = np.linalg.svd(rest, full_matrices=False)

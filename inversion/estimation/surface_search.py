@@ -18,6 +18,7 @@ from inversion.estimation.gauss_newton import bounded_step
 from inversion.estimation.misfit import augmented_residual
 from inversion.estimation.response_surface import Surrogate
 from inversion.estimation.unknowns import Unknowns
+from pipeline.ties import ranked
 
 #: Jitters of the points of the runs that correct a surrogate, two at a time, in turn.
 JITTERS = ((1, 2), (3, 4), (5, 6), (7, 8))
@@ -100,7 +101,7 @@ def best_of(
     data: Data, surrogate: Surrogate, starts: Sequence[np.ndarray], count: int
 ) -> list[tuple[np.ndarray, float]]:
     """Different valleys of a surrogate that several first guesses lead to, deepest first."""
-    found = sorted((least(data, surrogate, x) for x in starts), key=lambda pair: pair[1])
+    found = ranked((least(data, surrogate, x) for x in starts), lambda pair: -pair[1])
     kept: list[tuple[np.ndarray, float]] = []
     for x, total in found:
         if all(np.max(np.abs(x - other)) > APART for other, _ in kept):

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.ties import largest_place
+
 #: The sampler stops when what is left could add so much to ln Z.
 EVIDENCE_LEFT = 0.05
 #: Power of the likelihood that places further runs: wider than the posterior, whose tails are
@@ -99,9 +101,9 @@ def tempered(log_likelihoods: np.ndarray, draws: int, random: np.random.Generato
 
 def spread_out(points: np.ndarray, number: int) -> np.ndarray:
     """Places of points (s, q) that lie far from each other, the first nearest to their mean."""
-    chosen = [int(np.argmin(np.sum((points - points.mean(axis=0)) ** 2, axis=1)))]
+    chosen = [largest_place(-np.sum((points - points.mean(axis=0)) ** 2, axis=1))]
     distance = np.sum((points - points[chosen[0]]) ** 2, axis=1)
     while len(chosen) < min(number, len(points)):
-        chosen.append(int(np.argmax(distance)))
+        chosen.append(largest_place(distance))
         distance = np.minimum(distance, np.sum((points - points[chosen[-1]]) ** 2, axis=1))
     return np.array(chosen)

@@ -39,6 +39,7 @@ from inversion.posterior.unknown import Unknown
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 from pipeline.files import write_json
 from pipeline.manifest import manifest
+from pipeline.ties import ranked
 
 DIGITS = 5
 
@@ -288,7 +289,7 @@ def shares(output: np.ndarray, inputs: np.ndarray, names: list[str]) -> list[Sha
         others = explained(output, _quadratic(np.delete(x, place, axis=1)))
         # What no input explains is nobody's: the total is what this one adds to the others.
         found.append(Share(str(name), alone, max(everything - others, 0.0)))
-    return sorted(found, key=lambda share: -share.total)
+    return ranked(found, lambda share: share.total)
 
 
 def explained(output: np.ndarray, features: np.ndarray) -> float:

@@ -16,6 +16,8 @@ from scipy.interpolate import PchipInterpolator, RBFInterpolator
 from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
+from pipeline.ties import smallest
+
 #: Scores beyond this are taken as this: one in 740 strengths on either side.
 FARTHEST = 3.0
 #: Runs of one strength, and how many a star and a Sobol set add for each of several.
@@ -75,7 +77,7 @@ class Surface:
     def __init__(self, scores: np.ndarray, values: np.ndarray) -> None:
         errors = [_left_out(scores, values, smoothing) for smoothing in SMOOTHINGS]
         scale = np.maximum(values.std(axis=0), 1e-9)
-        best = int(np.argmin([np.sum((error / scale) ** 2) for error in errors]))
+        best = smallest(range(len(errors)), lambda k: float(np.sum((errors[k] / scale) ** 2)))
         self._spline = _spline(scores, values, SMOOTHINGS[best])
         self._range = values.min(axis=0), values.max(axis=0)
         self._far = np.abs(scores).max(axis=0)
@@ -109,7 +111,7 @@ class Sections:
 def monotone(values: np.ndarray) -> np.ndarray:
     """The nearest rising or falling series to values (n,), whichever is nearer."""
     both = [isotonic_regression(values, increasing=rising).x for rising in (True, False)]
-    return min(both, key=lambda series: float(np.sum((series - values) ** 2)))
+    return smallest(both, lambda series: float(np.sum((series - values) ** 2)))
 
 
 def _spline(scores: np.ndarray, values: np.ndarray, smoothing: float) -> RBFInterpolator:

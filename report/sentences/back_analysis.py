@@ -13,6 +13,7 @@ import numpy as np
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engines.registry import engine_named
 from inversion.problem.changes import WATER_WORDS
+from pipeline.ties import largest, largest_place, ranked
 from report.data.back_analysis import MANY, BackAnalysisData
 from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit
 
@@ -191,12 +192,12 @@ def compared(data: BackAnalysisData, predicted: Mapping[str, float]) -> list[Com
         ]
         if lines:
             found.append(_compare(group.name, lines))
-    return sorted(found, key=lambda one: -abs(one.off))
+    return ranked(found, lambda one: abs(one.off))
 
 
 def _compare(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Compared:
     off = np.array([_off(m, value) for m, value in lines])
-    worst = int(np.argmax(np.abs(off)))
+    worst = largest_place(np.abs(off))
     m, value = lines[worst]
     beyond = int((np.abs(off) > FAR).sum())
     words = (
@@ -369,8 +370,8 @@ def undetermined_sentences(data: BackAnalysisData) -> list[str]:
     alone = {p.name for p in data.result.answer.parameters if not p.determined}
     said = []
     for direction in data.result.answer.undetermined:
-        name, largest = max(direction.direction.items(), key=lambda item: abs(item[1]))
-        if name not in alone or abs(largest) < ALONE:  # else named below
+        name, part = largest(direction.direction.items(), lambda item: abs(item[1]))
+        if name not in alone or abs(part) < ALONE:  # else named below
             said.append(
                 f"Not determined: {direction.words} (standard deviation {direction.remaining:.2f} "
                 "times the prior one)."
@@ -419,8 +420,8 @@ def waterfall_sentence(data: BackAnalysisData) -> str:
     changes = [
         (after - before, name) for (_, before), (name, after) in zip(bars, bars[1:], strict=False)
     ]
-    largest = sorted(changes, key=lambda one: -abs(one[0]))[:3]
-    listed = ", ".join(f"{name} ({change:+.1f})" for change, name in largest)
+    most = ranked(changes, lambda one: abs(one[0]))[:3]
+    listed = ", ".join(f"{name} ({change:+.1f})" for change, name in most)
     return (
         f"{p.label}: from {bars[0][1]:.1f} {unit} ({bars[0][0]}) to {bars[-1][1]:.1f} {unit}. "
         f"The largest changes: {listed}."

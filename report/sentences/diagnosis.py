@@ -21,6 +21,7 @@ from diagnosis.verdict.verdict import (
     WaterfallStep,
     Window,
 )
+from pipeline.ties import largest, ranked, smallest
 from report.data.diagnosis import DiagnosisData
 from report.numbers import (
     MINUS,
@@ -182,7 +183,7 @@ def alarm_sentence(data: DiagnosisData) -> str:
     stage = data.base
     if not stage.tests:
         return ""
-    worst = min(stage.tests, key=lambda test: test.p)
+    worst = smallest(stage.tests, lambda test: test.p)
     return (
         f"Base model: chi² {number(stage.chi2)} on {stage.dof} degrees of freedom. Of "
         f"{len(stage.tests)} tests the most significant is {test_words(worst.name)} "
@@ -305,7 +306,7 @@ def candidate_sentence(data: DiagnosisData) -> str:
     scored = [c for c in data.candidates if c.expected_drop is not None]
     if not scored:
         return ""
-    best = max(scored, key=lambda c: (c.expected_drop, c.z or 0.0))
+    best = largest(scored, lambda c: c.expected_drop)
     if best.expected_drop <= 0.0:
         return f"None of the {len(scored)} effects tested would reduce the misfit."
     p = "" if best.p_family is None else (
@@ -329,7 +330,7 @@ def confounded(
         for i in range(len(found.names))
         for j in range(i)
     ]
-    return sorted((p for p in pairs if least <= p[2] < most), key=lambda p: -p[2])
+    return ranked((p for p in pairs if least <= p[2] < most), lambda p: p[2])
 
 
 def confounding_sentences(data: DiagnosisData) -> list[str]:
@@ -391,7 +392,7 @@ def error_sentence(data: DiagnosisData) -> str:
     if len(shares) < 2:
         return ""
     parts = [f"{error} {percent(share)}" for error, share in
-             sorted(shares.items(), key=lambda item: -item[1])]  # fmt: skip
+             ranked(shares.items(), lambda item: item[1])]  # fmt: skip
     said = f"Of the variance of the fitted numbers {', '.join(parts[:-1])} and {parts[-1]}."
     own = sum(shares.get(name, 0.0) for name in SOLVER_ERRORS)
     if own > MOSTLY_OWN:
@@ -453,7 +454,7 @@ def hidden_sentence(data: DiagnosisData) -> str:
     entries = [(p, *item) for p in data.parameters for item in data.hidden.get(p.name, {}).items()]
     if not entries:
         return ""
-    p, name, change = max(entries, key=lambda entry: abs(entry[2]))
+    p, name, change = largest(entries, lambda entry: abs(entry[2]))
     return (
         "An effect too weak to be detected here can still shift the result. The largest shift: "
         f"{spoken(name)} changes {p.words} by up to {signed_percent(change)}."

@@ -9,6 +9,7 @@ from collections.abc import Collection, Sequence
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, RelationAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
+from pipeline.ties import largest_place
 from report.data.back_analysis import BackAnalysisData, Series
 from report.data.methods import slides
 from report.numbers import (
@@ -213,7 +214,7 @@ def whole_series_table(data: BackAnalysisData, names: Collection[str]) -> Table:
             continue
         first, off = one.lines[0], [m.difference_in_std or 0.0 for m in one.lines]
         square = sum((m.predicted - (m.measured or 0.0)) ** 2 for m in one.lines)
-        worst = max(range(len(off)), key=lambda place: abs(off[place]))
+        worst = largest_place(map(abs, off))
         rows.append(
             [one.name, first.type.replace("_", " "), str(len(off)),
              with_unit(fixed(root_mean_square(square, len(off))), first.unit),

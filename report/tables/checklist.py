@@ -21,6 +21,7 @@ from inversion.back_analysis.result import ParameterAnswer, SensitivityAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
 from inversion.problem.question import RESIDUAL_STRENGTH
+from pipeline.ties import largest, smallest
 from report.data.back_analysis import BackAnalysisData, Series
 from report.data.diagnosis import DiagnosisData
 from report.data.sources import Comments
@@ -400,7 +401,7 @@ def _best(own: Sequence[CandidateVerdict]) -> str:
     known = [c for c in own if c.p_family is not None]
     if not known:
         return "no score is known"
-    best = min(known, key=lambda c: c.p_family)
+    best = smallest(known, lambda c: c.p_family)
     return f"best score: {spoken(best.name)}, {chance(best.p_family)}"
 
 
@@ -409,7 +410,7 @@ def _hidden(changes: dict[str, float], own: Sequence[CandidateVerdict]) -> str |
     found = {c.name: changes[c.name] for c in own if c.name in changes}
     if not found:
         return None
-    name = max(found, key=lambda key: abs(found[key]))
+    name = largest(found, lambda key: abs(found[key]))
     shown = "under 1 %" if abs(found[name]) < 1.0 else signed_percent(found[name])
     return f"{shown} ({spoken(name)})"
 

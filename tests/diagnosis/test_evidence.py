@@ -45,7 +45,9 @@ def by_quadrature(case: Straight, space: Unknowns) -> float:
     matrix = np.vstack([data.whitened(slope), rows])
     right = np.concatenate([data.whitened(data.measured - case.level), constants])
     fit = fitted(case, space)
-    std = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    # Where two unknowns do the same the matrix is singular: the bounds alone limit the integral.
+    values, vectors = np.linalg.eigh(matrix.T @ matrix)
+    std = np.sqrt(np.sum(vectors**2 / np.maximum(values, 1e-12 * values[-1]), axis=1))
     nodes, weights = np.polynomial.legendre.leggauss(32)
     grids, volumes = [], []
     for low, high, at, s in zip(space.low, space.high, fit.x, std, strict=True):

@@ -1,9 +1,9 @@
 """How `make` shows the workflow: what is being done, how far it is, and one line for what failed.
 
-A logger plugin of Snakemake (`PYTHONPATH=rules/logging snakemake --logger flowslide -- TARGET`). A job
-prints its progress into its log; on a terminal its bar shows as well (`pipeline.progress`), elsewhere
-the lines of the log are repeated here as they come. Snakemake's own account is several lines for
-each failure, or with `--quiet all` none.
+A logger plugin of Snakemake (`PYTHONPATH=rules/logging snakemake --logger flowslide -- TARGET`).
+A job prints its progress into its log; on a terminal its bar shows as well (`pipeline.progress`),
+elsewhere the lines of the log are repeated here as they come. Snakemake's own account is several
+lines for each failure, or with `--quiet all` none.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def one_line(text: str) -> str:
         )
     if text.startswith(("Traceback", "Full Traceback")):
         text = text.strip().splitlines()[-1]
-    text = re.sub(r'^\w+(Exception|Error)?( in (rule|file) .*?, line \d+)?:\s*\n', "", text)
+    text = re.sub(r"^\w+(Exception|Error)?( in (rule|file) .*?, line \d+)?:\s*\n", "", text)
     return " ".join(re.sub(r'\n  File ".*', "", text).split())
 
 
