@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -41,6 +42,50 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if getattr(getattr(item, "function", None), "is_hypothesis_test", False):
             item.add_marker("property")
+
+
+SPENT: dict[str, float] = {}
+"""CPU seconds of each fast test; in the process that prints the summary those of all workers."""
+LIMIT = {"factor": 1.0}
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Count what a fast test takes."""
+    before = budget.cpu_s()
+    yield
+    if item.get_closest_marker("slow") is None:
+        SPENT[item.nodeid] = budget.cpu_s() - before
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node) -> None:
+    """Take over what a worker has counted."""
+    told = getattr(node, "workeroutput", {})
+    SPENT.update(told.get("spent", {}))
+    LIMIT["factor"] = max(LIMIT["factor"], told.get("factor", 1.0))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """A test over its budget fails the run, where there is one."""
+    if math.isinf(budget.CPU_S):
+        return
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput.update(spent=SPENT, factor=budget.slowness())
+    elif budget.over(SPENT, budget.CPU_S, LIMIT["factor"]) and not session.exitstatus:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter) -> None:
+    """The dearest fast tests, and those that are over the budget."""
+    if math.isinf(budget.CPU_S) or not SPENT:
+        return
+    terminalreporter.section(f"CPU: {sum(SPENT.values()):.0f} s in {len(SPENT)} tests")
+    for name, seconds in sorted(SPENT.items(), key=lambda one: -one[1])[:10]:
+        terminalreporter.line(f"{seconds:5.1f} s  {name}")
+    for line in budget.over(SPENT, budget.CPU_S, LIMIT["factor"]):
+        terminalreporter.line(f"over the budget: {line}", red=True)
 
 
 @pytest.fixture(scope="session")

@@ -119,7 +119,8 @@ def calibrate(model: Model, options: Options) -> Base:
         options: what may be done otherwise.
 
     Raises:
-        WorkFailed: no run gave a prediction of the fitted numbers.
+        WorkFailed: no run gave a prediction of the fitted numbers, or the allowance does not cover
+            the fit and its errors.
         InputError: the hold-out does not fit the measurements.
     """
     free = {candidate.name for candidate in model.candidates if candidate.free}
@@ -136,6 +137,11 @@ def calibrate(model: Model, options: Options) -> Base:
         fit = base.fit
         if not options.finer_share or moved <= FAR:
             break
+    if runs.cut_short:  # an unfinished fit would be taken for a model that does not fit
+        raise WorkFailed(
+            f"diagnosis.max_runs leaves {runs.allowance} runs, which do not cover the fit of the "
+            f"base model and its errors: no {runs.cut_short[0]} after {runs.asked} runs; allow more"
+        )
     return base
 
 

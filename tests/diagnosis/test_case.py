@@ -193,6 +193,7 @@ def test_older_keys_are_read_and_a_line_says_what_to_write(embankment, capsys):
     ]
 
 
+@pytest.mark.slow
 def test_the_error_of_a_code_that_made_the_slide_is_a_part_of_its_own(embankment):
     """It enlarges C by what is stated, correlated along the profile, and is named on the page."""
     write(embankment, {"source": {"surface_profile": {"std": 0.7, "correlation_length": 20.0},
@@ -211,6 +212,7 @@ def test_the_error_of_a_code_that_made_the_slide_is_a_part_of_its_own(embankment
     assert "the code that made the slide" not in fitted_to_part(without, model.targets).covariance
 
 
+@pytest.mark.slow
 def test_the_strength_that_another_code_would_find_makes_ours_less_certain(embankment):
     """As a share in quadrature: its variance is added to that of ln S_r, and to nothing else."""
     write(embankment, {"source_strength": 0.05})

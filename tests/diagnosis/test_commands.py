@@ -79,6 +79,7 @@ def verdict_text(folder, out) -> str:
     return (out / "verdict.json").read_text()
 
 
+@pytest.mark.slow
 def test_compare(folder, out, verdict_text, capsys):
     ask("compare", folder, out)
     text = capsys.readouterr().out
@@ -176,6 +177,7 @@ def test_extend_and_track(folder, out, verdict_text, capsys):
         (folder / "measurements.yaml").write_text(text)
 
 
+@pytest.mark.slow
 def test_a_loop_from_a_persons_model_keeps_its_effects(folder, out, verdict_text, tmp_path):
     shutil.copytree(out, tmp_path / "own")
     hypotheses = tmp_path / "own" / "hypotheses"

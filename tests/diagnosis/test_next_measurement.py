@@ -187,6 +187,7 @@ def test_numbers_that_were_not_measured_are_read_from_the_runs():
     assert slope[2, 0] == pytest.approx(3.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_proposal_is_the_survey_s_and_the_model_s():
     model = offering(3, {}, OFFERS)
     found = diagnose(model, QUICK)

@@ -85,6 +85,7 @@ def test_of_limits_alone_that_which_is_broken_first_counts_as_measured(stood, ke
     np.testing.assert_array_equal(targets.counted(raw), met)
 
 
+@pytest.mark.slow
 def test_of_a_slope_that_stood_a_lower_bound_is_quoted(stood, kept_runs, tmp_path, capsys):
     assert not main(["run", str(stood), "--out", str(tmp_path), *QUICK])
     assert "quoted" in (said := capsys.readouterr().out) and "≥" in said and "< 1.00 m" in said

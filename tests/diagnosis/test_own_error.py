@@ -58,6 +58,7 @@ class Noisy(Straight):
         return found + 0.8 * amplitude * (signatures()["step"] > 0.0) * scatter
 
 
+@pytest.mark.slow
 def test_an_effect_that_makes_the_slide_noisy_is_granted_its_noise_and_pays_for_it():
     state = State((15.0, 32.0)).with_effects({"step": 2.0})
     slide = Noisy(np.ones(SIZE), noise=0.05)

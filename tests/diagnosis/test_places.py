@@ -155,6 +155,7 @@ def test_a_stretch_at_a_given_place_is_not_moved():
     assert found.decision.final.model.fit.space.effects[0].choices == 1
 
 
+@pytest.mark.slow
 def test_noise_names_no_place():
     """Of slides that hide nothing as few are explained by a part as without the search."""
     named = 0

@@ -70,6 +70,7 @@ def test_silence_where_there_is_nothing():
     assert sum(verdict.base.p_combined < 0.05 for verdict in found) <= 9
 
 
+@pytest.mark.slow
 def test_what_is_there_is_named():
     found = Counter(names(verdict_on(seed, {"late": 2.0})) for seed in range(12))
     assert found[("late",)] >= 11, found

@@ -103,6 +103,7 @@ def test_the_diagnosis_finds_the_hidden_effect(embankment, formula):
     assert model.computed == 0 and not model.failures
 
 
+@pytest.mark.slow
 def test_every_function_of_the_interface_asks_it(embankment, formula, tmp_path):
     predicted = flowslide.predict(embankment, ["12+-2"], engine="formula", seeds=2, samples=500)
     middle = predicted["quantities"][0]["mean"]

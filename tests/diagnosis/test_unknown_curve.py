@@ -102,6 +102,7 @@ def by_weight() -> list[Diagnosis]:
     return [sought(seed, "overburden") for seed in range(5)]
 
 
+@pytest.mark.slow
 def test_the_variable_is_found(by_weight):
     for found in by_weight:
         assert found.decision.verdict == "unknown_effect"

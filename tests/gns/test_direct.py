@@ -177,6 +177,7 @@ def test_a_seam_thinner_than_a_layer_is_as_weak_as_it_is(section):
     assert place == pytest.approx(2.0 / LAYERS, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corrected", [False, True])
 def test_the_answer_for_the_mirror_image_is_the_mirror_image(samples, corrected):
     torch.manual_seed(2)
@@ -332,6 +333,7 @@ def test_a_toe_that_is_hard_to_tell_still_counts():
     assert narrow < wide < 0.0, "both scales are smaller than the error"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corrected", [False, True])
 def test_training_calibration_and_card(samples, tmp_path, corrected):
     torch.set_num_threads(1)

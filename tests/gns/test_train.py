@@ -319,6 +319,7 @@ def test_spreads_hold_the_noise_and_a_mirrored_data_set_has_no_side(packed):
 # -- learning -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_it_learns(packed, tmp_path, monkeypatch):
     """One window, over and over: where some points fall and others have just hit the ground."""
     monkeypatch.setattr(Order, "window", lambda self, position: 6)

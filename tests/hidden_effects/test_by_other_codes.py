@@ -40,6 +40,7 @@ def benchmark():
     return load_benchmark(f"{FOLDER}/foreign.yaml")
 
 
+@pytest.mark.slow
 def test_plan_has_what_is_asked_for(benchmark):
     row = plan_by_codes(benchmark)
     assert Counter(one.kind for one in row) == {"null": 10, "single": 10, "outside": 4}

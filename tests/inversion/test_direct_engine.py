@@ -100,6 +100,7 @@ def test_a_diagnosis_asks_it_for_nothing_that_it_cannot_read(setup):
     assert not {"remoulding", "shaking"} & {one.name for one in model.candidates}
 
 
+@pytest.mark.slow
 def test_a_diagnosis_puts_on_trial_what_it_sees_and_nothing_else(setup):
     engine = engine_of(setup)
     known = replace(engine_named("direct"), forward=lambda store: engine)
@@ -124,6 +125,7 @@ def test_a_diagnosis_puts_on_trial_what_it_sees_and_nothing_else(setup):
         assert names and all(why in model.left_out[name] for name in names), begin
 
 
+@pytest.mark.slow
 def test_a_diagnosis_does_without_the_second_transfer_that_it_does_not_know(setup):
     engine = engine_of(setup)
     known = replace(engine_named("direct"), forward=lambda store: engine)
@@ -273,6 +275,7 @@ def test_duration_and_history_are_read_on_arrival_times(setup):
     assert std[2] == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkeypatch):
     case = inversion_case(load_case(lsfd, load_config(None, QUICK)))
     near = predictor_near(section_of(case.scene))
@@ -287,6 +290,7 @@ def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkey
     assert untrained("direct").name == "direct"
 
 
+@pytest.mark.slow
 def test_runs_of_the_solver_correct_the_answer(lsfd):
     runs = RunStore(None, threads=1)
     settings = load_config(None, [*QUICK, "inversion.paired_runs=3"])
@@ -308,6 +312,7 @@ def test_too_few_runs_to_correct_it_are_refused():
         load_config(None, ["inversion.paired_runs=2"])
 
 
+@pytest.mark.slow
 def test_readings_that_it_does_not_know_are_left_out_of_the_waterfall():
     settings = [one for one in QUICK if "waterfall" not in one] + ["inversion.spacing_factor=2"]
     folder = ROOT / "case_histories" / "lower_san_fernando"

@@ -43,6 +43,7 @@ def solved(root, tmp_path_factory):
     return case, done, folder / "out"
 
 
+@pytest.mark.slow
 def test_the_runout_is_fitted_and_the_answer_makes_sense(solved):
     _, done, out = solved
     result = load_result(out)

@@ -74,6 +74,7 @@ def kept():
     return scene, stores, runs
 
 
+@pytest.mark.slow
 def test_between_smooth_flanks_the_middle_section_is_the_plane_run(kept):
     _, _, runs = kept
     plane, smooth = runs["plane"], runs["smooth"]

@@ -305,6 +305,7 @@ def exact_likelihood(formula, measured: float, std: float) -> Likelihood:
     return Likelihood(emulator, goal, goal.covariance)
 
 
+@pytest.mark.slow
 def test_a_posterior_and_its_evidence_against_quadrature():
     likelihood = exact_likelihood(runout, 53.0, 6.0)
     sampled = sample(likelihood, draws=2000, live_points=100, seed=1)
@@ -359,6 +360,7 @@ def infer(model: FormulaModel, goal=None, settings: PosteriorSettings = FEW):
     return Inference(model, targets(53.0, std=6.0) if goal is None else goal, settings).run()
 
 
+@pytest.mark.slow
 def test_the_whole_posterior_of_a_formula_is_that_of_quadrature():
     found = infer(FormulaModel(runout))
     mean, std, log_evidence = by_quadrature(runout, 53.0, 6.0)
@@ -369,6 +371,7 @@ def test_the_whole_posterior_of_a_formula_is_that_of_quadrature():
     assert found.replicated().mean() == pytest.approx(53.0, abs=1.5)
 
 
+@pytest.mark.slow
 def test_the_engines_own_error_is_part_of_the_covariance_and_of_what_is_predicted():
     found = infer(FormulaModel(runout, own_std=8.0))
     np.testing.assert_allclose(found.inference.errors(), [[6.0**2 + 8.0**2]])
@@ -386,6 +389,7 @@ def test_the_engines_own_error_is_part_of_the_covariance_and_of_what_is_predicte
     assert found.replicated().std() < 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shared", "own"), [(12.0, 0.0), (0.0, 4.0), (5.0, 3.0)])
 def test_an_error_that_numbers_share_is_known_from_the_one_that_is_fitted(shared, own):
     """Two toes by the same formula, the first surveyed to 2 m and fitted: in closed form.
@@ -405,6 +409,7 @@ def test_an_error_that_numbers_share_is_known_from_the_one_that_is_fitted(shared
     assert toe[:, 1].std() == pytest.approx(np.sqrt(2.0**2 + 2.0 * own**2), rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_way_to_simulate_that_fails_is_tried_elsewhere_and_then_said():
     tried = []
 
@@ -430,6 +435,7 @@ def test_a_way_to_simulate_that_fails_is_tried_elsewhere_and_then_said():
     assert found.remarks == ["flip: could not be compared; its error is not known and left out"]
 
 
+@pytest.mark.slow
 def test_without_refined_runs_the_middle_is_where_the_posterior_is():
     asked = []
 

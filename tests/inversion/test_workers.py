@@ -83,6 +83,7 @@ def test_the_error_of_one_job_ends_the_others_at_their_next_simulation():
         list(ours.simulate([(block(2.0), QUICK)]))
 
 
+@pytest.mark.slow
 def test_where_there_is_one_core_jobs_are_done_in_turn():
     done = []
     store = RunStore(None, threads=1)

@@ -49,6 +49,7 @@ def test_a_full_turn_about_any_axis_keeps_the_stress():
     assert turned_about(np.array([1.0, 2.0, -0.5]), steps=1000) < 1e-4
 
 
+@pytest.mark.slow
 def test_bits_do_not_depend_on_the_number_of_threads():
     runs = [simulate_3d(slope(), SUDDEN, threads=threads) for threads in (1, 2)]
     assert runs[0].status == "finished"

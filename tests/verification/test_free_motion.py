@@ -18,6 +18,7 @@ def rows(tmp_path_factory):
     return {row.quantity: row for row in found}
 
 
+@pytest.mark.slow
 def test_everything_else_is_within_tolerance(rows):
     assert set(rows) > KNOWN_MISSES
     for name in set(rows) - KNOWN_MISSES:

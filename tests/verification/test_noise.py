@@ -13,6 +13,7 @@ def test_quick_version_is_within_tolerance(tmp_path):
     assert (tmp_path / "noise.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_even_pressure_has_no_noise():
     points = np.stack(np.meshgrid(np.arange(12.0), np.arange(9.0)), axis=-1).reshape(-1, 2)
     even = 3.0 + 2.0 * points[:, 0] - 5.0 * points[:, 1]

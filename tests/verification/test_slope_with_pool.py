@@ -8,6 +8,7 @@ from benchmarks.verification import slope_with_pool as case
 from geometry.scenes.scene import scene_from_mapping
 
 
+@pytest.mark.slow
 def test_quick_version_is_within_tolerance(tmp_path):
     rows = case.run(tmp_path, quick=True)
     for row in rows:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from inversion.__main__ import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 
 
+@pytest.mark.slow
 def test_a_new_case_is_a_target(bench):
     folder = bench.folder / "case_histories" / "road_embankment"
     section, survey = EXAMPLES / "road_embankment.csv", EXAMPLES / "road_embankment_after.csv"

@@ -32,6 +32,7 @@ def test_acads_example_1a(soil, section):
     assert spencer(slices) == pytest.approx(0.986, abs=0.008)
 
 
+@pytest.mark.slow
 def test_circle_of_the_highest_strength(dam):
     found = critical_circle(dam(), "left", head=(26.0, 45.0), toe=(0.1, 20.0), wanted="strength")
     slices = cut(dam(), found.circle, "left", count=60)
