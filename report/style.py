@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -151,6 +152,15 @@ def rows(ax: Axes, labels: Sequence[str], *, width: int, lines: int = 2) -> None
         tick.set_fontsize(TEXT if "\n" not in text else SMALL)
     ax.tick_params(axis="y", length=0, labelcolor=TEXT_COLOUR)
     ax.set_ylim(len(labels) - 0.42, -0.58)
+
+
+def span(*values: np.ndarray | Sequence[float]) -> tuple[float, float]:
+    """Ends of an axis that shows all finite values, never at the same place."""
+    known = np.concatenate([np.ravel(np.asarray(one, dtype=float)) for one in values])
+    known = known[np.isfinite(known)]
+    low, high = (known.min(), known.max()) if known.size else (0.0, 1.0)
+    room = max(1e-6 * max(abs(low), abs(high)), 1e-9) if high - low <= 0.0 else 0.0
+    return float(low - room), float(high + room)
 
 
 def title(ax: Axes, text: str, *, colour: str = TEXT_COLOUR, **more: Any) -> None:

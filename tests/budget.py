@@ -12,9 +12,9 @@ from hypothesis import settings
 LARGE = os.environ.get("HYPOTHESIS_PROFILE") == "large"
 
 CPU_S = float(os.environ.get("CPU_BUDGET_S", "inf"))
-"""CPU seconds of a fast test with its fixtures and child processes; `make test` sets it."""
+"""CPU seconds of a fast test with its child processes; `make test` sets it."""
 UNIT_S = 0.0205
-"""What `_unit` takes on the processor that the budget is meant for (Xeon with AVX-512, shared) [CPU s]."""
+"""What `_unit` takes on the processor that the budget is meant for, a Xeon with AVX-512 [CPU s]."""
 
 
 def examples(number: int) -> int:
@@ -57,8 +57,8 @@ def _unit() -> None:
 def over(spent: Mapping[str, float], budget: float, factor: float) -> list[str]:
     """A line for each test that took more than its budget on a processor `factor` times slower."""
     return [
-        f"{name}: {seconds:.1f} s of CPU, at most {budget * factor:.1f} s here: make it cheaper, or "
-        "mark it slow"
+        f"{name}: {seconds:.1f} s of CPU, at most {budget * factor:.1f} s here: make it cheaper "
+        "or mark it slow"
         for name, seconds in sorted(spent.items(), key=lambda one: -one[1])
         if seconds > budget * factor
     ]

@@ -42,6 +42,9 @@ from pipeline.manifest import manifest
 from pipeline.ties import ranked
 
 DIGITS = 5
+#: Standard deviations of the prior between the means of prior and posterior: three are chance
+#: once in 370 parameters.
+DISAGREE = 3.0
 
 
 def save_all(found: Inferred, folder: Path) -> PosteriorDocument:
@@ -117,6 +120,7 @@ def document_of(found: Inferred) -> PosteriorDocument:
             *model.section.remarks,
             *model.remarks,
             *coarse_remarks(found),
+            *prior_remarks(found),
             *inference.remarks,
             *(f"{name}: too few runs could be read; left out" for name in inference.unread),
         ],
@@ -150,6 +154,23 @@ def coarse_remarks(found: Inferred) -> list[str]:
                 f"{name}: the emulator's error of {error:.2g} exceeds the survey's {survey:.2g} "
                 "and widens the posterior; more posterior.fine_runs, or inversion.coarse_factor: "
                 "1, makes it smaller"
+            )
+    return remarks
+
+
+def prior_remarks(found: Inferred) -> list[str]:
+    """Unknowns that the data move so far from their prior that one of the two must be wrong."""
+    remarks = []
+    for place, unknown in enumerate(found.inference.unknowns):
+        before, after = found.prior[:, place], found.values[:, place]
+        apart = abs(after.mean() - before.mean()) / max(before.std(), 1e-300)
+        if apart > DISAGREE:
+            remarks.append(
+                f"{unknown.label}: the measurements and its prior disagree: "
+                f"{after.mean():.4g} ± {after.std():.2g} {unknown.unit} with the "
+                f"measurements, {before.mean():.4g} ± {before.std():.2g} without, "
+                f"{apart:.1f} standard deviations of the prior apart; "
+                "one of the two, or the section, is wrong"
             )
     return remarks
 

@@ -67,10 +67,15 @@ def shown(document: PosteriorDocument) -> list[UnknownAnswer]:
 
 
 def _range(after: np.ndarray, before: np.ndarray, kind: str) -> tuple[float, float]:
-    """Of an axis: a nuisance's prior, a parameter's posterior with some room."""
-    low, high = np.percentile(before if kind == "nuisance" else after, (0.3, 99.7))
+    """Of an axis: the posterior, for a nuisance its prior as well, with room within the prior.
+
+    The posterior may lie where the prior has no draws.
+    """
+    shown = (before, after) if kind == "nuisance" else (after,)
+    low, high = style.span(*(np.percentile(draws, (0.3, 99.7)) for draws in shown))
     room = 0.08 * (high - low)
-    return float(max(low - room, before.min())), float(min(high + room, before.max()))
+    begin, end = max(low - room, before.min()), min(high + room, before.max())
+    return float(min(begin, low)), float(max(end, high))
 
 
 def _alone(ax: Axes, after: np.ndarray, before: np.ndarray, limits: tuple[float, float]) -> None:

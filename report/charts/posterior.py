@@ -36,9 +36,9 @@ def draw_predicted(document: PosteriorDocument, draws: Draws, path: Path) -> Pat
 
 def _number(ax: Axes, one: PredictedNumber, before: np.ndarray, after: np.ndarray) -> None:
     style.quiet(ax, grid="x", left=False)
-    ends = [*np.percentile(after, (0.2, 99.8)), *np.percentile(before, (5, 95)),
-            one.measured - 2 * one.std, one.measured + 2 * one.std]  # fmt: skip
-    cells = np.linspace(min(ends), max(ends), CELLS + 1)
+    stated = (one.measured - 2 * one.std, one.measured + 2 * one.std)
+    ends = style.span(np.percentile(after, (0.2, 99.8)), np.percentile(before, (5, 95)), stated)
+    cells = np.linspace(*ends, CELLS + 1)
     middle = 0.5 * (cells[1:] + cells[:-1])
     _, colour = style.ROLES[one.role]
     for draws, line, fill in ((before, style.GREY, style.PALE_BEFORE), (after, colour, colour)):

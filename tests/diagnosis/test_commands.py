@@ -26,6 +26,8 @@ from geometry.case import load_case
 from inversion.problem.state import state
 from pipeline.cli import InputError
 
+pytestmark = pytest.mark.slow
+
 QUICK = [
     "--threads", "1", "--page", "no", "--quiet",
     *(part for name, value in {
@@ -79,7 +81,6 @@ def verdict_text(folder, out) -> str:
     return (out / "verdict.json").read_text()
 
 
-@pytest.mark.slow
 def test_compare(folder, out, verdict_text, capsys):
     ask("compare", folder, out)
     text = capsys.readouterr().out
@@ -134,7 +135,6 @@ def test_run(folder, out, verdict_text, capsys):
     assert (out / "verdict.json").read_text() == verdict_text
 
 
-@pytest.mark.slow
 def test_extend_and_track(folder, out, verdict_text, capsys):
     before = sorted(path.stem for path in (out / "hypotheses").glob("*.yaml"))
     ask("extend", folder, out, "--add", "weak_base", "--notes", "clay was seen")
@@ -177,7 +177,6 @@ def test_extend_and_track(folder, out, verdict_text, capsys):
         (folder / "measurements.yaml").write_text(text)
 
 
-@pytest.mark.slow
 def test_a_loop_from_a_persons_model_keeps_its_effects(folder, out, verdict_text, tmp_path):
     shutil.copytree(out, tmp_path / "own")
     hypotheses = tmp_path / "own" / "hypotheses"
@@ -201,7 +200,6 @@ def test_suggest(folder, out, verdict_text, capsys):
     assert "measure next" in text and len(re.findall(r", to [\d.]+ m? ?s? +[\d.]+", text)) == 2
 
 
-@pytest.mark.slow
 def test_a_killed_run_goes_on_and_gives_the_same_bytes(folder, tmp_path, verdict_text):
     command = [sys.executable, "-m", "diagnosis", "run", str(folder), "--out", str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}

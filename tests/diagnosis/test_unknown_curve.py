@@ -14,6 +14,7 @@ from diagnosis.selection.unknown_curve import PRIOR_STD, FoundCurve, runs_wanted
 from diagnosis.verdict.verdict_builder import curve_part
 from inversion.estimation.hold_out import HoldOut
 from inversion.problem.state import State
+from pipeline.cli import WorkFailed
 from tests.diagnosis.straight import SIZE, Straight, errors, signatures, slopes
 
 QUICK = Options(draws=300, replicates=3, starts=1, rounds=1, synthetic=True)
@@ -170,6 +171,14 @@ def test_no_curve_is_sought_where_the_model_is_adequate():
 
 def test_no_curve_is_promised_where_the_allowance_is_over():
     model = layered(0, "overburden")
-    found = diagnose(model, replace(QUICK, allowance=30))
+    found = diagnose(model, replace(QUICK, allowance=45))
     assert found.decision.verdict == "unknown_effect" and found.curve is None
-    assert model.runs <= 40
+    assert model.runs <= 60
+
+
+def test_an_allowance_that_does_not_cover_the_base_model_is_refused():
+    """Its unfinished fit would be taken for a model that does not fit."""
+    with pytest.raises(
+        WorkFailed, match="max_runs leaves 30 runs, .* no finer cells after 29 runs"
+    ):
+        diagnose(layered(0, "overburden"), replace(QUICK, allowance=30))

@@ -21,6 +21,8 @@ from pipeline.cli import InputError
 from tests.dams import dam_with_pool
 from tests.inversion.conftest import QUESTION
 
+pytestmark = pytest.mark.slow
+
 SMALL = ("--set", "inversion.noise_seeds=2", "--set", "inversion.starts=2",
          "--set", "inversion.step_seeds=2", "--report", "none")  # fmt: skip
 
@@ -43,7 +45,6 @@ def solved(root, tmp_path_factory):
     return case, done, folder / "out"
 
 
-@pytest.mark.slow
 def test_the_runout_is_fitted_and_the_answer_makes_sense(solved):
     _, done, out = solved
     result = load_result(out)
@@ -133,7 +134,6 @@ def timeless(path: Path) -> dict:
     return document
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("threads", ["1", "2"], ids=["one process", "two processes"])
 def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path, threads):
     case, _, whole = solved
@@ -160,7 +160,6 @@ def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path, thre
     assert timeless(out / "result.json") == timeless(whole / "result.json")
 
 
-@pytest.mark.slow
 def test_a_question_asked_again_costs_no_simulation(solved, root):
     case, _, out = solved
     before = {path: path.stat().st_mtime_ns for path in out.glob("runs/*.npz")}
@@ -209,7 +208,6 @@ def test_no_such_case(run_module, tmp_path):
     assert done.returncode == 2 and "no such folder; a case has scene.yaml" in done.stderr
 
 
-@pytest.mark.slow
 def test_work_that_fails_is_exit_1(lsfd, run_module):
     """Bounds so high that nothing can move."""
     path = lsfd / "inversion.yaml"

@@ -1,0 +1,62 @@
+"""The budget of the fast tests: what is over it is named, slow processors have more."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests import budget
+
+SPINS = """
+import time
+import pytest
+def spin(seconds):
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+once = []
+def test_cheap():
+    pass
+def test_dear():
+    spin(0.6)
+def test_that_prepares_for_others():
+    if not once:
+        spin(0.6)
+    once.append(1)
+@pytest.mark.slow
+def test_slow():
+    spin(0.6)
+"""
+
+
+def test_what_is_over_the_budget_is_named_the_dearest_first():
+    lines = budget.over({"a": 3.1, "b": 9.0, "c": 2.0}, 3.0, 1.0)
+    assert [line.split(":")[0] for line in lines] == ["b", "a"]
+    assert "9.0 s of CPU, at most 3.0 s" in lines[0]
+    assert budget.over({"b": 9.0}, 3.0, 3.1) == []
+
+
+def test_a_slow_processor_has_more():
+    ticks = iter([0.0, 10.0 * budget.UNIT_S] * 5)
+    assert budget.slowness(lambda: None, clock=lambda: next(ticks)) == pytest.approx(10.0)
+    assert budget.slowness(lambda: None, clock=lambda: 0.0) == 1.0
+
+
+@pytest.mark.parametrize("workers", [[], ["-n", "1"]])
+def test_a_dear_test_fails_the_run_and_one_that_only_prepares_does_not(tmp_path, root, workers):
+    (tmp_path / "conftest.py").write_text((root / "tests" / "conftest.py").read_text())
+    (tmp_path / "test_spins.py").write_text(SPINS)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-c", "/dev/null", "-p", "no:cacheprovider", *workers,
+         "--rootdir", ".", "-q", "test_spins.py"],
+        cwd=tmp_path,
+        env={"PATH": "", "PYTHONPATH": str(Path(root)), "CPU_BUDGET_S": "0.15"},
+        capture_output=True,
+        text=True,
+    )  # fmt: skip
+    over = [line for line in done.stdout.splitlines() if line.startswith("over the budget")]
+    assert done.returncode == 1 and len(over) == 1, done.stdout + done.stderr
+    assert "test_dear" in over[0] and "4 passed" in done.stdout
