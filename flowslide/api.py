@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -44,6 +44,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import Config
 from pipeline.config import load_config as load_settings
+from pipeline.files import working_in
 from pipeline.progress import Cancel, Cancelled, Evaluated, Report, Watch
 
 if TYPE_CHECKING:
@@ -170,12 +171,13 @@ def simulate(
     from mpm_taichi.comparison import read_deposit, simulate_case
 
     watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files):
+    with own_code(effect_files, measurement_files), ExitStack() as held:
         case = load_case(case, settings=settings, measurement_set=measurement_set)
         case = case.with_set(None).resolved(spacing_m=spacing_m)
         case = case.changed(water=water, strengths=strengths_kpa)
         if out is not None:
             _ready(Path(out), film)
+            held.enter_context(working_in(out))
         seconds = max(round(case.simulation.duration_s), 1)
         words = f"simulating {case.title} (up to {seconds} s of motion)"
         run = simulate_case(
@@ -288,13 +290,14 @@ def simulate_3d(
     words = (
         f"simulating {problem.name}, {len(problem.position)} points (up to {seconds} s of motion)"
     )
-    run = solve(
-        problem,
-        simulation,
-        threads=threads,
-        checkpoint=folder and folder / "checkpoint.npz",
-        on_frame=lambda time, _: watch.reach(min(int(time), seconds), seconds, words),
-    )
+    with nullcontext() if folder is None else working_in(folder):
+        run = solve(
+            problem,
+            simulation,
+            threads=threads,
+            checkpoint=folder and folder / "checkpoint.npz",
+            on_frame=lambda time, _: watch.reach(min(int(time), seconds), seconds, words),
+        )
     watch.reach(seconds, seconds, words)
     if folder is not None:
         write_run_3d(folder / "run.h5", run)
@@ -387,7 +390,7 @@ def answer(
 
     store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
     analysis = back_analysis_by(choice.engine, asked, store, watch, choice.model, folder)
-    with store.workers():
+    with working_in(folder), store.workers():
         return answered(analysis, folder)
 
 
@@ -437,7 +440,7 @@ def back_analyse_3d(
     from report.back_analysis3d import write_report as write_page
 
     watch = Watch(progress, cancel, evaluated)
-    with _folder(out) as folder:
+    with _folder(out) as folder, ExitStack() as held:
         asked = ground_case(
             os.fspath(scene),
             _chosen(settings or load_settings(None), method, quick),
@@ -445,6 +448,7 @@ def back_analyse_3d(
             spacing_m=spacing_m,
             use_constructed=use_constructed,
         )
+        held.enter_context(working_in(folder))
         analysis = on_ground(asked, folder, watch, threads=threads)
         result = answered_on_ground(analysis, folder)
         if report:
@@ -510,7 +514,7 @@ def posterior(
     from report.posterior import write_report as write_posterior
 
     watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), _folder(out) as folder:
+    with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
         asked = inversion_case(
             load_case(case, settings=settings),
             measurement_set=measurement_set,
@@ -527,6 +531,7 @@ def posterior(
             asked.config.posterior,
             watch,
         )
+        held.enter_context(working_in(folder))
         with store.workers():
             document = save_all(inference.run(), folder)
         write_posterior(folder)
@@ -588,7 +593,7 @@ def predict(
         if value < least:
             raise InputError(f"--{name} {value}: at least {least}")
     watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), _folder(out) as folder:
+    with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
         read = _strengths(strengths, posterior, zones, distribution)
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
         known = placed(read, list(zones) or section.default_zones, section.scene)
@@ -596,6 +601,7 @@ def predict(
         plain = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
         forward = chosen.forward(chosen.store_of(section.folder, section.setup(known), plain))
         watch.plan({"simulating": (1 + seeds) * 7})
+        held.enter_context(working_in(folder))
         with watch.stage("simulating"):
             found = prediction.predict(
                 forward,
@@ -659,7 +665,7 @@ def predict_3d(
     if any(not 0.0 < thickness < float("inf") for thickness in thicker_than_m):
         raise InputError("--thicker-than: thicknesses must be greater than 0 m")
     watch = Watch(progress, cancel)
-    with _folder(out) as folder:
+    with _folder(out) as folder, ExitStack() as held:
         described = load_scene_3d(scene, spacing=spacing_m)
         soil = described.soil
         liquefied = [z.name for z in soil.zones if soil.materials[z.material].liquefied]
@@ -673,6 +679,7 @@ def predict_3d(
             folder / "runs", threads=threads, on_run=watch.run_done, on_frame=watch.frame_done
         )
         watch.plan({"simulating": len(design(len(known)))})
+        held.enter_context(working_in(folder))
         with watch.stage("simulating"):
             found = predict_on_ground(
                 engine,
@@ -745,10 +752,11 @@ def predict_from_blow_counts(
     from report.from_blow_counts import write_report as write_page
 
     watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), _folder(out) as folder:
+    with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
         watch.plan({"simulating": len(RELATIONS) * len(from_blow_counts.SCORES)})
+        held.enter_context(working_in(folder))
         with watch.stage("simulating"):
             document = from_blow_counts.predict_from_blow_counts(
                 section, store, zones=zones, engine=of_section(engine)
@@ -793,8 +801,9 @@ def classical(
     from report.classical import save_all
 
     watch = Watch(progress, cancel)
-    with own_code((), measurement_files), _folder(out) as folder:
+    with own_code((), measurement_files), _folder(out) as folder, ExitStack() as held:
         sections = case_sections(load_case(case, settings=settings), run=run)
+        held.enter_context(working_in(folder))
         analyses, refused = analyse_slides(
             sections, slide=slide, changes=judgement, on_slide=watch.reach
         )
@@ -953,7 +962,7 @@ def _session(
             say=watch.say,
             on_run=watch.run_done,
         )
-        with watch.stage(what):
+        with working_in(session.folder), watch.stage(what):
             yield session
 
 

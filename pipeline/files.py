@@ -17,7 +17,7 @@ import os
 import re
 import socket
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -87,18 +87,27 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def only_one(folder: str | os.PathLike[str], words: str) -> Iterator[None]:
+def only_one(folder: str | os.PathLike[str], words: str, name: str = "lock") -> Iterator[None]:
     """Refuse a second process on a folder, which is made if missing; held as long as this lasts.
 
     A job may be queued again while the first still runs. On a file system without locks nobody is
     refused: atomic files still keep every part whole.
 
+    Args:
+        folder: of the work.
+        words: that say what the other process does.
+        name: of the file that is locked.
+
     Raises:
-        WorkFailed: another process holds it; `words` say what it does.
-        InputError: the folder cannot be made.
+        WorkFailed: another process holds it.
+        InputError: the folder cannot be made, or nothing can be written there.
     """
     folder = make_folder(folder)
-    with (folder / "lock").open("w") as lock:
+    try:
+        lock = (folder / name).open("w")
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+    with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -106,6 +115,17 @@ def only_one(folder: str | os.PathLike[str], words: str) -> Iterator[None]:
         except OSError:
             pass
         yield
+
+
+def working_in(folder: str | os.PathLike[str]) -> AbstractContextManager[None]:
+    """Have a folder of results to oneself; entered once the input is known to be good.
+
+    Raises:
+        WorkFailed: another command works in it.
+        InputError: nothing can be written there.
+    """
+    words = "another command works in this folder: wait for it, end it, or choose another (--out)"
+    return only_one(folder, f"{folder}: {words}", ".lock")
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

@@ -108,11 +108,13 @@ def run(arguments: argparse.Namespace) -> int:
     from inversion.classical.sections_of_case import case_sections
     from inversion.classical.slides import analyse_slides
     from pipeline.config import load_config
+    from pipeline.files import working_in
 
     config = load_config(arguments.config, arguments.overrides)
     case = case_sections(load_case(arguments.case, config), run=arguments.run)
     out = Path(arguments.out or Path(config.results_folder) / case.name / "classical")
-    analyses, refused = analyse_slides(case, slide=arguments.slide, changes=_changes(arguments))
+    with working_in(out):
+        analyses, refused = analyse_slides(case, slide=arguments.slide, changes=_changes(arguments))
     for analysis in analyses:
         print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")
     for reason in refused:

@@ -13,13 +13,15 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, Future, as_completed
+from concurrent.futures import BrokenExecutor, CancelledError, Future, as_completed
 from contextlib import redirect_stdout
 from functools import partial
 from heapq import heappop, heappush
 from itertools import count
 from threading import RLock, Thread
 from typing import TYPE_CHECKING
+
+from pipeline.cli import WorkFailed
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -29,6 +31,10 @@ if TYPE_CHECKING:
 
 Job = Callable[[], None]
 
+KILLED = (
+    "a process that simulated was ended by the system, most often for want of memory: take fewer "
+    "--threads or a larger --spacing; finished simulations are kept"
+)
 IDLE_S = 300
 """A process without work for so long ends; another one starts when there is work."""
 
@@ -56,6 +62,7 @@ class Workers:
 
         Raises:
             CancelledError: the processes were stopped.
+            WorkFailed: one of them was killed.
         """
         futures: dict[Future[Run], int] = {Future(): place for place in range(len(wanted))}
         with self._lock:
@@ -123,15 +130,26 @@ class Workers:
 
     def _pass_on(self, future: Future[Run], run: Future[Run]) -> None:
         """Give what a process has found to who waits for it, and the process another scene."""
+        error = CancelledError() if run.cancelled() else run.exception()
         with self._lock:
             self._busy -= 1
+            if isinstance(error, BrokenExecutor):
+                error = WorkFailed(KILLED)
+                self._end_waiting(error)
             if not self._stopped:
                 self._feed()
-        error = CancelledError() if run.cancelled() else run.exception()
         if error is not None:
             future.set_exception(error)
         else:
             future.set_result(run.result())
+
+    def _end_waiting(self, error: WorkFailed) -> None:
+        """After the processes were killed: nobody gets another run."""
+        self._stopped = True
+        for *_, future in self._waiting:
+            if future.set_running_or_notify_cancel():
+                future.set_exception(error)
+        self._waiting.clear()
 
 
 def _begin(parent: int) -> None:

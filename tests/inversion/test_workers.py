@@ -1,14 +1,17 @@
 """Simulations in processes of their own, for several threads that ask."""
 
 from concurrent.futures import CancelledError
+from threading import Timer
 
 import numpy as np
+import psutil
 import pytest
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.engines.run_store import RunStore
 from inversion.engines.workers import Workers
 from mpm_taichi.simulate import simulate_each
+from pipeline.cli import WorkFailed
 from pipeline.config import SimulationSettings
 
 QUICK = SimulationSettings(duration_s=0.5)
@@ -81,6 +84,30 @@ def test_the_error_of_one_job_ends_the_others_at_their_next_simulation():
     assert len(ends) == 2
     with pytest.raises(CancelledError):
         list(ours.simulate([(block(2.0), QUICK)]))
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_ends_all_jobs_with_one_line():
+    """As the kernel does when memory ends."""
+    others = psutil.Process().children(recursive=True)
+    ours = Workers(2)
+    (alone,) = ours.simulate([(block(2.0), QUICK)])
+    assert alone[1].status != "failed"
+    (own, *_) = [
+        process
+        for process in psutil.Process().children(recursive=True)
+        if process not in others and "LokyProcess" in " ".join(process.cmdline())
+    ]
+
+    def ask_on() -> None:
+        while True:
+            list(ours.simulate([(block(2.0), QUICK), (block(3.0), QUICK)]))
+
+    killer = Timer(0.3, own.kill)
+    killer.start()
+    with pytest.raises(WorkFailed, match="ended by the system, most often for want of memory"):
+        ours.side_by_side([ask_on, ask_on])
+    killer.join()
 
 
 @pytest.mark.slow

@@ -42,6 +42,7 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
     from geometry.case import load_case
     from inversion.engines.registry import of_section
     from pipeline.config import load_config
+    from pipeline.files import working_in
     from pipeline.progress import Progress, Watch
 
     config = load_config(arguments.config, arguments.overrides)
@@ -59,7 +60,8 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
             say=bar.say,
             on_run=watch.run_done,
         )
-        yield session
+        with working_in(session.folder):
+            yield session
 
 
 def write_page(arguments: argparse.Namespace, session: Session, composer: str) -> None:
