@@ -102,6 +102,7 @@ def main_exit(
     """
     _end_on_terminate()
     _end_with_workflow()
+    _open_streams()
     try:
         code = func(argv) or 0
         sys.stdout.flush()
@@ -137,14 +138,27 @@ def _drop_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def _open_streams() -> None:
+    """Of a shell that closes them (`>&-`) Python makes None, which nothing can be printed to."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+
+
 def _end_on_terminate() -> None:
-    """Let SIGTERM (a walltime limit, `kill`) unwind the stack, so that part files are tidied up."""
+    """Let the ends that are asked for unwind the stack, so that part files are tidied up.
+
+    SIGTERM is a walltime limit or `kill`; SIGHUP a terminal that is closed, unless `nohup` has it
+    ignored.
+    """
 
     def leave(signum: int, frame: object) -> NoReturn:
-        raise SystemExit(EXIT_TERMINATED)
+        raise SystemExit(128 + signum)
 
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, leave)
+        for signum in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(signum) != signal.SIG_IGN:
+                signal.signal(signum, leave)
 
 
 def _end_with_workflow() -> None:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from geometry.scenes.overburden import stress_by_zone
+from geometry.scenes.polygon_checks import area
 from geometry.survey.measured import Deposit, Reading
 from inversion.engines.workers import Job, Workers
 from inversion.estimation.data import read, toes_by_eye
@@ -39,10 +40,14 @@ if TYPE_CHECKING:
     from pipeline.config import SimulationSettings
 
 
-# What zipfile and numpy raise on a file that is cut short or damaged, depending on where.
+# What zipfile and numpy raise on a file that is cut short or damaged, depending on where. Of memory
+# where a header claims more than there is.
 DAMAGE = (
-    OSError, KeyError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error
+    OSError, KeyError, ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile,
+    zlib.error,
 )  # fmt: skip
+#: Area of the points over that of the section, as far off as it can be by where points are put.
+AREA_OFF = 0.3
 
 _ARRAYS = {
     "initial", "final", "zone", "vertical_stress", "volume", "status", "reason", "numbers"
@@ -127,7 +132,7 @@ class RunStore:
             to_read[key].append(reader)
         missing: dict[str, tuple[Scene, SimulationSettings]] = {}
         for key, pair in zip(keys, wanted, strict=True):
-            if key not in missing and not self._is_there(key, to_read[key]):
+            if key not in missing and not self._is_there(key, pair[0], to_read[key]):
                 missing[key] = pair
         if missing:
             self._compute(missing, to_read)
@@ -186,12 +191,14 @@ class RunStore:
         ((_, run),) = self._workers.simulate([(scene, settings) for scene in scenes])
         return [run]
 
-    def _is_there(self, key: str, readers: Iterable[HistoryReader]) -> bool:
+    def _is_there(self, key: str, scene: Scene, readers: Iterable[HistoryReader]) -> bool:
         run = self._kept.get(key)
         if run is None and self.folder is not None:
             run = load_kept(self._path(key))
-            if run is not None:
+            if run is not None and is_of(run, scene):
                 self._kept[key] = run
+            else:
+                run = None
         return run is not None and all(
             name in run.readings for reader in readers for name in reader.wanted
         )
@@ -297,6 +304,17 @@ def load_kept(path: Path) -> KeptRun | None:
         )
     except DAMAGE:
         return None
+
+
+def is_of(run: KeptRun, scene: Scene) -> bool:
+    """The arrays are as long as each other, and their points cover the section.
+
+    A file that is whole may still be another program's, or have been cut and sealed again.
+    """
+    lengths = {len(run.initial), len(run.final), len(run.zone), len(run.vertical_stress)}
+    covered = len(run.initial) * scene.spacing**2
+    section = sum(area(zone.polygon) for zone in scene.zones)
+    return len(lengths) == 1 and abs(covered - section) <= AREA_OFF * section
 
 
 def write_arrays(path: str | Path, arrays: dict[str, np.ndarray]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -171,3 +172,32 @@ def test_a_history_of_a_run_that_was_cut_off_is_reported_not_made_up(sliding):
     assert np.isnan(reading.values).all() and "stopped in motion" in reading.trouble
     run.status, run.reason = "failed", "energy balance"
     assert reader.read(run)[timed].trouble == "energy balance"
+
+
+def test_a_kept_run_of_half_the_section_is_made_again(sliding, tmp_path):
+    scene, simulated = sliding
+    wanted = [(scene, SimulationSettings())]
+    (kept,) = RunStore(tmp_path).fetch(wanted)
+    (path,) = tmp_path.glob("*.npz")
+    half = {
+        name: getattr(kept, name)[::2] for name in ("initial", "final", "zone", "vertical_stress")
+    }
+    save_kept(path, replace(kept, **half))
+    (again,) = RunStore(tmp_path).fetch(wanted)
+    assert len(simulated) == 2 and len(again.initial) == len(kept.initial)
+
+
+def test_a_header_that_claims_more_than_there_is_memory_is_damage(kept, tmp_path):
+    path = tmp_path / "run.npz"
+    save_kept(path, kept)
+    with zipfile.ZipFile(path) as file:
+        parts = {name: file.read(name) for name in file.namelist()}
+    claim = {"descr": "<f4", "fortran_order": False, "shape": (10**14, 2)}
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in parts.items():
+            if name == "final.npy":
+                with file.open(name, "w") as entry:
+                    np.lib.format.write_array_header_1_0(entry, claim)
+            else:
+                file.writestr(name, content)
+    assert load_kept(path) is None

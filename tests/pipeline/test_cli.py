@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -134,3 +135,43 @@ def test_a_reader_that_goes_away_is_no_traceback(root):
         script, shell=True, cwd=root, env=dict(os.environ), capture_output=True, text=True
     )
     assert done.stdout == "{\n" and done.stderr == ""
+
+
+WAITS = """
+import sys, time
+from pipeline.cli import main_exit
+def main(argv):
+    try:
+        print("ready", flush=True)
+        time.sleep(60)
+    finally:
+        print("tidied up", flush=True)
+main_exit(main)
+"""
+
+
+@pytest.mark.parametrize(("signum", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_what_is_asked_to_end_tidies_up(root, signum, code):
+    process = subprocess.Popen(
+        [sys.executable, "-c", WAITS], cwd=root, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout.readline() == "ready\n"
+    process.send_signal(signum)
+    said, _ = process.communicate(timeout=30)
+    assert (said, process.returncode) == ("tidied up\n", code)
+
+
+def test_under_nohup_a_closed_terminal_ends_nothing(root):
+    ignoring = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
+    asking = WAITS.replace("time.sleep(60)", "print(signal.getsignal(signal.SIGHUP).name)")
+    done = subprocess.run(
+        [sys.executable, "-c", ignoring + asking], cwd=root, capture_output=True, text=True
+    )
+    assert done.stdout == "ready\nSIG_IGN\ntidied up\n", done.stderr
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams_are_no_traceback(root, tmp_path, closed):
+    words = f"{sys.executable} -m flowslide check case_histories/lower_san_fernando {closed}"
+    done = subprocess.run(["bash", "-c", words], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr
