@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.generated_pages import around, renew, table
 from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
-from pipeline.cli import InputError, add_common, base_parser, main_exit
+from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_exit
 from pipeline.config import Config, load_config
 from pipeline.files import content_hash, make_folder, read_json, write_json
 from pipeline.progress import Progress
@@ -298,7 +298,7 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         generated,
         generated_sparse,
     )
-    from benchmarks.hidden_effects.scoring.score import score
+    from benchmarks.hidden_effects.scoring.score import broken, score
 
     out = _out(arguments, config)
     places = Places(out)
@@ -322,6 +322,8 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
     method = scores[METHOD]
     lines = [(one.words, method.shares[one.name].words, one.bound) for one in ASKED]
     print(table(("figure", "measured", "asked"), lines))
+    if failed := broken(benchmark.plan.promises, method):
+        raise WorkFailed(f"{arguments.benchmark}: not as promised: {'; '.join(failed)}")
     if arguments.page is not None and SUGGESTED in scores:
         renew(Path(arguments.page), **{SPARSE: generated_sparse(scores)})
     elif arguments.page is not None:

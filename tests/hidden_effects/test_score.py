@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.hidden_effects.scoring.score import Judged, score
+from benchmarks.hidden_effects.making.benchmark import Bound, load_plan
+from benchmarks.hidden_effects.scoring.intervals import Share
+from benchmarks.hidden_effects.scoring.score import Judged, Score, broken, score
+from pipeline.cli import InputError
 from tests.hidden_effects.judges import EFFECTS, digest, perfect, truths
 
 
@@ -175,3 +178,18 @@ def test_a_law_that_runs_alike_is_told_apart_from_being_explained_away():
     seen = [t["lambda"] >= 25.0 for t in row]
     assert 0 < found.shares["law_found_25"].n == sum(seen) < len(row)
     assert found.shares["law_found_25"].hits == sum(seen[::2])
+
+
+def test_a_broken_promise_is_named():
+    shares = {"false_alarm": Share(2, 3), "named_25": Share(1, 4)}
+    found = Score(shares, {}, {}, {})
+    assert broken({"false_alarm": Bound(at_most=2), "named_25": Bound(at_least=1)}, found) == []
+    lines = broken({"false_alarm": Bound(at_most=1), "named_25": Bound(at_least=2)}, found)
+    assert lines == ["false_alarm: 2 of 3, at most 1", "named_25: 1 of 4, at least 2"]
+    with pytest.raises(InputError, match="promises: alarms: allowed are false_alarm, named_25"):
+        broken({"alarms": Bound(at_most=1)}, found)
+
+
+def test_the_slice_of_continuous_integration_promises_figures_that_exist(root):
+    plan = load_plan(root / "benchmarks/hidden_effects/slice.yaml")
+    assert plan.promises and broken(plan.promises, score([])) != []

@@ -29,7 +29,8 @@ def test_schema_file_is_up_to_date(root):
 
 
 @pytest.mark.parametrize(
-    "name", ["config.yaml", "paper.yaml", "test.yaml", "thrust.yaml", "thrust_first.yaml"]
+    "name",
+    ["config.yaml", "paper.yaml", "slice.yaml", "test.yaml", "thrust.yaml", "thrust_first.yaml"],
 )
 def test_shipped_configurations_fit_the_schema(root, name):
     import jsonschema

@@ -104,6 +104,13 @@ class Stated(Document):
         return found
 
 
+class Bound(Document):
+    """How many cases a figure of the score may count."""
+
+    at_least: int | None = Field(None, ge=0)
+    at_most: int | None = Field(None, ge=0)
+
+
 class BenchmarkPlan(Document):
     """The whole of `benchmark.yaml`."""
 
@@ -146,6 +153,10 @@ class BenchmarkPlan(Document):
     sizes: dict[str, list[tuple[float, float]]] = Field(
         default_factory=dict,
         description="thing hidden by another code -> ranges of its amplitude, in place of its own",
+    )
+    promises: dict[str, Bound] = Field(
+        default_factory=dict,
+        description="figure of the score -> cases that it must count, where the benchmark is a test",
     )
     stated: Stated | None = Field(
         None, description="sensitivities of every inversion.yaml; null: those of the sections"

@@ -17,9 +17,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.hidden_effects.making.benchmark import Bound
 from benchmarks.hidden_effects.making.detectability import BINS, bin_of
 from benchmarks.hidden_effects.scoring.digest import Digest
 from benchmarks.hidden_effects.scoring.intervals import Share
+from pipeline.cli import InputError
 
 #: |cosine| from which two effects are the same to the data; most explanations of a useful set.
 INSEPARABLE, MOST = 0.95, 3
@@ -275,3 +277,21 @@ def _beside(pairs: Sequence[Judged], test: Callable[[Judged], bool]) -> list[Sha
 def _median(values: Any) -> float | None:
     known = [float(value) for value in values]
     return round(statistics.median(known), 5) if known else None
+
+
+def broken(promises: Mapping[str, Bound], found: Score) -> list[str]:
+    """A line for each figure of a score that is not as its plan promises.
+
+    Raises:
+        InputError: there is no such figure.
+    """
+    lines = []
+    for name, bound in promises.items():
+        if name not in found.shares:
+            raise InputError(f"promises: {name}: allowed are {', '.join(found.shares)}")
+        hits = found.shares[name].hits
+        if bound.at_least is not None and hits < bound.at_least:
+            lines.append(f"{name}: {hits} of {found.shares[name].n}, at least {bound.at_least}")
+        if bound.at_most is not None and hits > bound.at_most:
+            lines.append(f"{name}: {hits} of {found.shares[name].n}, at most {bound.at_most}")
+    return lines
