@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -29,6 +28,7 @@ from inversion.prediction.known_strength import parse_strength
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import make_folder, read_json, write_json
+from pipeline.processes import python_command, python_environment
 from report.pdf import write_pdf
 
 Kind = Literal[
@@ -142,8 +142,9 @@ class Jobs:
     def _launch(self, folder: Path, number: str) -> None:
         with (folder / LOG).open("ab") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "flowslide.studio.job_process", str(folder)],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+                python_command("-m", "flowslide.studio.job_process", folder),
+                env=python_environment(), start_new_session=True,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             )  # fmt: skip
         self._running[number] = process
         Thread(target=process.wait, daemon=True).start()  # an ended process is waited for
