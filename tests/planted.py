@@ -5,16 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-OURS = (
-    "pipeline",
-    "geometry",
-    "mpm_taichi",
-    "gns",
-    "inversion",
-    "diagnosis",
-    "report",
-    "flowslide",
-)
+OURS = ("pipeline", "geometry", "mpm_taichi", "gns", "inversion", "diagnosis", "flowslide")
 FOREIGN = ("loky", "numpy", "yaml", "pydantic", "taichi", "torch", "matplotlib", "rich", "shapely")
 AT_START = ("sitecustomize", "usercustomize")
 PROGRAMS = ("git", "uname", "python", "python3", "chromium", "ffmpeg")
@@ -49,3 +40,11 @@ def planted(folder: Path) -> str:
     """What has run."""
     ran = folder.parent / f"ran_in_{folder.name}.txt"
     return ran.read_text() if ran.exists() else ""
+
+
+def the_command(place: Path) -> Path:
+    """The file that pip makes of `flowslide`, in a folder of programs of its own."""
+    program = place / "bin" / "flowslide"
+    program.parent.mkdir()
+    program.write_text("from flowslide.__main__ import console\nconsole()\n")
+    return program
