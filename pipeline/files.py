@@ -98,7 +98,7 @@ def only_one(folder: str | os.PathLike[str], words: str) -> Iterator[None]:
         InputError: the folder cannot be made.
     """
     folder = make_folder(folder)
-    with (folder / "lock").open("w") as lock:
+    with (folder / "lock").open("a") as lock:  # not "w": what a link leads to would be emptied
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

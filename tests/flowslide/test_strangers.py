@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 
 from flowslide.studio.jobs import Jobs
 from flowslide.studio.workspace import Workspace
 from gns.training.processes import in_processes
+from pipeline.processes import python_command, python_environment
 from tests.planted import plant, planted, the_command
 from tests.studio.conftest import INVERSION, MEASUREMENTS, SCENE
 
@@ -90,3 +92,29 @@ def test_work_runs_nothing(flowslide, case, words):
     flowslide(*words, "--set", "simulation.duration_s=4", "--quiet")
     assert list(case.glob("results/**/*.html"))
     assert not planted(case)
+
+
+def test_how_pages_look_is_not_for_the_folder_to_say(case):
+    """Else it might have LaTeX run what it likes."""
+    (case / "matplotlibrc").write_text("text.usetex: True\nfont.size: 44\n")
+    script = "import report.style, matplotlib; print(matplotlib.rcParams['text.usetex'])"
+    done = subprocess.run(
+        python_command("-c", script), cwd=case, env=python_environment(), capture_output=True,
+        text=True,
+    )  # fmt: skip
+    assert done.stdout == "False\n", done.stderr
+
+
+def test_nobody_is_told_that_a_simulation_starts(monkeypatch):
+    """Taichi would ask its makers' server for a newer version, with a number of the machine."""
+    from taichi import _version_check
+
+    import mpm_taichi.simulate  # noqa: F401 - Taichi as the program uses it
+
+    started = Mock()
+    monkeypatch.setattr(_version_check, "threading", started)
+    _version_check.start_version_check_thread()
+    assert not started.Thread.called
+    monkeypatch.delenv("TI_SKIP_VERSION_CHECK")
+    _version_check.start_version_check_thread()
+    assert started.Thread.called

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from pipeline.cli import InputError
+from pipeline.cli import InputError, WorkFailed
 from pipeline.files import (
     atomic_path,
     content_hash,
+    only_one,
     parse_yaml,
     read_json,
     read_yaml,
@@ -78,6 +79,18 @@ def test_a_write_that_never_happened_is_an_error(tmp_path):
     with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "a.txt"):
         pass
     assert names(tmp_path) == []
+
+
+def test_a_lock_that_is_a_link_empties_nothing(tmp_path):
+    """As it may come in a folder from somewhere else."""
+    kept = tmp_path / "kept.txt"
+    kept.write_text("mine")
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "lock").symlink_to(kept)
+    with only_one(tmp_path / "results", "another"), pytest.raises(WorkFailed, match="another"):
+        with only_one(tmp_path / "results", "another"):
+            pass
+    assert kept.read_text() == "mine"
 
 
 def start_endless_write(target: Path) -> subprocess.Popen:
