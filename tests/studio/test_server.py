@@ -70,6 +70,17 @@ def test_another_name_for_this_address_is_refused(browser):
     assert answer.status_code == 403 and "not the studio's" in answer.text
 
 
+def test_a_document_that_stands_for_a_million_values_is_refused(browser, workspace):
+    """Ten lines may be more than the memory holds; the server would answer nobody any more."""
+    lines = ["name: small", "a0: &a0 [1]"]
+    for n in range(1, 7):
+        lines.append(f"a{n}: &a{n} [" + ", ".join(10 * [f"*a{n - 1}"]) + "]")
+    (workspace.folder / "small" / "scene.yaml").write_text("\n".join(lines))
+    answer = browser.get("/api/cases/small")
+    assert answer.status_code == 400
+    assert "scene.yaml: line 7: more than 100,000 values" in answer.json()["message"]
+
+
 @pytest.mark.parametrize("origin", [None, "http://evil.example", "null", "http://127.0.0.1:1"])
 def test_another_page_changes_nothing(browser, workspace, origin):
     headers = {} if origin is None else {"origin": origin}
