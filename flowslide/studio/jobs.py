@@ -22,7 +22,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from flowslide.studio.case_documents import read_documents
-from flowslide.studio.workspace import Workspace, revision_of
+from flowslide.studio.workspace import HIDDEN, Workspace, revision_of
 from geometry.scenes.scene import checked_document
 from inversion.prediction.known_strength import parse_strength
 from pipeline.cli import InputError
@@ -59,6 +59,7 @@ RESULTS: dict[Kind, str] = {
     "explain": "diagnosis",
     "diagnose": "diagnosis",
 }
+JOB_PROCESS = "flowslide.studio.job_process"
 JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
 PAGES = ("report.html", "compare.html", "explain.html", "prediction.html", "from_blow_counts.html",
@@ -140,9 +141,13 @@ class Jobs:
                 raise InputError(f"prediction: {options.posterior} is no posterior of {case}")
 
     def _launch(self, folder: Path, number: str) -> None:
+        own = self.workspace.folder / HIDDEN
+        for path in folder.iterdir():  # a folder from somewhere else may bring jobs along
+            if not path.resolve().is_relative_to(own):
+                raise InputError(f"job {number}: {path} is a link that leads elsewhere")
         with (folder / LOG).open("ab") as log:
             process = subprocess.Popen(
-                python_command("-m", "flowslide.studio.job_process", folder),
+                python_command("-m", JOB_PROCESS, folder),
                 env=python_environment(), start_new_session=True,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             )  # fmt: skip
@@ -255,6 +260,7 @@ class Jobs:
 def _is_job(process: int, number: str) -> bool:
     """A process of a server that was killed still works on this job."""
     try:
-        return number.encode() in Path(f"/proc/{process}/cmdline").read_bytes()
+        words = Path(f"/proc/{process}/cmdline").read_bytes()
+        return JOB_PROCESS.encode() in words and number.encode() in words
     except OSError:
         return False
