@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import os
 
-# Read by Taichi while it is imported: no greeting, and no guesses about an interactive shell.
+# Read by Taichi: no greeting, no guesses about an interactive shell, and no question to its makers'
+# server, with a number of this machine, whether there is a newer version.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_ENABLE_PYBUF", "0")
+os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
 PHYSICS_VERSION = 5
 """Raised whenever the same scene and settings give other numbers; part of every cache key."""

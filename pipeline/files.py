@@ -31,6 +31,11 @@ _MOST_NESTED = 100
 _TOO_DEEP = f"lists and mappings are nested more than {_MOST_NESTED} deep"
 _MOST_DIGITS = 300
 """Of an integer; a float ends at 308."""
+_MOST_VALUES = 100_000
+"""Of a YAML document, those that its aliases (`*name`) repeat counted each time; documents of ours
+have some hundreds. So many take some seconds to read."""
+MOST_CHARACTERS = 50_000_000
+"""Of a text file."""
 _counter = itertools.count()
 
 
@@ -104,7 +109,7 @@ def only_one(folder: str | os.PathLike[str], words: str, name: str = "lock") -> 
     """
     folder = make_folder(folder)
     try:
-        lock = (folder / name).open("w")
+        lock = (folder / name).open("a")  # not "w": what a link leads to would be emptied
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     with lock:
@@ -286,6 +291,25 @@ class _CheckedLoader(yaml.SafeLoader):
 
     yaml_implicit_resolvers: dict[str, list] = {}
 
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._values, self._size = 0, {}
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node:
+        """A node; ten lines of aliases of aliases may stand for more than a memory holds."""
+        before, event = self._values, self.peek_event()
+        repeated = isinstance(event, yaml.AliasEvent)
+        node = super().compose_node(parent, index)
+        self._values += self._size.get(id(node), 1) if repeated else 1
+        if self._values > _MOST_VALUES:
+            line = event.start_mark.line + 1
+            raise InputError(
+                f"line {line}: more than {_MOST_VALUES:,} values, the most that is read"
+            )
+        if not repeated:
+            self._size[id(node)] = self._values - before
+        return node
+
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         seen = set()
         for key_node, _ in node.value:
@@ -362,16 +386,20 @@ def read_text(path: str | os.PathLike[str], *, encoding: str = "utf-8") -> str:
         encoding: "utf-8", or "utf-8-sig" where a spreadsheet may have put a mark in front.
 
     Raises:
-        InputError: no such file, one that cannot be read, or no text: one line.
+        InputError: no such file, one that cannot be read, no text, or too much of it: one line.
     """
     try:
-        return Path(path).read_text(encoding=encoding)
+        with Path(path).open(encoding=encoding) as file:
+            text = file.read(MOST_CHARACTERS + 1)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: not a UTF-8 text file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(text) > MOST_CHARACTERS:
+        raise InputError(f"{path}: more than {MOST_CHARACTERS / 1e6:.0f} MB of text")
+    return text
 
 
 def ready_folder(path: str | os.PathLike[str], names: Iterable[str]) -> Path:

@@ -53,6 +53,9 @@ SIGNED = LinearSegmentedColormap.from_list("signed", [OURS, "#ffffff", HELD_OUT]
 """Blue: lower than; white: none; orange: higher than."""
 ALIKE = LinearSegmentedColormap.from_list("alike", ["#ffffff", "#d3e3ef", OURS, "#00324f"])
 
+if not Path(matplotlib.matplotlib_fname()).is_absolute():
+    matplotlib.rcdefaults()  # it has read a file `matplotlibrc` of the folder one stands in
+
 #: Thin lines and text must be seen on dark points and on white.
 HALO = [Stroke(linewidth=2.3, foreground="white", alpha=0.8), Normal()]
 DASHED = (0, (4, 2))

@@ -96,8 +96,13 @@ def _check_3d(text: str) -> None:
 def print_gaps(scene: Scene) -> None:
     """Print where zones leave gaps between them."""
     from geometry.scenes.polygon_checks import gaps
+    from pipeline.cli import InputError
 
-    found = gaps({zone.name: zone.polygon for zone in scene.zones}, scene.spacing)
+    try:
+        found = gaps({zone.name: zone.polygon for zone in scene.zones}, scene.spacing)
+    except InputError as error:
+        print(f"  {error}")
+        return
     for area, (x, y) in found[:5]:
         print(f"  gap of {area:.3g} m2 between zones at ({x:.2f}, {y:.2f})")
     if len(found) > 5:

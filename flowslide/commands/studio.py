@@ -36,6 +36,8 @@ def run(arguments: argparse.Namespace) -> None:
     import webbrowser
     from contextlib import suppress
     from importlib.util import find_spec
+    from tempfile import TemporaryDirectory
+    from threading import Thread
 
     from pipeline.cli import InputError
 
@@ -46,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     from flowslide.studio.app import MOST_BYTES, studio
     from flowslide.studio.live import Live
-    from flowslide.studio.security import new_token
+    from flowslide.studio.security import new_token, write_opening
 
     workspace, first = workspace_of(arguments.case)
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -64,16 +66,17 @@ def run(arguments: argparse.Namespace) -> None:
     if first:
         with suppress(InputError):  # the page shows what is wrong
             live.warm(workspace.case(first).resolved())
-    if not arguments.no_browser:
-        webbrowser.open(address)
     server = uvicorn.Server(
         # Nothing leaves the machine: to compress a deposit takes longer than to pass it on.
         uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio",
                        ws_max_size=MOST_BYTES, ws_per_message_deflate=False)
     )  # fmt: skip
     try:
-        with suppress(KeyboardInterrupt):  # it is how it is stopped
-            server.run(sockets=[listener])
+        with suppress(KeyboardInterrupt), TemporaryDirectory(prefix="flowslide_studio_") as folder:
+            if not arguments.no_browser:  # some end only when they are closed
+                page = write_opening(Path(folder), address).as_uri()
+                Thread(target=webbrowser.open, args=(page,), daemon=True).start()
+            server.run(sockets=[listener])  # until Ctrl-C
     finally:
         live.close()
 

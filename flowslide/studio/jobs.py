@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -23,12 +22,13 @@ from typing import Any, Literal
 from pydantic import Field
 
 from flowslide.studio.case_documents import read_documents
-from flowslide.studio.workspace import Workspace, revision_of
+from flowslide.studio.workspace import HIDDEN, Workspace, revision_of
 from geometry.scenes.scene import checked_document
 from inversion.prediction.known_strength import parse_strength
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import make_folder, read_json, write_json
+from pipeline.processes import python_command, python_environment
 from report.pdf import write_pdf
 
 Kind = Literal[
@@ -59,6 +59,7 @@ RESULTS: dict[Kind, str] = {
     "explain": "diagnosis",
     "diagnose": "diagnosis",
 }
+JOB_PROCESS = "flowslide.studio.job_process"
 JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
 PAGES = ("report.html", "compare.html", "explain.html", "prediction.html", "from_blow_counts.html",
@@ -140,10 +141,15 @@ class Jobs:
                 raise InputError(f"prediction: {options.posterior} is no posterior of {case}")
 
     def _launch(self, folder: Path, number: str) -> None:
+        own = self.workspace.folder / HIDDEN
+        for path in folder.iterdir():  # a folder from somewhere else may bring jobs along
+            if not path.resolve().is_relative_to(own):
+                raise InputError(f"job {number}: {path} is a link that leads elsewhere")
         with (folder / LOG).open("ab") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "flowslide.studio.job_process", str(folder)],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+                python_command("-m", JOB_PROCESS, folder),
+                env=python_environment(), start_new_session=True,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             )  # fmt: skip
         self._running[number] = process
         Thread(target=process.wait, daemon=True).start()  # an ended process is waited for
@@ -254,6 +260,7 @@ class Jobs:
 def _is_job(process: int, number: str) -> bool:
     """A process of a server that was killed still works on this job."""
     try:
-        return number.encode() in Path(f"/proc/{process}/cmdline").read_bytes()
+        words = Path(f"/proc/{process}/cmdline").read_bytes()
+        return JOB_PROCESS.encode() in words and number.encode() in words
     except OSError:
         return False

@@ -3,7 +3,9 @@
 The server listens on the loopback address. That keeps other machines away, but neither other users
 of this one nor pages of other sites that are open in the same browser. Hence:
 
-- a random token in the address; opening it once sets a cookie, and everything needs the cookie;
+- a random token in the address; opening it once sets a cookie, and everything needs the cookie.
+  A browser is given the address in a file that nobody else can read, since every user of a machine
+  sees the words that a program was started with;
 - `Host` must be ours, or a name that was made to point here could read everything (DNS rebinding);
 - whatever changes something, and the WebSocket, needs an `Origin` that is ours.
 """
@@ -11,11 +13,13 @@ of this one nor pages of other sites that are open in the same browser. Hence:
 from __future__ import annotations
 
 import secrets
+from html import escape
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 #: With the port in its name: a browser sends a cookie to all ports, and two studios may be open.
@@ -32,6 +36,23 @@ POLICY = (
 def new_token() -> str:
     """A token that cannot be guessed."""
     return secrets.token_urlsafe(24)
+
+
+def write_opening(folder: Path, address: str) -> Path:
+    """Write a page that leads to an address, which its owner alone can read.
+
+    Args:
+        folder: of the page.
+        address: with the token.
+    """
+    page = folder / "open.html"
+    page.touch(mode=0o600, exist_ok=False)
+    page.write_text(_leading_to(address), encoding="utf-8")
+    return page
+
+
+def _leading_to(address: str) -> str:
+    return f'<!doctype html><meta http-equiv="refresh" content="0; url={escape(address)}">\n'
 
 
 class Guard:
@@ -63,7 +84,9 @@ class Guard:
         shown = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
         opening = scope["type"] == "http" and scope["path"] == "/" and shown
         if opening and self._is_token(shown):
-            answer = RedirectResponse("/", status_code=303)
+            # Not a redirect: the cookie, which is strict, would not go along where the browser came
+            # from a file.
+            answer = HTMLResponse(_leading_to("/"))
             answer.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
             return answer
         if not self._is_token(_cookie(headers, self.cookie)):

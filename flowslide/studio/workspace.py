@@ -133,13 +133,13 @@ class Workspace:
             if self.is_shipped(name):
                 return source
             copy = folder / name
-            shutil.copytree(source, copy)
+            _copy(source, copy)
         question = read_documents(copy)["diagnosis"]
         other = question.get("validation_case") if isinstance(question, Mapping) else None
         beside = folder / str(other).removeprefix("../")  # where the question looks for it
         if other is not None and re.fullmatch(r"\.\./[^/.]+", str(other)) and not beside.exists():
             with suppress(FileNotFoundError):  # the job says that it is not there
-                shutil.copytree(source / other, beside)
+                _copy(source / other, beside)
         return copy
 
     def is_shipped(self, name: str) -> bool:
@@ -248,7 +248,7 @@ class Workspace:
                 others = []
             for path in others:
                 if path.is_file() and path.name not in DOCUMENTS.values():
-                    shutil.copy(path, folder / path.name)
+                    (folder / path.name).symlink_to(path.resolve())
             write_plain(folder, documents)
             yield folder
 
@@ -269,7 +269,7 @@ class Workspace:
             shutil.rmtree(temporary, ignore_errors=True)
             with self._writing:
                 draft = None if self.is_shipped(copy_of) else self._draft(copy_of)
-                shutil.copytree(source, temporary, ignore=shutil.ignore_patterns(HIDDEN))
+                _copy(source, temporary)
             temporary.rename(place)
             if draft is not None:
                 self._keep(name, {**read_documents(place), **draft})
@@ -297,7 +297,7 @@ class Workspace:
                 return False
             first = self.hidden(name, "first")
             if not first.is_dir():
-                shutil.copytree(folder, first, ignore=shutil.ignore_patterns(HIDDEN))
+                _copy(folder, first)
             self._keep(name, kept)
         return True
 
@@ -337,6 +337,20 @@ class Workspace:
         make_folder(self.hidden(name))
         with atomic_path(self.hidden(name, file)) as temporary:
             temporary.write_bytes(content)
+
+
+def _copy(source: Path, target: Path) -> None:
+    """The files of a case, without what the studio keeps and without folders that are links.
+
+    A link to `/` would be the whole disk.
+    """
+
+    def left_out(folder: str, names: list[str]) -> list[str]:
+        places = [(name, Path(folder) / name) for name in names]
+        return [name for name, one in places
+                if name == HIDDEN or (one.is_symlink() and one.is_dir())]  # fmt: skip
+
+    shutil.copytree(source, target, ignore=left_out)
 
 
 def revision_of(files: Mapping[str, Any], draft: Mapping[str, Any] | None = None) -> str:

@@ -247,17 +247,29 @@ def _room(
 
 
 class _Snap:
-    """Gives a vertex the place of an earlier one that is nearer than `reach`."""
+    """Gives a vertex the place of the first earlier one that is not farther away than `reach`."""
 
     def __init__(self, reach: float) -> None:
         self._reach = reach
-        self._known: list[Point] = []
+        # By squares as wide as the reach, of which each holds few: their number and place.
+        self._known: dict[Point, list[tuple[int, Point]]] = {}
+        self._number = 0
 
     def __call__(self, point: Point) -> Point:
-        for known in self._known:
-            if math.dist(known, point) <= self._reach:
-                return known
-        self._known.append(point)
+        if not self._reach:
+            return point
+        column, row = (place // self._reach for place in point)
+        near = [
+            known
+            for across in (-1, 0, 1)
+            for up in (-1, 0, 1)
+            for known in self._known.get((column + across, row + up), ())
+            if math.dist(known[1], point) <= self._reach
+        ]
+        if near:
+            return min(near)[1]
+        self._known.setdefault((column, row), []).append((self._number, point))
+        self._number += 1
         return point
 
 

@@ -82,15 +82,19 @@ def contains(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
         (N,) bool. An edge belongs to the polygon above it or right of it, so that polygons sharing
         an edge (with the same two vertices) share no point and lose none.
     """
-    inside = np.zeros(len(points), dtype=bool)
-    x, y = points[:, 0], points[:, 1]
-    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        low, high = (start, end) if start[1] <= end[1] else (end, start)
-        if low[1] == high[1]:
-            continue
-        crosses = (low[1] <= y) & (y < high[1])
-        at = low[0] + (y - low[1]) * ((high[0] - low[0]) / (high[1] - low[1]))
-        inside ^= crosses & (x < at)
+    upwards = np.argsort(points[:, 1], kind="stable")
+    x, y = points[upwards].T
+    crossed = np.zeros(len(points), dtype=bool)
+    following = np.roll(polygon, -1, axis=0)
+    rises = (polygon[:, 1] <= following[:, 1])[:, None]
+    low, high = np.where(rises, polygon, following), np.where(rises, following, polygon)
+    # Of each edge only the points between its ends: outlines may have as many edges as points.
+    first, last = np.searchsorted(y, low[:, 1]), np.searchsorted(y, high[:, 1])
+    for edge in np.flatnonzero(first < last):
+        (x0, y0), (x1, y1), part = low[edge], high[edge], slice(first[edge], last[edge])
+        crossed[part] ^= x[part] < x0 + (y[part] - y0) * ((x1 - x0) / (y1 - y0))
+    inside = np.empty(len(points), dtype=bool)
+    inside[upwards] = crossed
     return inside
 
 

@@ -10,9 +10,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from shapely import contains_xy, dwithin, get_coordinates, get_num_coordinates, points, prepare
 from shapely.geometry import Polygon
 from shapely.ops import unary_union
 from shapely.validation import explain_validity
+
+from pipeline.cli import InputError
 
 Point = tuple[float, float]
 
@@ -21,6 +25,13 @@ AREA_TOLERANCE = 0.5
 
 #: A zone must be wider than twice this share of the spacing: as wide as the spacing itself will do.
 HALF = 0.499
+
+#: Most pairs of vertices that lie in the same square of a spacing where an outline is shifted
+#: inwards or outwards by half of one: the work and the memory that it takes grow with their number.
+MOST_PAIRS = 100_000
+
+#: Most places at which a zone is tried for being wide enough, before its outline is shifted.
+MOST_TRIALS = 10_000
 
 #: Most places for points in a domain: beyond it a laptop's memory ends.
 MOST_PLACES = 5e7
@@ -83,13 +94,8 @@ def zone_faults(
             yield Fault(f"zones: zone {name!r} has no area", (name,), outline)
         else:
             shapes[name] = shape
-            if shape.buffer(-HALF * spacing).is_empty:
-                message = (
-                    f"zones: zone {name!r} is a sliver, nowhere as wide as the spacing "
-                    f"{spacing:g} m; give it width, join it to a neighbour or take a smaller "
-                    "spacing"
-                )
-                yield Fault(message, (name,), outline)
+            if not _is_wide(shape, spacing):
+                yield Fault(_too_narrow(name, shape, spacing), (name,), outline)
     tolerance = AREA_TOLERANCE * spacing * spacing  # not a square, which may overflow
     yield from _below(shapes, ground, tolerance)
     yield from _overlapping(shapes, tolerance)
@@ -104,8 +110,16 @@ def gaps(polygons: Mapping[str, Sequence[Point]], spacing: float) -> list[tuple[
 
     Returns:
         (area [m2], a point inside [m]) of each gap, the largest first.
+
+    Raises:
+        InputError: the outlines have too many vertices to look.
     """
     union = unary_union([Polygon(vertices) for vertices in polygons.values()])
+    if is_crowded(union, spacing):
+        raise InputError(
+            f"gaps between zones: not looked for; the outlines have {get_num_coordinates(union)} "
+            f"vertices, too many within one spacing of {spacing:g} m"
+        )
     # Closing (grow, then shrink) fills holes and cracks up to one spacing wide and little else;
     # what it adds in concave outer corners stays below the tolerance.
     closed = union.buffer(0.5 * spacing, join_style="mitre").buffer(
@@ -117,6 +131,37 @@ def gaps(polygons: Mapping[str, Sequence[Point]], spacing: float) -> list[tuple[
     found = [part for part in _parts(unary_union(found)) if part.area > 0.01 * spacing**2]
     located = [(part.area, part.representative_point().coords[0]) for part in found]
     return sorted(located, key=lambda item: -item[0])
+
+
+def is_crowded(shape: Polygon, spacing: float) -> bool:
+    """Whether an outline has more than `MOST_PAIRS` of vertices within squares of a spacing."""
+    _, number = np.unique(np.floor(get_coordinates(shape) / spacing), axis=0, return_counts=True)
+    return bool((number**2).sum() > MOST_PAIRS)
+
+
+def _is_wide(shape: Polygon, spacing: float) -> bool:
+    """Whether a zone is somewhere as wide as the spacing, and so can hold a point."""
+    half, (x_min, y_min, x_max, y_max) = HALF * spacing, shape.bounds
+    step = max(0.5 * spacing, ((x_max - x_min) * (y_max - y_min) / MOST_TRIALS) ** 0.5)
+    x, y = np.meshgrid(np.arange(x_min, x_max, step), np.arange(y_min, y_max, step))
+    x, y, outline = x.ravel(), y.ravel(), shape.boundary
+    prepare(shape), prepare(outline)
+    within = contains_xy(shape, x, y)
+    if not dwithin(outline, points(x[within], y[within]), half).all():
+        return True
+    return not is_crowded(shape, spacing) and not shape.buffer(-half).is_empty
+
+
+def _too_narrow(name: str, shape: Polygon, spacing: float) -> str:
+    if is_crowded(shape, spacing):
+        return (
+            f"zones: zone {name!r} is hardly as wide as the spacing {spacing:g} m, and its outline "
+            f"has {get_num_coordinates(shape)} vertices, too many within one spacing: take fewer"
+        )
+    return (
+        f"zones: zone {name!r} is a sliver, nowhere as wide as the spacing {spacing:g} m; give it "
+        "width, join it to a neighbour or take a smaller spacing"
+    )
 
 
 def area(vertices: Sequence[Point]) -> float:

@@ -5,17 +5,26 @@ GeoTIFF, ESRI ASCII and XYZ are read and GeoTIFF is written by rasterio (extra `
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
 from pipeline.cli import InputError
-from pipeline.files import atomic_path
+from pipeline.files import atomic_path, read_text
 
-SUFFIXES = (".tif", ".tiff", ".asc", ".xyz")
+DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".xyz": "XYZ"}
+SUFFIXES = tuple(DRIVERS)
+BESIDE = (".prj", ".tfw", ".wld")
+"""Files of the same name that are read with a raster: its coordinate system, its place."""
+MOST_BYTES, MOST_PIXELS = 1_000_000_000, 50_000_000
+"""Of a raster's file, and of a raster."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,8 @@ def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -
         origin: subtracted from the coordinates [m], so that they are small.
 
     Raises:
-        InputError: no rasterio, no such file, turned or oblong pixels, pixels without a value.
+        InputError: no rasterio, no such file, one that is too large, one without a place, turned or
+            oblong pixels, pixels without a value, or values that another file beside it changes.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
@@ -75,12 +85,18 @@ def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -
         raise InputError(f"{path}: no such file")
     rasterio = _rasterio()
     try:
-        with rasterio.open(path) as file:
+        with _opened(path, rasterio) as file:
+            if file.width * file.height > MOST_PIXELS:
+                raise InputError(
+                    f"{path}: {file.width} x {file.height} pixels; at most {MOST_PIXELS:,} are read"
+                )
             band = file.read(1, masked=True)
             place = file.transform
             crs = file.crs.to_wkt() if file.crs else ""
     except rasterio.errors.RasterioError as error:
         raise InputError(f"{path}: not a raster ({error})") from error
+    if place.is_identity:
+        raise InputError(f"{path}: does not say where it lies (a GeoTIFF does, or a file .tfw)")
     if place.b or place.d or place.a <= 0 or not np.isclose(place.a, abs(place.e), rtol=1e-6):
         raise InputError(f"{path}: pixels must be square and rows must run east")
     values = np.ma.filled(band.astype(float), np.nan)
@@ -92,6 +108,35 @@ def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -
     south = place.f + (place.e * len(values) if place.e < 0 else 0.0)
     start = (place.c + 0.5 * place.a - origin[0], south + 0.5 * place.a - origin[1])
     return Raster(start, float(place.a), np.ascontiguousarray(values.T), crs)
+
+
+@contextmanager
+def _opened(path: Path, rasterio: Any) -> Iterator[Any]:
+    """A raster as a dataset of the format that its suffix names, opened from memory.
+
+    GDAL goes by the content, not by the suffix, and by files beside it: either may be a list of
+    places in the network, which it would then ask. In memory there is nothing but what is put
+    there.
+    """
+    for beside in (Path(f"{path}.msk"), Path(f"{path}.aux.xml")):
+        if beside.is_file() and (beside.suffix == ".msk" or "NoDataValue" in read_text(beside)):
+            raise InputError(f"{beside}: is not read; put what it says into {path.name}")
+    if path.stat().st_size > MOST_BYTES:
+        raise InputError(f"{path}: more than {MOST_BYTES / 1e6:.0f} MB")
+    found = [(path, path.suffix.lower())]
+    found += [(path.with_suffix(one), one) for one in BESIDE if path.with_suffix(one).is_file()]
+    folder = str(uuid4())
+    with ExitStack() as stack:
+        raster, *_ = [
+            stack.enter_context(
+                rasterio.MemoryFile(one.read_bytes(), dirname=folder, filename=f"raster{suffix}")
+            )
+            for one, suffix in found
+        ]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            opened = raster.open(driver=DRIVERS[path.suffix.lower()])
+        yield stack.enter_context(opened)
 
 
 def write_raster(

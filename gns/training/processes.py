@@ -17,6 +17,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import IO
 
+from pipeline.processes import python_command, python_environment
+
 LOOK_EVERY_S = 0.1
 GRACE_S = 10.0
 """Time after one process has failed until the others are asked to end [s]. After PATIENCE_S they
@@ -83,8 +85,8 @@ def _together(
         own = {**common, "RANK": rank, "LOCAL_RANK": rank}
         processes.append(
             subprocess.Popen(
-                [sys.executable, "-m", *arguments],
-                env={**os.environ, **{name: str(value) for name, value in own.items()}},
+                python_command("-m", *arguments),
+                env=python_environment(own),
                 stderr=errors,
             )
         )

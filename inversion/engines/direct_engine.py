@@ -41,7 +41,8 @@ from inversion.engines.run_store import KeptRun, RunStore, prediction_of
 from inversion.estimation.forward import Forward, Prediction, Request, Setup
 from inversion.problem.question import material_key
 from pipeline.cli import InputError
-from pipeline.places import MODELS, resolve
+from pipeline.places import MODELS
+from pipeline.places import shipped as shipped_folder
 
 #: Types of measurement that it predicts.
 READ = ("toe_runout", "no_flow", "surface_profile", "crest_settlement", "freeboard", *TIMED)
@@ -288,7 +289,7 @@ def _failed(setup: Setup, begin: Start, reason: str) -> Prediction:
 
 def shipped(name: str, store: RunStore) -> DirectEngine:
     """The engine of a model that ships under a name."""
-    return DirectEngine(store, _loaded(resolve(name, MODELS) / MODEL_FILE))
+    return DirectEngine(store, _loaded(shipped_folder(MODELS) / name / MODEL_FILE))
 
 
 @cache

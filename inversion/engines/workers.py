@@ -22,6 +22,7 @@ from threading import RLock, Thread
 from typing import TYPE_CHECKING
 
 from pipeline.cli import WorkFailed
+from pipeline.processes import process_pool
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -47,10 +48,8 @@ class Workers:
     """
 
     def __init__(self, number: int) -> None:
-        from loky import ProcessPoolExecutor
-
         self.number = number
-        self._pool = ProcessPoolExecutor(
+        self._pool = process_pool(
             number, timeout=IDLE_S, initializer=_begin, initargs=(os.getpid(),)
         )
         self._waiting: list[tuple[int, int, Wanted, Future[Run]]] = []

@@ -180,3 +180,30 @@ def test_the_lattice_may_count_from_another_height(make_scene):
     assert scene.lattice_y == 0.0 and raised.lattice_y == 0.2
     assert "lattice_from_y" not in scene.model_dump(), "other scenes keep their hashes"
     assert scene_from_mapping(raised.model_dump(), "again") == raised
+
+
+class Counted(np.ndarray):
+    """Points that count the numbers in every operation on them."""
+
+    numbers = 0
+
+    def __array_ufunc__(self, ufunc, method, *inputs, **keywords):
+        plain = [np.asarray(one) for one in inputs]
+        Counted.numbers += max(one.size for one in plain)
+        keywords.pop("out", None)
+        found = getattr(ufunc, method)(*plain, **keywords)
+        return found.view(Counted) if found.dtype == float and found.ndim else found
+
+
+def test_many_edges_cost_little_more_than_few():
+    """An outline may have as many vertices as there are points."""
+    places = np.random.default_rng(1).uniform(0.0, 10.0, (4000, 2)).view(Counted)
+    work = []
+    for number in (100, 1600):
+        angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
+        circle = 5.0 + 4.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+        Counted.numbers = 0
+        inside = contains(circle, places)
+        assert np.count_nonzero(inside) == pytest.approx(4000 * np.pi * 16.0 / 100.0, rel=0.05)
+        work.append(Counted.numbers)
+    assert 1000 < work[1] < 1.5 * work[0]

@@ -7,6 +7,7 @@ import copy
 import numpy as np
 import pytest
 import yaml
+from shapely import Polygon
 
 from geometry import Scene, load_scene, save_scene, scene_from_mapping
 from geometry.scenes.fill import fill
@@ -200,3 +201,40 @@ def test_lower_san_fernando_is_as_described(dam):
         "6": (30, 1),
         "7": (30, 1),
     }
+
+
+def rough(document: dict, number: int, thickness: float) -> dict:
+    """The left square with a bottom or top of many vertices, `thickness` [m] above the base."""
+    x = np.linspace(20.0, 10.0, number)
+    y = 2.0 + thickness + 0.02 * np.random.default_rng(0).standard_normal(number)
+    outline = [[10.0, 2.0], [20.0, 2.0], *np.column_stack([x, y]).tolist()]
+    return changed(document, "zones.0.polygon", outline)
+
+
+def test_an_outline_of_many_vertices_is_never_shifted(document, monkeypatch):
+    """That takes a time and a memory that grow with the square of their number within a spacing."""
+    Scene.model_validate(rough(document, 500, 1.2))
+    monkeypatch.setattr(Polygon, "buffer", None)
+    scene = Scene.model_validate(rough(document, 20_000, 10.0))
+    assert 99 <= len([zone for zone in fill(scene).zone if zone == 0]) <= 101
+    outlines = {zone.name: zone.polygon for zone in scene.zones}
+    with pytest.raises(InputError, match="gaps between zones: not looked for; .* 2000. vertices"):
+        gaps(outlines, 1.0)
+    with pytest.raises(
+        ValueError, match="'left' is hardly as wide as the spacing 1 m, and .* 2000"
+    ):
+        Scene.model_validate(rough(document, 20_000, 0.98))
+
+
+@pytest.mark.parametrize("width", [1.0, 0.999])
+def test_a_zone_as_wide_as_the_spacing_will_do(document, width):
+    """Wherever it lies, and however it is turned: no trial place need be on its axis."""
+    along, across = np.array([0.8, 0.6]), np.array([-0.6, 0.8])
+    start = np.array([12.3, 7.1])
+    corners = [start, start + 6.0 * along, start + 6.0 * along + width * across,
+               start + width * across]  # fmt: skip
+    turned = changed(document, "zones.0.polygon", np.array(corners).tolist())
+    Scene.model_validate(turned)
+    thinner = [*corners[:2], *(corner - 0.01 * across for corner in corners[2:])]
+    with pytest.raises(ValueError, match="'left' is a sliver"):
+        Scene.model_validate(changed(document, "zones.0.polygon", np.array(thinner).tolist()))

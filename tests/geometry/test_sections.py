@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import csv
 import json
+import math
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 import yaml
 
 from geometry import load_scene
-from geometry.scenes.drawings import read_materials, read_section, section_scene, with_room
+from geometry.scenes import drawings
+from geometry.scenes.drawings import (
+    Section,
+    read_materials,
+    read_section,
+    section_document,
+    section_scene,
+    with_room,
+)
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import scene_hash
 from pipeline.cli import InputError
@@ -280,3 +291,20 @@ def test_the_source_of_a_material_is_a_note_and_no_part_of_a_run(tmp_path):
     assert scene_hash(scene) == scene_hash(scene.changed(materials={
         "a": {"friction_deg": 30.0, "cohesion_kpa": 1.0},
     }))  # fmt: skip
+
+
+def test_a_vertex_is_compared_with_few_others(monkeypatch):
+    """A drawing may have very many; and the first of those near it counts."""
+    compared = Mock(side_effect=math.dist)
+    monkeypatch.setattr(drawings.math, "dist", compared)
+    places = np.random.default_rng(2).uniform(0.0, 5.0, (400, 2)).round(1)
+    moved = places + np.random.default_rng(3).uniform(-0.03, 0.03, places.shape)
+    ring = [tuple(map(float, place)) for place in moved]
+    section = Section(zones={"soil": ring})
+    document = section_document(section, source="x", name="x", snap=0.05)
+    assert compared.call_count < 10 * len(ring)
+    found, known = document["zones"][0]["polygon"], []
+    for place in ring:
+        first = next((one for one in known if math.hypot(*np.subtract(one, place)) <= 0.05), place)
+        known += [first] * (first is place)
+    assert set(found) == set(known) and len(known) < 400

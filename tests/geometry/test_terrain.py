@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
+import warnings
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import count
+from threading import Thread
+
 import numpy as np
 import pytest
 
+from geometry.terrain import raster
 from geometry.terrain.raster import Raster, hillshade, read_raster, write_raster
 from pipeline.cli import InputError
 
 PLANE = Raster((10.0, 20.0), 2.0, np.add.outer(np.arange(4.0), 10.0 * np.arange(3.0)))
 """Rises by 0.5 along x and by 5 along y; 4 x 3 places, x from 10 to 16, y from 20 to 24."""
+
+
+def write_plane(path) -> None:
+    """The plane as a file of any of the formats."""
+    if path.suffix == ".tif":
+        return write_raster(PLANE, path)
+    rows = "\n".join(" ".join(f"{v:g}" for v in row) for row in PLANE.values.T[::-1])
+    head = "ncols 4\nnrows 3\nxllcorner 9\nyllcorner 19\ncellsize 2\n"
+    x, y = np.meshgrid(*PLANE.axes, indexing="xy")
+    table = np.column_stack([x.ravel(), y.ravel(), PLANE.values.T.ravel()])
+    if path.suffix == ".asc":
+        path.write_text(head + rows + "\n")
+    else:
+        np.savetxt(path, table, fmt="%g")
 
 
 def test_elevations_are_linear_between_places_and_level_beyond():
@@ -40,18 +60,13 @@ def test_a_geotiff_is_read_by_its_own_library_at_its_place(tmp_path):
     assert again.crs == utm
 
 
-def test_esri_ascii_and_xyz_are_read_at_their_places(tmp_path):
+@pytest.mark.parametrize("name", ["a.asc", "a.xyz"])
+def test_esri_ascii_and_xyz_are_read_at_their_places(name, tmp_path):
     pytest.importorskip("rasterio", reason="needs the extra `terrain`")
-    rows = "\n".join(" ".join(f"{v:g}" for v in row) for row in PLANE.values.T[::-1])
-    head = "ncols 4\nnrows 3\nxllcorner 9\nyllcorner 19\ncellsize 2\nNODATA_value -9999\n"
-    (tmp_path / "a.asc").write_text(head + rows + "\n")
-    x, y = np.meshgrid(*PLANE.axes, indexing="xy")
-    table = np.column_stack([x.ravel(), y.ravel(), PLANE.values.T.ravel()])
-    np.savetxt(tmp_path / "a.xyz", table, fmt="%g")
-    for name in ("a.asc", "a.xyz"):
-        read = read_raster(tmp_path / name)
-        assert read.origin == pytest.approx(PLANE.origin)
-        assert np.array_equal(read.values, PLANE.values)
+    write_plane(tmp_path / name)
+    read = read_raster(tmp_path / name)
+    assert read.origin == pytest.approx(PLANE.origin)
+    assert np.array_equal(read.values, PLANE.values)
 
 
 def test_what_is_no_raster_is_refused_in_one_line(tmp_path):
@@ -67,3 +82,90 @@ def test_what_is_no_raster_is_refused_in_one_line(tmp_path):
     write_raster(gaps, tmp_path / "gaps.tif")
     with pytest.raises(InputError, match="1 of 4 pixels have no value"):
         read_raster(tmp_path / "gaps.tif")
+
+
+VRT = """<VRTDataset rasterXSize="4" rasterYSize="3"><GeoTransform>0,1,0,4,0,-1</GeoTransform>
+<Metadata><MDI key="INTERNAL_MASK_FLAGS_1">2</MDI></Metadata>
+<VRTRasterBand dataType="Byte" band="1"><SimpleSource><SourceBand>1</SourceBand>
+<SourceFilename relativeToVRT="0">/vsicurl/{}</SourceFilename>
+</SimpleSource></VRTRasterBand></VRTDataset>"""
+OVERVIEW = """<PAMDataset><Metadata domain="OVERVIEWS"><MDI key="OVERVIEW_FILE">/vsicurl/{}</MDI>
+</Metadata></PAMDataset>"""
+
+
+@pytest.fixture
+def server():
+    """An HTTP server that writes down what it is asked; the address changes with every use."""
+    asked: list[str] = []
+
+    class Server(BaseHTTPRequestHandler):
+        def do_GET(self):
+            asked.append(self.path)
+            self.send_error(404)
+
+        do_HEAD = do_GET
+
+        def log_message(self, *_):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Server) as serving:
+        Thread(target=serving.serve_forever, args=(0.01,), daemon=True).start()
+        numbers = count()
+        yield asked, lambda: f"http://127.0.0.1:{serving.server_port}/{next(numbers)}.tif"
+        serving.shutdown()
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".asc", ".xyz"])
+def test_a_raster_cannot_ask_the_network(server, suffix, tmp_path):
+    rasterio = pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    asked, address = server
+    path = tmp_path / f"a{suffix}"
+    path.write_text(VRT.format(address()))
+    with pytest.raises(InputError, match=f"a{suffix}: not a raster"):
+        read_raster(path)
+    write_plane(path)
+    for beside, text in ((".ovr", VRT), (".aux.xml", OVERVIEW)):
+        (tmp_path / f"a{suffix}{beside}").write_text(text.format(address()))
+    assert np.array_equal(read_raster(path).values, PLANE.values)
+    (tmp_path / f"a{suffix}.aux.xml").write_text("<PAMDataset><NoDataValue>5</NoDataValue>")
+    with pytest.raises(InputError, match=r"\.aux\.xml: is not read; put what it says into a\."):
+        read_raster(path)
+    (tmp_path / f"a{suffix}.msk").write_text(VRT.format(address()))
+    with pytest.raises(InputError, match=r"\.msk: is not read; put what it says into a\."):
+        read_raster(path)
+    assert not asked
+    with pytest.raises(rasterio.RasterioIOError), rasterio.open(path) as file:
+        file.read(1, masked=True)
+    assert asked, "GDAL alone asks"
+
+
+def test_place_and_coordinate_system_are_read_from_beside(tmp_path):
+    rasterio = pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    write_plane(tmp_path / "a.asc")
+    (tmp_path / "a.prj").write_text(rasterio.crs.CRS.from_epsg(32633).to_wkt())
+    assert "UTM" in read_raster(tmp_path / "a.asc").crs
+    bare = {"driver": "GTiff", "width": 4, "height": 3, "count": 1, "dtype": "float32"}
+    with warnings.catch_warnings(action="ignore"):
+        with rasterio.open(tmp_path / "b.tif", "w", **bare) as file:
+            file.write(PLANE.values.T[::-1].astype(np.float32), 1)
+    with pytest.raises(InputError, match=r"b\.tif: does not say where it lies"):
+        read_raster(tmp_path / "b.tif")
+    (tmp_path / "b.tfw").write_text("2\n0\n0\n-2\n10\n24\n")
+    assert read_raster(tmp_path / "b.tif").origin == PLANE.origin
+
+
+def test_a_raster_that_is_too_large_is_not_read(monkeypatch, tmp_path):
+    """The header of a small file may claim any size."""
+    rasterio = pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    huge = {"driver": "GTiff", "width": 400_000, "height": 400_000, "count": 1, "dtype": "float32",
+            "sparse_ok": True, "tiled": True, "blockxsize": 4096, "blockysize": 4096,
+            "transform": rasterio.Affine(1.0, 0.0, 9.0, 0.0, -1.0, 9.0)}  # fmt: skip
+    with rasterio.open(tmp_path / "a.tif", "w", **huge):
+        pass
+    assert (tmp_path / "a.tif").stat().st_size < 1_000_000
+    with pytest.raises(InputError, match="400000 x 400000 pixels; at most 50,000,000 are read"):
+        read_raster(tmp_path / "a.tif")
+    write_plane(tmp_path / "b.asc")
+    monkeypatch.setattr(raster, "MOST_BYTES", 50)
+    with pytest.raises(InputError, match=r"b\.asc: more than 0 MB"):
+        read_raster(tmp_path / "b.asc")

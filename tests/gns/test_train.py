@@ -30,6 +30,7 @@ from gns.training.train import learning_rate, simulator_config, steps_in_a_row, 
 from gns.training.validation import FAILED_ERROR, choose_runs, score_run, summary
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import TrainSettings
+from tests.planted import plant, planted, the_command
 
 ALONE = Group(0, 1, torch.device("cpu"))
 SETTINGS = TrainSettings(
@@ -569,6 +570,21 @@ def test_several_processes_stop_and_go_on(packed, root, trained, tmp_path):
     output = process.communicate(timeout=60)[0]
     assert process.returncode == 1 and "start again to continue" in output
     assert 8 <= last_state(tmp_path)["progress"]["step"] < 400
+
+
+@pytest.mark.slow
+def test_nothing_in_the_working_directory_runs(packed, root, tmp_path):
+    case = tmp_path / "case"
+    case.mkdir()
+    plant(case)
+    words = command(packed, tmp_path / "model", "--joint-batch", "--processes", "2")
+    done = subprocess.run(
+        [sys.executable, the_command(tmp_path), *words],
+        cwd=case, env={**os.environ, "PYTHONPATH": str(root)}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert last_state(tmp_path / "model")["progress"]["step"] == SETTINGS.steps
+    assert not planted(case)
 
 
 def test_another_process_that_fails_is_heard(tmp_path, monkeypatch, capfd):

@@ -307,6 +307,14 @@ def test_runs_of_the_solver_correct_the_answer(lsfd):
     assert abs(truth - measured) < 1.0 < abs(alone - measured), "the model alone is off"
 
 
+def test_a_model_in_the_working_directory_is_not_the_one_that_ships(tmp_path, monkeypatch):
+    for folder in ("direct", "models/direct"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "model.pt").write_text("of somebody else")
+    monkeypatch.chdir(tmp_path)
+    assert isinstance(shipped("direct", RunStore(None, threads=1)), DirectEngine)
+
+
 def test_too_few_runs_to_correct_it_are_refused():
     with pytest.raises(InputError, match="paired_runs is 2: none, or at least 3"):
         load_config(None, ["inversion.paired_runs=2"])

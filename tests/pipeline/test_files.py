@@ -14,10 +14,12 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from pipeline.cli import InputError
+from pipeline import files
+from pipeline.cli import InputError, WorkFailed
 from pipeline.files import (
     atomic_path,
     content_hash,
+    only_one,
     parse_yaml,
     read_json,
     read_yaml,
@@ -78,6 +80,18 @@ def test_a_write_that_never_happened_is_an_error(tmp_path):
     with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "a.txt"):
         pass
     assert names(tmp_path) == []
+
+
+def test_a_lock_that_is_a_link_empties_nothing(tmp_path):
+    """As it may come in a folder from somewhere else."""
+    kept = tmp_path / "kept.txt"
+    kept.write_text("mine")
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "lock").symlink_to(kept)
+    with only_one(tmp_path / "results", "another"), pytest.raises(WorkFailed, match="another"):
+        with only_one(tmp_path / "results", "another"):
+            pass
+    assert kept.read_text() == "mine"
 
 
 def start_endless_write(target: Path) -> subprocess.Popen:
@@ -220,10 +234,30 @@ def test_what_is_nested_and_large_within_reason_is_read(tmp_path):
     text = "[" * 100 + "9" * 300 + "]" * 100
     (tmp_path / "a.json").write_text(text)
     assert read_json(tmp_path / "a.json") == parse_yaml(text, name="test")
-    # A hundred million items if each alias were followed again.
-    laughs = ["- &a0 [1]"]
-    laughs += [f"- &a{n} [{', '.join(10 * [f'*a{n - 1}'])}]" for n in range(1, 9)]
-    assert len(parse_yaml("\n".join(laughs), name="test")) == 9
+
+
+@pytest.mark.parametrize(("first", "next_one"), [("[1]", "[{}]"), ("{a: 1}", "{{<<: [{}]}}")])
+def test_aliases_count_as_often_as_they_stand_for_something(first, next_one):
+    """Lists of ten of the list before, or mappings merged of ten: lines become a million values."""
+    lines = [f"- &a0 {first}"]
+    for n in range(1, 7):
+        lines.append(f"- &a{n} " + next_one.format(", ".join(10 * [f"*a{n - 1}"])))
+    assert len(parse_yaml("\n".join(lines[:4]), name="test")) == 4
+    with pytest.raises(
+        InputError, match="test: line .: more than 100,000 values, the most that is read"
+    ):
+        parse_yaml("\n".join(lines), name="test")
+
+
+def test_a_file_that_is_too_large_is_refused(tmp_path, monkeypatch):
+    write_text(tmp_path / "a.yaml", "[" + "1, " * 1000 + "1]")
+    assert len(read_yaml(tmp_path / "a.yaml")) == 1001
+    monkeypatch.setattr(files, "_MOST_VALUES", 1001)
+    with pytest.raises(InputError, match=r"a\.yaml: line 1: more than 1,001 values, the most that"):
+        read_yaml(tmp_path / "a.yaml")
+    monkeypatch.setattr(files, "MOST_CHARACTERS", 3000)
+    with pytest.raises(InputError, match=r"a\.yaml: more than 0 MB of text"):
+        read_yaml(tmp_path / "a.yaml")
 
 
 def test_yaml_merge_keys_work():

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from benchmarks.studio import serving
+from flowslide.studio.security import write_opening
 from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, watched
 
 pytestmark = NEEDS_CHROMIUM
@@ -20,8 +21,8 @@ def _answered(page, number):
 def test_somebody_moves_a_strength_and_watches_it_flow(address, browser, workspace):
     page = watched(browser)
     page.goto(address)
-    assert "token" not in page.url, "the address that is shown can be shared without harm"
     before = _answered(page, 1)
+    assert "token" not in page.url, "the address that is shown can be shared without harm"
     expect(page.locator("#readings tbody tr").first).to_contain_text("14.0 ± 2")
     strength = page.get_by_label("S_r, loose [kPa]")
     expect(strength).to_have_value("8")
@@ -52,6 +53,14 @@ def test_somebody_moves_a_strength_and_watches_it_flow(address, browser, workspa
     stranger = browser.new_context().new_page()
     assert stranger.goto(address.split("?")[0]).status == 403
     expect(stranger.locator("body")).to_contain_text("refused")
+
+
+def test_the_file_that_leads_to_the_studio(address, browser, tmp_path):
+    """What `flowslide studio` gives a browser; a cookie that is strict comes along nevertheless."""
+    page = watched(browser)
+    page.goto(write_opening(tmp_path, address).as_uri())
+    assert _answered(page, 1)
+    assert "token" not in page.url and not page.errors
 
 
 def test_a_job_is_started_survives_a_reload_and_is_cancelled(address, browser):

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import os
+from pathlib import Path
 
 import pytest
 
@@ -289,3 +291,43 @@ def test_a_job_keeps_the_files_as_they_were(workspace, monkeypatch):
     assert load_case(kept).title == load_case(workspace.folder / "small").title
     assert job["revision"] == case["revision"]
     assert Jobs(workspace).start("simulate", "small", {})["revision"] != job["revision"]
+
+
+def test_a_link_to_everything_is_not_copied(workspace, tmp_path, monkeypatch):
+    """As it may come in a folder from somewhere else; a link to a file is one of the case."""
+    monkeypatch.setattr(Jobs, "_launch", lambda *args: None)
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "disk" / "file.txt").write_text("of the disk")
+    (workspace.folder / "small" / "everything").symlink_to(tmp_path / "disk")
+    (workspace.folder / "small" / "notes.txt").symlink_to(tmp_path / "disk" / "file.txt")
+    job = Jobs(workspace).start("simulate", "small", {})
+    (kept,) = workspace.hidden("small", "jobs", job["id"], "case").iterdir()
+    assert not (kept / "everything").exists() and (kept / "notes.txt").read_text() == "of the disk"
+    assert not workspace.faults("small", workspace.read("small"))
+    assert (tmp_path / "disk" / "file.txt").read_text() == "of the disk"
+
+
+@pytest.mark.parametrize("name", ["log.txt", "inversion"])
+def test_a_job_that_came_with_a_folder_writes_nowhere_else(workspace, tmp_path, name, monkeypatch):
+    started = []
+    monkeypatch.setattr("flowslide.studio.jobs.subprocess.Popen", started.append)
+    with monkeypatch.context() as patch:
+        patch.setattr(Jobs, "_launch", lambda *args: None)
+        job = Jobs(workspace).start("back_analyse", "small", {})["id"]
+    place = workspace.hidden("small", "jobs", job, name)
+    place.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=f"{name} is a link that leads elsewhere"):
+        Jobs(workspace).again(job)
+    assert not started and not (tmp_path / "elsewhere").exists()
+
+
+def test_a_job_that_came_with_a_folder_ends_no_process(workspace, monkeypatch):
+    """It says that it is one of ours, by its number and name: every process has some of both."""
+    folder = workspace.hidden("small", "jobs", "python")
+    folder.mkdir(parents=True)
+    asked = {"id": "python", "kind": "simulate", "case": "small", "options": {}}
+    (folder / "job.json").write_text(json.dumps(asked))
+    (folder / "state.json").write_text(json.dumps({"state": "running", "process": os.getpid()}))
+    monkeypatch.setattr(os, "killpg", None)
+    assert b"python" in Path(f"/proc/{os.getpid()}/cmdline").read_bytes()
+    assert Jobs(workspace).cancel("python")["state"] == "interrupted"

@@ -156,7 +156,7 @@ class BenchmarkPlan(Document):
     )
     promises: dict[str, Bound] = Field(
         default_factory=dict,
-        description="figure of the score -> cases that it must count, where the benchmark is a test",
+        description="figure of the score -> cases that it counts, where the benchmark is a test",
     )
     stated: Stated | None = Field(
         None, description="sensitivities of every inversion.yaml; null: those of the sections"
