@@ -10,4 +10,4 @@ tried beforehand), `manifest` (provenance), `progress` (a bar or a log), `page` 
 packages.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

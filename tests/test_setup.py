@@ -13,6 +13,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 
+import pipeline
 from flowslide.command_line import leaves
 from inversion.engines.registry import engines
 from pipeline.extras import MODULES
@@ -116,6 +117,24 @@ def test_every_extra_of_a_command_is_known():
     of_commands = {command.extra for _, command in leaves()} - {""}
     of_engines = {engine.extra for engine in engines().values()} - {""}
     assert of_commands | of_engines <= MODULES.keys()
+
+
+def test_one_version_and_one_date_everywhere():
+    """The newest of the changelog is that of the packages and of a citation."""
+    changelog = (ROOT / "CHANGELOG.md").read_text()
+    version, day = re.search(r"^## (\S+) \((\d{4}-\d\d-\d\d)\)$", changelog, re.MULTILINE).groups()
+    assert version == pipeline.__version__
+    cited = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {version}\ndate-released: {day}\n" in cited
+
+
+def test_an_entry_of_the_changelog_has_at_most_two_lines():
+    lines = (ROOT / "CHANGELOG.md").read_text().splitlines()
+    for number, line in enumerate(lines, start=1):
+        assert len(line) <= 120, number
+    text = "\n".join(line for line in lines if line and not line.startswith("#"))
+    entries = re.findall(r"^- .*(?:\n  .*)*", text, re.MULTILINE)
+    assert len(entries) > 30 and all(entry.count("\n") < 2 for entry in entries)
 
 
 def recipe(target):
