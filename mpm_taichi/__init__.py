@@ -9,6 +9,10 @@ Nothing heavy is imported here: Taichi starts only when `mpm_taichi.simulate` is
 from __future__ import annotations
 
 import os
+import warnings
+
+# Said by Python 3.12 and later when it compiles Taichi, which the first run does.
+warnings.filterwarnings("ignore", category=SyntaxWarning, module=r".*[/\\]taichi[/\\]")
 
 # Read by Taichi while it is imported: no greeting, and no guesses about an interactive shell.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
