@@ -85,6 +85,17 @@ $(READY) $(LSFD_READY): pyproject.toml constraints.txt
 	$(if $(UV),$(BY_UV),$(BY_PIP))
 	@test "$@" -nt constraints.txt -a "$@" -nt pyproject.toml
 
+# Where a Python is asked for, an environment of another one is not taken for it.
+ifneq ($(origin PYTHON),file)
+.PHONY: asked-python
+$(READY) $(LSFD_READY): | asked-python
+asked-python:
+	@test ! -x "$(VENV)/bin/python" || { \
+	  there=$$("$(VENV)/bin/python" --version); asked=$$("$(PYTHON)" --version); \
+	  test "$${there%.*}" = "$${asked%.*}" || \
+	  { echo "error: PYTHON=$(PYTHON): $(VENV) has $$there; remove it, or give another VENV=..."; exit 2; }; }
+endif
+
 clean:
 	rm -rf results/test .pytest_cache .ruff_cache .hypothesis build flowslide.egg-info
 	find . -name __pycache__ -type d -not -path "./$(VENV)/*" -prune -exec rm -rf {} +

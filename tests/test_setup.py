@@ -9,6 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
@@ -158,6 +159,24 @@ def test_continuous_integration_runs_every_test_before_the_rest():
     assert commands[:2] == ["test", "test-all"]
 
 
+def test_a_fork_runs_the_same_on_every_python_that_is_promised():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yaml").read_text())
+    (job,) = workflow["jobs"].values()
+    assert ".ci/run" in [step.get("run") for step in job["steps"]]
+    promised = SpecifierSet(PROJECT["requires-python"])
+    minors = [f"3.{minor}" for minor in range(8, 30) if promised.contains(f"3.{minor}.0")]
+    assert job["strategy"]["matrix"]["python"] == minors
+
+
+def test_commits_are_checked_by_the_linters_that_are_pinned():
+    settings = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())
+    (own,) = settings["repos"]
+    used = [Requirement(text) for hook in own["hooks"] for text in hook["additional_dependencies"]]
+    assert {need.name for need in used} == {"ruff", "snakefmt"}
+    for need in used:
+        assert str(need.specifier) == f"=={PINS[need.name]}"
+
+
 def test_the_head_of_the_makefile_lists_its_targets():
     makefile = (ROOT / "Makefile").read_text()
     listed = re.findall(r"^# make ([a-z-]+) ", makefile, re.MULTILINE)
@@ -192,3 +211,18 @@ def test_make_says_which_python_it_needs(tmp_path, python, message):
     )
     assert done.returncode == 2 and message in done.stdout
     assert not (tmp_path / "venv").exists()
+
+
+def test_make_does_not_take_an_environment_for_one_of_another_python(tmp_path):
+    for place, version in (("venv/bin/python", "3.11.7"), ("python3.12", "3.12.1")):
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).write_text(f"#!/bin/sh\necho Python {version}\n")
+        (tmp_path / place).chmod(0o755)
+    stamp = tmp_path / "venv" / ".flowslide-installed"
+    stamp.touch()
+    words = ["make", "install", f"VENV={tmp_path / 'venv'}"]
+    other = f"PYTHON={tmp_path / 'python3.12'}"
+    done = subprocess.run([*words, other], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 2 and "venv has Python 3.11.7; remove it, or give" in done.stdout
+    same = f"PYTHON={tmp_path / 'venv' / 'bin' / 'python'}"
+    assert subprocess.run([*words, same], cwd=ROOT, capture_output=True).returncode == 0
