@@ -13,9 +13,12 @@
 
 VENV ?= .venv
 PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(shell command -v $(name))))
-EXTRAS := dxf,paraview,terrain,video,studio,workflow,dev,docs
+EXTRAS := all,dev,docs
 UV ?= $(shell command -v uv)
 READY := $(VENV)/.flowslide-installed
+# What `make lsfd` needs, in a third of the time, where not everything is there yet.
+LSFD_EXTRAS := workflow
+LSFD_READY := $(VENV)/.flowslide-installed-for-lsfd
 # Compiled files are kept in the environment, also where Python is told to write none: a command is
 # several processes, and each would compile all that it imports.
 IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONDONTWRITEBYTECODE= \
@@ -24,16 +27,18 @@ IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONDONTWRITEBYTECODE= \
 # What is never imported need not be compiled; Python compiles the rest when it is.
 PIP = "$(VENV)/bin/python" -m pip install --no-compile --disable-pip-version-check -c constraints.txt
 
-# Counts the packages that pip names, on a terminal.
-COUNT := shown && /^Collecting/ { printf "\r\033[K  package %d of about %d: %s", ++k, all, $$2; fflush() } \
-  shown && /^Installing/ { printf "\r\033[K  unpacking %d packages\n", k; fflush() }
+# Counts the packages that pip names: each on a terminal, every twentieth in a log.
+COUNT := /^(Collecting|Processing)/ { k++ } \
+  /^(Collecting|Processing)/ && shown { printf "\r\033[K  package %d of about %d: %s", k, all, $$2; fflush() } \
+  /^(Collecting|Processing)/ && !shown && k % 20 == 0 { printf "  package %d of about %d\n", k, all; fflush() } \
+  /^Installing/ { printf "%s  unpacking %d packages\n", shown ? "\r\033[K" : "", k; fflush() }
 
 BY_PIP = @$(PIP) --quiet setuptools && \
   { $(PIP) --progress-bar off --no-build-isolation --editable ".[$(EXTRAS)]" && touch "$@"; } | \
-  awk -v shown="$$(test -t 2 && echo yes)" -v all="$$(grep -c == constraints.txt)" '$(COUNT)'
+  awk -v shown="$$(test -t 2 && echo yes)" -v all="$(PACKAGES)" '$(COUNT)'
 
 # torch by pip all the same: with CUDA or without is what pip is set up for on a machine.
-BY_UV = @$(PIP) --quiet torch && \
+BY_UV = @$(if $(findstring all,$(EXTRAS)),$(PIP) --quiet torch &&) \
   "$(UV)" pip install --quiet --python "$(VENV)/bin/python" -c constraints.txt setuptools && \
   "$(UV)" pip install $$(test -t 2 || echo --quiet) --python "$(VENV)/bin/python" \
     -c constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]" && touch "$@"
@@ -41,7 +46,7 @@ BY_UV = @$(PIP) --quiet torch && \
 .PHONY: lsfd test test-all verify docs lint format install clean
 .DELETE_ON_ERROR:
 
-lsfd: $(READY)
+lsfd: $(firstword $(wildcard $(READY)) $(LSFD_READY))
 	@echo "Back-analysis of the Lower San Fernando dam, about two minutes; log: results/logs/invert_lower_san_fernando.log"
 	@$(IN_VENV) PYTHONPATH="rules/logging$${PYTHONPATH:+:$$PYTHONPATH}" snakemake --logger flowslide -- answer_lsfd
 	@cat results/lower_san_fernando/inversion/summary.txt
@@ -71,7 +76,10 @@ format: $(READY)
 
 install: $(READY)
 
-$(READY): pyproject.toml constraints.txt
+$(READY): PACKAGES := 136
+$(LSFD_READY): PACKAGES := 79
+$(LSFD_READY): EXTRAS := $(LSFD_EXTRAS)
+$(READY) $(LSFD_READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "error: no Python found: install Python 3.11, or give PYTHON=..."; exit 2; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' || \
 	  { echo "error: PYTHON=$(PYTHON): Python 3.11, 3.12 or 3.13 is needed"; exit 2; }
@@ -79,6 +87,17 @@ $(READY): pyproject.toml constraints.txt
 	@echo "installing into $(VENV) (a few minutes the first time)"
 	$(if $(UV),$(BY_UV),$(BY_PIP))
 	@test "$@" -nt constraints.txt -a "$@" -nt pyproject.toml
+
+# Where a Python is asked for, an environment of another one is not taken for it.
+ifneq ($(origin PYTHON),file)
+.PHONY: asked-python
+$(READY) $(LSFD_READY): | asked-python
+asked-python:
+	@test ! -x "$(VENV)/bin/python" || { \
+	  there=$$("$(VENV)/bin/python" --version); asked=$$("$(PYTHON)" --version); \
+	  test "$${there%.*}" = "$${asked%.*}" || \
+	  { echo "error: PYTHON=$(PYTHON): $(VENV) has $$there; remove it, or give another VENV=..."; exit 2; }; }
+endif
 
 clean:
 	rm -rf results/test .pytest_cache .ruff_cache .hypothesis build flowslide.egg-info

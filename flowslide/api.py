@@ -44,6 +44,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import Config
 from pipeline.config import load_config as load_settings
+from pipeline.extras import require
 from pipeline.files import working_in
 from pipeline.progress import Cancel, Cancelled, Evaluated, Report, Watch
 
@@ -513,6 +514,7 @@ def posterior(
     from inversion.posterior.unknown import section_of
     from report.posterior import write_report as write_posterior
 
+    require("posterior", "a posterior")
     watch = Watch(progress, cancel)
     with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
         asked = inversion_case(

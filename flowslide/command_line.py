@@ -15,6 +15,7 @@ from typing import Any
 
 from flowslide.commands import options
 from pipeline.cli import CommandParser
+from pipeline.extras import require
 
 
 @dataclass(frozen=True)
@@ -25,11 +26,13 @@ class Command:
         module: in `flowslide.commands`.
         help: one line.
         defaults: of its arguments, where they differ from the module's own.
+        extra: of the installation, without which it does nothing; empty: it needs none.
     """
 
     module: str
     help: str
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    extra: str = ""
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,15 @@ IMPORT = Command("import_section", "make a scene of a drawn section (CSV, GeoJSO
 SIMULATE = Command("simulate", "simulate a case history and compare it with what was measured")
 INVERT = Command("invert", "find the residual strengths of a case history")
 REPORT = Command("report", "print results again, rewrite their page, make a PDF of it")
-POSTERIOR = Command("posterior", "all that is unknown of a case, before and after its data")
+POSTERIOR = Command(
+    "posterior", "all that is unknown of a case, before and after its data", extra="posterior"
+)
 PREDICT = Command("predict", "how far a slide with a given strength would run")
 CLASSICAL = Command("classical", "residual strength by Kinetics, ZIF and IMM")
 CATALOGUE = Command("catalogue", "published strengths of 16 flow slides, and our answers")
-STUDIO = Command("studio", "a page in the browser: move the strengths, watch it flow")
+STUDIO = Command(
+    "studio", "a page in the browser: move the strengths, watch it flow", extra="studio"
+)
 EFFECTS = Command("effects", "list the physical effects that a scene can switch on")
 
 DIAGNOSE = Group(
@@ -82,14 +89,18 @@ GNS = Group(
     {
         "pack": Command("gns.pack", "pack trajectories into what a training reads"),
         "show": Command("gns.show", "draw a packed run, or an overview of packed data"),
-        "train": Command("gns.train", "learn from packed data"),
-        "evaluate": Command("gns.evaluate", "judge a model on held-out runs; write its card"),
-        "rollout": Command("gns.rollout", "simulate a scene by a trained model"),
+        "train": Command("gns.train", "learn from packed data", extra="learned"),
+        "evaluate": Command(
+            "gns.evaluate", "judge a model on held-out runs; write its card", extra="learned"
+        ),
+        "rollout": Command("gns.rollout", "simulate a scene by a trained model", extra="learned"),
         "baselines": Command(
             "gns.baselines", "how well runouts of held-out runs are guessed without simulating"
         ),
         "direct-runs": Command("gns.direct_runs", "simulate what the direct models learn from"),
-        "direct-train": Command("gns.direct_train", "learn the deposit in one pass, without steps"),
+        "direct-train": Command(
+            "gns.direct_train", "learn the deposit in one pass, without steps", extra="learned"
+        ),
     },
 )
 SCENES = Group(
@@ -258,7 +269,8 @@ class _CommandParser(CommandParser):
             module = import_module(f"flowslide.commands.{command.module}")
             self.description = module.DESCRIPTION
             module.add_arguments(self)
-            self.set_defaults(handler=module.run, **command.defaults)
+            needs = (command.extra, self.prog)
+            self.set_defaults(handler=module.run, needs=needs, **command.defaults)
 
     def parse_known_args(self, args=None, namespace=None):  # noqa: ANN001, ANN201, D102
         self.complete()
@@ -284,6 +296,9 @@ def _parser_of(*args: Any, entry: Command | Group, **keywords: Any) -> CommandPa
 
 def _run(parser: CommandParser, argv: Sequence[str] | None) -> int:
     arguments = parser.parse_args(argv)
+    extra, command = arguments.needs
+    if extra:
+        require(extra, command)
     options.check(arguments)
     effects = getattr(arguments, "effect_files", ())
     measurements = getattr(arguments, "measurement_files", ())

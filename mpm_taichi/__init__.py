@@ -9,6 +9,10 @@ Nothing heavy is imported here: Taichi starts only when `mpm_taichi.simulate` is
 from __future__ import annotations
 
 import os
+import warnings
+
+# Said by Python 3.12 and later when it compiles Taichi, which the first run does.
+warnings.filterwarnings("ignore", category=SyntaxWarning, module=r".*[/\\]taichi[/\\]")
 
 # Read by Taichi: no greeting, no guesses about an interactive shell, and no question to its makers'
 # server, with a number of this machine, whether there is a newer version.

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from inversion.catalogue.catalogue import answers_of, load_catalogue, load_strengths
 from inversion.engines.registry import engine_named
-from pipeline.cli import InputError
+from pipeline.extras import has
 from report.data.back_analysis import MANY, BackAnalysisData
 from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
 from report.sentences import back_analysis as words
@@ -360,13 +360,9 @@ def save_film(data: BackAnalysisData) -> Path | None:
     if data.run is None or data.case is None:
         return None
     from report.pictures.case_history import save_case_film
-    from report.pictures.video import check_video
 
-    path = data.folder / f"{FILM}.mp4"
-    try:
-        check_video(path)
-    except InputError:  # no ffmpeg here: what needs nothing more
-        path = path.with_suffix(".gif")
+    # A gif needs nothing more.
+    path = data.folder / f"{FILM}{'.mp4' if has('video') else '.gif'}"
     save_case_film(data.case, data.run, path)
     return path
 

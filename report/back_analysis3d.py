@@ -11,10 +11,11 @@ import numpy as np
 
 from geometry.survey3d.deposit_edge import DepositEdge
 from geometry.survey3d.surface_after import SurfaceAfter
-from geometry.terrain.raster import has_library, write_raster
+from geometry.terrain.raster import write_raster
 from inversion.back_analysis.on_ground import AnalysisOnGround
 from inversion.back_analysis.result import Result
 from mpm_taichi.readings3d import Maps, paths_of
+from pipeline.extras import has
 from report import back_analysis
 from report.data.back_analysis import BackAnalysisData
 from report.pictures.ground_map import save_map
@@ -47,6 +48,6 @@ def draw_maps(analysis: AnalysisOnGround, folder: Path) -> None:
         folder / back_analysis.MAP_PICTURE, scene.name, maps, paths=paths_of(scene, maps),
         lines=lines, water_level=scene.soil.water_level, measured=measured,
     )  # fmt: skip
-    if has_library():
+    if has("terrain"):
         for name, raster in zip(RASTERS, (deposit.after, maps.surface), strict=True):
             write_raster(raster, folder / name, origin=scene.origin)

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from geometry.terrain.raster import has_library, write_raster
+from geometry.terrain.raster import write_raster
 from inversion.prediction.on_ground import GroundPrediction
 from mpm_taichi.readings3d import paths_of
+from pipeline.extras import has
 from report import page, style
 from report.pictures.exceedance_map import save_exceedance
 from report.prediction import (
@@ -45,7 +46,7 @@ def write_report(found: GroundPrediction, folder: Path) -> Path:
         folder / MAP, scene.name, maps, found.exceedance, paths=paths_of(scene, maps), lines=lines
     )
     _save_curves(document, folder / CURVES)
-    if has_library():
+    if has("terrain"):
         for thickness, chance in found.exceedance.items():
             write_raster(chance, folder / raster_name(thickness), origin=scene.origin)
     said = [f"{line[0].upper()}{line[1:]}." for line in doubts(document)]

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.survey3d.deposit import toe_line
-from geometry.terrain.raster import has_library, write_raster
+from geometry.terrain.raster import write_raster
 from mpm_taichi.readings3d import Maps, named, paths_of
+from pipeline.extras import has
 from pipeline.files import write_text
 from report import page
 from report.pictures.ground_map import save_map
@@ -53,7 +54,7 @@ def write_simulation_3d(
     y, last = toe_line(maps.after, maps.least, scene.document.side)
     places = [tuple(f"{value:.6g}" for value in row) for row in zip(y, first, last, strict=True)]
     write_text(out / "toe_line.csv", _csv(("y_m", "x_before_m", "x_after_m"), places))
-    if has_library():
+    if has("terrain"):
         rasters = (maps.before, maps.after, maps.surface, maps.speed)
         for name, raster in zip(RASTERS, rasters, strict=True):
             write_raster(raster, out / name, origin=scene.origin)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-from pipeline.cli import InputError
-
 SHELLS = ("bash", "zsh", "tcsh")
 FOLDERS = {"CASE", "DIR", "CASE|FOLDER"}
 DESCRIPTION = (
@@ -23,10 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print it."""
-    try:
-        import shtab
-    except ImportError:
-        raise InputError("completion: the package shtab is not installed") from None
+    import shtab
+
     from flowslide.command_line import build_parser
 
     parser = build_parser()

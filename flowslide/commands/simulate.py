@@ -36,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cohesion of a material, which is S_r where it liquefied; may be repeated",
     )
     options.add_set_of_measurements(parser)
-    parser.add_argument("--film", choices=FILMS, help=f"default: {FILMS[0]}")
+    parser.add_argument(
+        "--film", choices=FILMS, help="default: mp4, or gif without the extra video"
+    )
     options.add_simulating(parser)
 
 
@@ -51,7 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
     if options.is_3d(arguments.case):
         _run_3d(arguments, settings)
         return
-    film = arguments.film or FILMS[0]
+    film = arguments.film or _default_film()
     case = api.load_case(arguments.case, settings=settings)
     out = Path(arguments.out or Path(settings.results_folder) / case.name / "simulation")
     with Progress(0, case.title, quiet=arguments.quiet) as bar:
@@ -78,6 +80,12 @@ def run(arguments: argparse.Namespace) -> None:
     print("" if film == "none" else f"; film: {out / 'runout'}.{film}")
 
 
+def _default_film() -> str:
+    from pipeline.extras import has
+
+    return FILMS[0] if has("video") else "gif"
+
+
 def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
     from flowslide import api
     from mpm_taichi.readings3d import named
@@ -94,7 +102,7 @@ def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
         done = api.simulate_3d(
             arguments.case,
             out=out,
-            film=arguments.film or FILMS[0],
+            film=arguments.film or _default_film(),
             strengths_kpa=dict(arguments.strength),
             water=not arguments.no_water,
             spacing_m=arguments.spacing,

@@ -12,7 +12,6 @@ DESCRIPTION = (
     "flow, compare it with what was measured, and start back-analyses and diagnoses. It is served "
     "on this machine alone."
 )
-NEEDS = "flowslide studio needs {}: pip install 'flowslide[studio]'"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,20 +34,15 @@ def run(arguments: argparse.Namespace) -> None:
     import socket
     import webbrowser
     from contextlib import suppress
-    from importlib.util import find_spec
     from tempfile import TemporaryDirectory
     from threading import Thread
 
-    from pipeline.cli import InputError
-
-    for name in ("starlette", "uvicorn", "websockets", "ruamel"):
-        if find_spec(name) is None:
-            raise InputError(NEEDS.format(name))
     import uvicorn
 
     from flowslide.studio.app import MOST_BYTES, studio
     from flowslide.studio.live import Live
     from flowslide.studio.security import new_token, write_opening
+    from pipeline.cli import InputError
 
     workspace, first = workspace_of(arguments.case)
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)

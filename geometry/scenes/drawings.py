@@ -17,6 +17,7 @@ from typing import Any
 from geometry.scenes.flac_grids import read_grid
 from geometry.scenes.scene import Material, Scene, scene_from_mapping
 from pipeline.cli import InputError
+from pipeline.extras import require
 from pipeline.files import read_json, read_yaml
 
 Point = tuple[float, float]
@@ -439,12 +440,9 @@ def _read_grid(path: Path) -> Section:
 
 def _read_dxf(path: Path) -> Section:
     """Closed polylines are zones, named by their layer; layers ground and water hold open lines."""
-    try:
-        import ezdxf
-    except ImportError:
-        raise InputError(
-            f"{path}: reading DXF needs the extra: pip install 'flowslide[dxf]'"
-        ) from None
+    require("dxf", f"{path}: a DXF file")
+    import ezdxf
+
     try:
         drawing = ezdxf.readfile(path)
     except (OSError, ezdxf.DXFError) as error:

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -17,6 +16,7 @@ from uuid import uuid4
 import numpy as np
 
 from pipeline.cli import InputError
+from pipeline.extras import require
 from pipeline.files import atomic_path, read_text
 
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".xyz": "XYZ"}
@@ -83,7 +83,10 @@ def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -
         raise InputError(f"{path}: a raster is one of {', '.join(SUFFIXES)}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    rasterio = _rasterio()
+    require("terrain", f"{path}: a raster")
+    import rasterio
+    import rasterio.errors
+
     try:
         with _opened(path, rasterio) as file:
             if file.width * file.height > MOST_PIXELS:
@@ -150,7 +153,9 @@ def write_raster(
     path = Path(path)
     if path.suffix.lower() not in (".tif", ".tiff"):
         raise InputError(f"{path}: a raster is written as .tif")
-    rasterio = _rasterio()
+    require("terrain", f"{path}: a raster")
+    import rasterio
+
     (nx, ny), d = raster.values.shape, raster.spacing
     west, north = raster.origin[0] + origin[0], raster.origin[1] + origin[1] + (ny - 1) * d
     transform = rasterio.Affine(d, 0.0, west - 0.5 * d, 0.0, -d, north + 0.5 * d)
@@ -173,17 +178,3 @@ def hillshade(
     light = np.cos(height) * np.sin(azimuth), np.cos(height) * np.cos(azimuth)
     facing = np.sin(height) - dx * light[0] - dy * light[1]
     return np.clip(facing / np.sqrt(1.0 + dx**2 + dy**2), 0.0, 1.0)
-
-
-def has_library() -> bool:
-    """True where rasters can be read and written."""
-    return find_spec("rasterio") is not None
-
-
-def _rasterio() -> Any:
-    try:
-        import rasterio
-        import rasterio.errors
-    except ImportError:
-        raise InputError("rasters need rasterio: pip install 'flowslide[terrain]'") from None
-    return rasterio

@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from gns.evaluation.evaluate import Evaluated
 from gns.evaluation.score_tables import by_template, quantile, worst
 from pipeline.config import validate_settings
 from pipeline.documents import StrictDocument, document_schema
 from pipeline.files import read_yaml, write_text, yaml_text
+
+if TYPE_CHECKING:
+    from gns.evaluation.evaluate import Evaluated
 
 CARD_FILE = "card.yaml"
 FAR = 10.0

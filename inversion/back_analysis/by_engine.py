@@ -37,11 +37,12 @@ def chosen_engine(case: InversionCase, engine: str | None, model: str | None) ->
         model: the same.
 
     Raises:
-        InputError: no such engine, a model for an engine without one, or a trained engine without a
-            model.
+        InputError: no such engine, one that is not installed, a model for an engine without one,
+            or a trained engine without a model.
     """
     settings = case.config.inversion
     chosen = engine_named(engine or case.question.engine or settings.engine, case.source)
+    chosen.check_installed()
     if not chosen.trained:
         if model is not None:
             raise InputError(

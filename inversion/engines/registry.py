@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pipeline.cli import InputError
+from pipeline.extras import require
 
 if TYPE_CHECKING:
     from geometry.survey.measured import Measured
@@ -45,6 +46,7 @@ class Engine:
         reads: whether it can predict a measurement.
         unseen: of an engine without effects: why it has no answer to a changed setup, or the same
             as to the setup before; empty: it has one. None: it knows sections and surveys alone.
+        extra: of the installation, without which it cannot run; empty: it needs none.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Engine:
     effects: bool = True
     reads: Callable[[Measured], bool] = lambda entry: True
     unseen: Callable[[Setup, Setup], str] | None = None
+    extra: str = ""
 
     def store_of(self, folder: Path, setup: Setup, plain: RunStore) -> RunStore:
         """The store of its runs for a case.
@@ -66,6 +69,15 @@ class Engine:
             InputError: the case lacks what its runs need; one line.
         """
         return plain if self.store is None else self.store(folder, setup, plain)
+
+    def check_installed(self) -> None:
+        """Check that it can run here.
+
+        Raises:
+            InputError: its extra is not installed; the line says what to install.
+        """
+        if self.extra:
+            require(self.extra, f"the engine {self.name}")
 
     @property
     def suffix(self) -> str:
@@ -143,13 +155,14 @@ def untrained(name: str) -> Engine:
     """The engine of a name, which answers more than a back-analysis.
 
     Raises:
-        InputError: there is none, or it needs a trained model.
+        InputError: there is none, it needs a trained model, or is not installed.
     """
     chosen = engine_named(name)
     if chosen.trained:
         raise InputError(
             f"engine: {chosen.label} needs a trained model: back-analysis alone has it"
         )
+    chosen.check_installed()
     return chosen
 
 
@@ -157,7 +170,8 @@ def of_section(name: str) -> Engine:
     """The engine of a name, which answers questions about a plane section.
 
     Raises:
-        InputError: there is none, it needs a trained model, or simulates more than the section.
+        InputError: there is none, it needs a trained model, is not installed, or simulates more
+            than the section.
     """
     chosen = untrained(name)
     if chosen.store is not None:
@@ -186,6 +200,7 @@ register_engine(
         folder="inversion_gns",
         trained=True,
         effects=False,
+        extra="learned",
     )
 )
 register_engine(
@@ -211,6 +226,7 @@ register_engine(
         effects=False,
         reads=_on_the_deposit,
         unseen=_unseen_by_columns,
+        extra="learned",
     )
 )
 register_engine(
@@ -224,5 +240,6 @@ register_engine(
         effects=False,
         reads=_on_the_deposit,
         unseen=_unseen_by_columns,
+        extra="learned",
     )
 )

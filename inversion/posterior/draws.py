@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.cli import InputError
+from pipeline.extras import require
 from pipeline.files import atomic_path
 
 FILE_NAME = "posterior.nc"
@@ -85,6 +86,7 @@ def load_draws(path: str | Path) -> Draws:
     Raises:
         InputError: no such file, or not one of ours; one line.
     """
+    require("posterior", f"{path}: draws of a posterior")
     import xarray
 
     path = Path(path)

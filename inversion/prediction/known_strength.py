@@ -169,7 +169,7 @@ def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
     """
     path = Path(path)
     folder = path if path.is_dir() else path.parent
-    document, draws = load_posterior(folder), load_draws(folder)
+    draws, document = load_draws(folder), load_posterior(folder)
     found = []
     for one in document.parameters:
         if one.property != RESIDUAL_STRENGTH:

@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 from pipeline.cli import InputError
+from pipeline.extras import require
 
 SUFFIXES = (".mp4", ".gif")
 GIF_WIDTH = 1000  # pixels; a gif of full width would be several times the size of the mp4
@@ -27,6 +28,7 @@ def write_video(
     Raises:
         InputError: another suffix than .mp4 or .gif, or mp4 without the extra.
     """
+    check_video(path)
     if path.suffix == ".mp4":
         _write_mp4(path, images, frames_per_second, hold_s)
     elif path.suffix == ".gif":
@@ -38,15 +40,17 @@ def write_video(
 def check_video(path: Path) -> None:
     """Raise the `InputError` for a missing extra before any work is done."""
     if path.suffix == ".mp4":
-        _ffmpeg()
+        require("video", f"{path}: an mp4 (a .gif needs nothing more)")
 
 
 def _write_mp4(
     path: Path, images: Iterator[np.ndarray], frames_per_second: float, hold_s: float
 ) -> None:
+    import imageio_ffmpeg
+
     first = next(images)
     height, width = (side - side % 2 for side in first.shape[:2])  # yuv420p: even sides
-    writer = _ffmpeg().write_frames(
+    writer = imageio_ffmpeg.write_frames(
         str(path),
         (width, height),
         pix_fmt_in="rgba",
@@ -96,13 +100,3 @@ def _shrunk(image: Image.Image) -> Image.Image:
         return image
     size = (GIF_WIDTH, round(image.height * GIF_WIDTH / image.width))
     return image.resize(size, Image.Resampling.LANCZOS)
-
-
-def _ffmpeg():  # noqa: ANN202
-    try:
-        import imageio_ffmpeg
-    except ModuleNotFoundError:
-        raise InputError(
-            "an mp4 needs the extra: pip install 'flowslide[video]'; a .gif needs nothing more"
-        ) from None
-    return imageio_ffmpeg

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+import subprocess
 import sys
 import types
 
@@ -168,3 +169,13 @@ def test_a_run_that_failed_at_once_can_be_listed_but_not_drawn(tmp_path):
         main(["show", f"{tmp_path / 'runs.h5'}:0", "--out", str(tmp_path / "x.png")])
     main(["export", str(tmp_path / "runs.h5"), "--format", "csv", "--out", str(tmp_path / "all")])
     assert [path.name for path in (tmp_path / "all").iterdir()] == ["run_00001.csv"]
+
+
+def test_what_python_says_of_taichis_sources_is_not_shown():
+    script = (
+        "import warnings, mpm_taichi\n"
+        "for place in ('taichi/tools/image.py', 'mine.py'):\n"
+        "    warnings.warn_explicit('an escape', SyntaxWarning, '/lib/' + place, 60)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stderr == "/lib/mine.py:60: SyntaxWarning: an escape\n"

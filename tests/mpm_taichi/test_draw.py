@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import builtins
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from mpm_taichi.trajectory import Run, nearest_frame
+from pipeline import extras
 from pipeline.cli import InputError
 from report.pictures import simulated_run
 from report.pictures.colouring import COLOURS, colouring_of, material_colours, rounded_up
@@ -161,14 +161,7 @@ def test_mp4(tmp_path, run):
 
 
 def test_mp4_without_the_extra_says_what_to_do(tmp_path, run, monkeypatch):
-    real = builtins.__import__
-
-    def without(name, *args, **kwargs):
-        if name == "imageio_ffmpeg":
-            raise ModuleNotFoundError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"flowslide\[video\]"):
         simulated_run.save_animation(run, tmp_path / "x.mp4")
     assert not list(tmp_path.iterdir())

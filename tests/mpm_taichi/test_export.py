@@ -19,7 +19,7 @@ def run() -> Run:
 
 
 def test_vtk_reads_every_step_back(tmp_path, run):
-    io = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs the extra `paraview`")
+    io = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs vtk")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     export_vtkhdf(run, tmp_path / "run.vtkhdf")
@@ -105,7 +105,7 @@ def solid() -> Run3d:
 
 
 def test_vtk_reads_a_run_in_three_dimensions_back(tmp_path, solid):
-    io = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs the extra `paraview`")
+    io = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs vtk")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     write_run_3d(tmp_path / "run.h5", solid)
