@@ -756,12 +756,13 @@ def predict_from_blow_counts(
     watch = Watch(progress, cancel)
     with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
         section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
+        chosen = of_section(engine)
         store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
         watch.plan({"simulating": len(RELATIONS) * len(from_blow_counts.SCORES)})
         held.enter_context(working_in(folder))
         with watch.stage("simulating"):
             document = from_blow_counts.predict_from_blow_counts(
-                section, store, zones=zones, engine=of_section(engine)
+                section, store, zones=zones, engine=chosen
             )
         write_json(folder / BLOW_COUNT_PREDICTION, document)
         write_page(document, folder)

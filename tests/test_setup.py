@@ -157,7 +157,7 @@ def test_make_test_is_the_fast_tests_and_test_all_the_rest():
 
 def test_continuous_integration_runs_every_test_before_the_rest():
     commands = re.findall(r"^make (.*)$", (ROOT / ".ci" / "run").read_text(), re.MULTILINE)
-    assert commands[:2] == ["test", "test-all"]
+    assert commands[:3] == ["test", "test-numerics", "test-all"]
 
 
 def test_a_fork_runs_the_same_on_every_python_that_is_promised():
