@@ -1,6 +1,7 @@
 # make lsfd     back-analyse the Lower San Fernando dam: S_r, how sure, and what the other methods say
 # make test     the fast tests, under 4 minutes on two processor cores
 # make test-all the rest: the slow tests, and the property tests with more examples
+# make test-numerics  the statistics once more, as other processors compute them, in random order
 # make verify   the whole verification suite, with its pictures
 # make docs     the documentation as a site with search: results/site/html/index.html
 # make lint     the linters
@@ -43,7 +44,7 @@ BY_UV = @$(if $(findstring all,$(EXTRAS)),$(PIP) --quiet torch &&) \
   "$(UV)" pip install $$(test -t 2 || echo --quiet) --python "$(VENV)/bin/python" \
     -c constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]" && touch "$@"
 
-.PHONY: lsfd test test-all verify docs lint format install clean
+.PHONY: lsfd test test-numerics test-all verify docs lint format install clean
 .DELETE_ON_ERROR:
 
 lsfd: $(firstword $(wildcard $(READY)) $(LSFD_READY))

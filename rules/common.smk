@@ -50,8 +50,9 @@ def begin_in_folder():
     """
     alive = Path(".snakemake/alive")
     alive.mkdir(parents=True, exist_ok=True)
-    others = [held for path in alive.iterdir() if (held := lives(path))]
-    left = [] if others else list(Path(".snakemake/locks").glob("*.lock"))
+    left = list(Path(".snakemake/locks").glob("*.lock"))
+    others = [path for path in alive.iterdir() if lives(path, doubtful=bool(left))]
+    left = [] if others else left
     for lock in left:
         lock.unlink(missing_ok=True)
     if left:
@@ -65,8 +66,13 @@ def begin_in_folder():
             return own
 
 
-def lives(path):
-    """A workflow still holds this lock; the lock of one that has ended is tidied away."""
+def lives(path, doubtful):
+    """A workflow still holds this lock; the lock of one that has ended is tidied away.
+
+    Not every file system knows of locks on another machine: there a doubtful one is taken to live.
+    """
+    if doubtful and not path.name.startswith(f"{socket.gethostname()}-"):
+        return True
     with open(path) as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -130,7 +130,8 @@ def one_line(text: str) -> str:
         return f"{target}: no such target; `snakemake --list-target-rules` lists them"
     if text.startswith("LockException"):
         return (
-            "another workflow works in this folder: wait for it or end it (ps -ef | grep snakemake)"
+            "another workflow works in this folder: wait for it or end it; if it was killed on "
+            "another machine: snakemake --unlock"
         )
     if text.startswith(("Traceback", "Full Traceback")):
         text = text.strip().splitlines()[-1]
