@@ -18,7 +18,7 @@ EXTRAS := all,dev,docs
 UV ?= $(shell command -v uv)
 READY := $(VENV)/.flowslide-installed
 # What `make lsfd` needs, in a third of the time, where not everything is there yet.
-LSFD_EXTRAS := workflow
+LSFD_EXTRAS := video,workflow
 LSFD_READY := $(VENV)/.flowslide-installed-for-lsfd
 # Compiled files are kept in the environment, also where Python is told to write none: a command is
 # several processes, and each would compile all that it imports.
@@ -26,7 +26,7 @@ IN_VENV := PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONDONTWRITEBYTECODE= \
   PYTHONPYCACHEPREFIX="$(abspath $(VENV))/pycache"
 
 # What is never imported need not be compiled; Python compiles the rest when it is.
-PIP = "$(VENV)/bin/python" -m pip install --no-compile --disable-pip-version-check -c constraints.txt
+PIP = PYTHONWARNINGS=ignore "$(VENV)/bin/python" -m pip install --no-compile --disable-pip-version-check -c constraints.txt
 
 # Counts the packages that pip names: each on a terminal, every twentieth in a log.
 COUNT := /^(Collecting|Processing)/ { k++ } \
@@ -34,7 +34,8 @@ COUNT := /^(Collecting|Processing)/ { k++ } \
   /^(Collecting|Processing)/ && !shown && k % 20 == 0 { printf "  package %d of about %d\n", k, all; fflush() } \
   /^Installing/ { printf "%s  unpacking %d packages\n", shown ? "\r\033[K" : "", k; fflush() }
 
-BY_PIP = @$(PIP) --quiet setuptools && \
+# The pip that comes with a Python may be old, and takes twice the time.
+BY_PIP = @$(PIP) --quiet pip setuptools && \
   { $(PIP) --progress-bar off --no-build-isolation --editable ".[$(EXTRAS)]" && touch "$@"; } | \
   awk -v shown="$$(test -t 2 && echo yes)" -v all="$(PACKAGES)" '$(COUNT)'
 
@@ -77,15 +78,15 @@ format: $(READY)
 
 install: $(READY)
 
-$(READY): PACKAGES := 136
-$(LSFD_READY): PACKAGES := 79
+$(READY): PACKAGES := 139
+$(LSFD_READY): PACKAGES := 80
 $(LSFD_READY): EXTRAS := $(LSFD_EXTRAS)
 $(READY) $(LSFD_READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "error: no Python found: install Python 3.11, or give PYTHON=..."; exit 2; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' || \
 	  { echo "error: PYTHON=$(PYTHON): Python 3.11, 3.12 or 3.13 is needed"; exit 2; }
 	@test -x "$(VENV)/bin/python" || { echo "making $(VENV)"; "$(PYTHON)" -m venv "$(VENV)"; }
-	@echo "installing into $(VENV) (a few minutes the first time)"
+	@echo "installing into $(VENV) (a minute or two the first time)"
 	$(if $(UV),$(BY_UV),$(BY_PIP))
 	@test "$@" -nt constraints.txt -a "$@" -nt pyproject.toml
 

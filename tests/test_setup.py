@@ -68,7 +68,7 @@ def test_everything_that_is_installed_is_pinned():
     needed = required("flowslide", installed_extras()) - {"flowslide"}
     # What torch brings with it for NVIDIA's GPUs follows from torch itself.
     needed = {name for name in needed if not name.startswith(("nvidia-", "cuda-", "triton"))}
-    assert needed | {"setuptools"} <= set(PINS)
+    assert needed | {"pip", "setuptools"} <= set(PINS)
 
 
 def test_pins_serve_the_oldest_python():
