@@ -54,11 +54,11 @@ lsfd: $(firstword $(wildcard $(READY)) $(LSFD_READY))
 	@cat results/lower_san_fernando/inversion/summary.txt
 
 test: $(READY)
-	$(IN_VENV) CPU_BUDGET_S=3 python -m pytest -n 2 --dist loadfile -rs
+	$(IN_VENV) CPU_BUDGET_S=3 python -m pytest -n 2 --dist loadfile -rfEs
 
 # In two commands: what `make test` has just run with few examples is not run again whole.
 test-all: $(READY)
-	$(IN_VENV) python -m pytest -n 2 --dist loadfile -rs -m slow
+	$(IN_VENV) python -m pytest -n 2 --dist loadfile -rfEs -m slow
 	$(IN_VENV) HYPOTHESIS_PROFILE=large python -m pytest -n 2 --dist loadfile -m property
 
 verify: $(READY)

@@ -17,7 +17,7 @@ import os
 import re
 import socket
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -107,30 +107,45 @@ def only_one(folder: str | os.PathLike[str], words: str, name: str = "lock") -> 
         WorkFailed: another process holds it.
         InputError: the folder cannot be made, or nothing can be written there.
     """
-    folder = make_folder(folder)
-    try:
-        lock = (folder / name).open("a")  # not "w": what a link leads to would be emptied
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
-    with lock:
+    path = make_folder(folder) / name
+    while True:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise WorkFailed(words) from None
-        except OSError:
-            pass
-        yield
+            lock = path.open("a")  # not "w": what a link leads to would be emptied
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise WorkFailed(words) from None
+            except OSError:
+                pass
+            if path.exists() and os.path.samestat(os.fstat(lock.fileno()), path.stat()):
+                yield
+                return
+            # Whoever held it has just ended and removed it.
 
 
-def working_in(folder: str | os.PathLike[str]) -> AbstractContextManager[None]:
+@contextmanager
+def working_in(folder: str | os.PathLike[str]) -> Iterator[None]:
     """Have a folder of results to oneself; entered once the input is known to be good.
+
+    It is made if missing, and goes again where nothing came to lie in it.
 
     Raises:
         WorkFailed: another command works in it.
         InputError: nothing can be written there.
     """
-    words = "another command works in this folder: wait for it, end it, or choose another (--out)"
-    return only_one(folder, f"{folder}: {words}", ".lock")
+    folder, words = Path(folder), "wait for it, end it, or choose another (--out)"
+    there = folder.exists()
+    with only_one(folder, f"{folder}: another command works in this folder: {words}", ".lock"):
+        try:
+            yield
+        finally:
+            (folder / ".lock").unlink(missing_ok=True)
+            if not there:
+                with suppress(OSError):  # it has files
+                    folder.rmdir()
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

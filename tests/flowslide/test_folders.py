@@ -40,7 +40,8 @@ def test_a_folder_at_work_is_refused_before_any_simulation(name, dam, tmp_path):
     with working_in(out):
         with pytest.raises(WorkFailed, match="out: another command works in this folder: wait"):
             main(asked(name, dam, out))
-    assert sorted(path.name for path in out.rglob("*") if path.is_file()) == [".lock"]
+        assert [path.name for path in out.rglob("*")] == [".lock"]
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -60,7 +61,8 @@ def test_a_refused_case_leaves_no_folder(dam, tmp_path):
 
 def test_a_lock_ends_with_its_work(tmp_path):
     with working_in(tmp_path / "out"):
-        pass
+        (tmp_path / "out" / "result").touch()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["result"]
     with working_in(tmp_path / "out"):
         with (tmp_path / "out" / ".lock").open() as other, pytest.raises(BlockingIOError):
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
