@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import helmert
 from scipy.special import ndtr
 
 from geometry.scenes.scene import Scene
@@ -108,10 +109,9 @@ class Parameters:
         mean = self.to_fitted(self.prior_mean)
         rows, constants = [np.eye(p)[~free]], [mean[~free]]
         if free.sum() >= 2:
-            # Deviations of ln(value / first guess) from their mean.
-            centre = np.zeros((p, p))
-            centre[np.ix_(free, free)] = np.eye(int(free.sum())) - 1.0 / free.sum()
-            weight = (centre * self.prior_std[None, :])[free] / RATIO_STD
+            # Deviations of ln(value / first guess) from their mean, one row fewer than values.
+            weight = np.zeros((int(free.sum()) - 1, p))
+            weight[:, free] = helmert(int(free.sum())) * self.prior_std[free] / RATIO_STD
             rows.append(weight)
             constants.append(weight @ self.to_fitted(self.start))
         return np.concatenate(rows), np.concatenate(constants)
@@ -274,10 +274,6 @@ class Unknowns:
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows (r, q) and constants (r,): rows @ x - constants is noise of variance 1."""
         rows, constants = self.parameters.prior
-        # Deviations from a mean are one row too many; an equal set has as many rows as its rank.
-        left, size, right = np.linalg.svd(rows, full_matrices=False)
-        kept = size > 1e-9
-        rows, constants = size[kept, None] * right[kept], left.T[kept] @ constants
         blocks = [np.hstack([rows, np.zeros((len(rows), len(self.effects)))])]
         totals = [constants]
         for place, effect in enumerate(self.effects):
