@@ -31,7 +31,7 @@ from scipy.special import ndtr
 from geometry.scenes.scene import Scene
 from inversion.problem.question import LOGARITHMIC, ParameterSpec, material_key
 from inversion.problem.scene_changes import pool_at, with_properties
-from inversion.problem.state import State, state
+from inversion.problem.state import State, simulated, state
 
 #: Spread of the logarithm of strength ratios that the preference for the first guesses allows.
 RATIO_STD = 1.0
@@ -159,12 +159,12 @@ class Parameters:
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}
 
     def scene(self, base: Scene, values: np.ndarray) -> Scene:
-        """The scene with the values put in; see `with_properties` and `pool.pool_at`."""
+        """The scene with the values put in, of 8 digits; see `with_properties` and `pool_at`."""
         for spec, value in zip(self.specs, values, strict=True):
             if spec.property == "water_level":
-                base = Scene.model_validate(pool_at(base, float(value)))
+                base = Scene.model_validate(pool_at(base, simulated(value)))
         changes = [
-            (zone, material_key(spec.property), float(value))
+            (zone, material_key(spec.property), simulated(value))
             for spec, value in zip(self.specs, values, strict=True)
             for zone in spec.zones
         ]
