@@ -15,52 +15,64 @@ from typing import TypeVar
 T = TypeVar("T")
 
 RELATIVE = 1e-9
-"""Of the largest number in size; of 1 where all are smaller: scores count standard deviations."""
+"""Of the larger of two numbers, or of 1 where it is smaller: scores count standard deviations."""
 
 
-def largest(items: Iterable[T], number: Callable[[T], float], default: T | None = None) -> T:
+def largest(
+    items: Iterable[T], number: Callable[[T], float], default: T | None = None, *, unit: float = 1.0
+) -> T:
     """The first item whose number is as large as any.
 
     Args:
         items: candidates, in the order in which equals are taken.
         number: of an item.
         default: taken where there are no items.
+        unit: numbers below it are equal if they agree to `RELATIVE` of it; 0 for probabilities,
+            of which 1e-12 and 1e-40 are not the same.
 
     Raises:
         ValueError: no items and no default.
     """
-    order = ranked(items, number)
-    if not order and default is None:
+    known = list(items)
+    if not known and default is None:
         raise ValueError("largest() of nothing")
-    return order[0] if order else default
+    numbers = [_or_last(number(item)) for item in known]
+    top = max(numbers, default=0.0)
+    as_large = (item for item, one in zip(known, numbers, strict=True) if _equal(top, one, unit))
+    return next(as_large, default)
 
 
-def smallest(items: Iterable[T], number: Callable[[T], float], default: T | None = None) -> T:
+def smallest(
+    items: Iterable[T], number: Callable[[T], float], default: T | None = None, *, unit: float = 1.0
+) -> T:
     """The first item whose number is as small as any; as `largest`."""
-    return largest(items, lambda item: -number(item), default)
+    return largest(items, lambda item: -number(item), default, unit=unit)
 
 
 def ranked(items: Iterable[T], number: Callable[[T], float]) -> list[T]:
     """Items by falling number; equals keep their order, and what is not a number comes last."""
-    known = [(_or_last(number(item)), item) for item in items]
-    finite = [abs(value) for value, _ in known if math.isfinite(value)]
-    allowed = RELATIVE * max([1.0, *finite])
-    falling = sorted(known, key=lambda one: -one[0])
-    found: list[T] = []
-    while falling:
-        top = falling[0][0]
-        equal = sum(value == top or top - value <= allowed for value, _ in falling)
-        here = {id(pair) for pair in falling[:equal]}
-        found += [pair[1] for pair in known if id(pair) in here]
-        falling = falling[equal:]
-    return found
-
-
-def _or_last(number: float) -> float:
-    return -math.inf if math.isnan(number) else float(number)
+    known = list(items)
+    numbers = [_or_last(number(item)) for item in known]
+    found: list[int] = []
+    equal: list[int] = []
+    for place in sorted(range(len(known)), key=lambda place: -numbers[place]):
+        if equal and not _equal(numbers[equal[0]], numbers[place]):
+            found, equal = found + sorted(equal), []
+        equal.append(place)
+    return [known[place] for place in found + sorted(equal)]
 
 
 def largest_place(numbers: Iterable[float]) -> int:
     """Place of the first number that is as large as any."""
     known = list(numbers)
     return largest(range(len(known)), known.__getitem__)
+
+
+def _or_last(number: float) -> float:
+    return -math.inf if math.isnan(number) else float(number)
+
+
+def _equal(larger: float, number: float, unit: float = 1.0) -> bool:
+    if not math.isfinite(larger):
+        return number == larger
+    return larger - number <= RELATIVE * max(unit, abs(larger))

@@ -27,6 +27,7 @@ from inversion.engines.registry import engine_named, engines
 from pipeline.cli import InputError
 from pipeline.config import validate_settings
 from pipeline.files import read_json
+from pipeline.ties import largest
 from report.numbers import plus_minus
 from report.page import Part, said, tabulated
 from report.table import Table, plain
@@ -111,7 +112,7 @@ def _reason(differences: list[tuple[float, float, str]], base: FittedModelSummar
         "whatever else the model gets wrong; the diagnosis asks which strength agrees best with "
         "all its measurements together, the model's own error included."
     )
-    apart, in_std, unit = max(differences, key=lambda difference: difference[1])
+    apart, in_std, unit = largest(differences, lambda difference: difference[1])
     if in_std <= AGREE:
         return f"{questions} Here the two agree within {AGREE:g} standard deviations."
     noise = f"chi2 is {base.chi2:.0f} where noise would leave {base.dof}"

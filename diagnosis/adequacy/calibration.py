@@ -33,6 +33,7 @@ from inversion.estimation.surface_search import SEEN, Fit, best_of, search, sett
 from inversion.estimation.unknowns import Unknowns
 from inversion.problem.state import Numerics, State
 from pipeline.cli import WorkFailed
+from pipeline.ties import ranked
 
 #: Levels of the strengths in the scan, as shares of their bounds.
 LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -184,7 +185,7 @@ def _first_fit(runs: Runs, data: Data, space: Unknowns, options: Options) -> Fit
     guesses = _scan(space)
     rows = runs.predict([space.state(x) for x in guesses])
     totals = [total_of(data, space, row, x) for row, x in zip(rows, guesses, strict=True)]
-    order = [int(place) for place in np.argsort(totals, kind="stable")]
+    order = ranked(range(len(totals)), lambda place: -totals[place])
     if not np.isfinite(totals[order[0]]):
         raise WorkFailed("no run of the base model could be read; see the reasons of the runs")
     starts = [guesses[place] for place in order[: options.starts]]

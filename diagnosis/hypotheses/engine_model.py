@@ -29,7 +29,7 @@ from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.forward import Prediction, Request, Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Sensitivity
-from inversion.problem.state import State
+from inversion.problem.state import State, simulated
 from mpm_taichi.effects import acting_scene, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
 from pipeline.cli import InputError
@@ -309,7 +309,8 @@ class EngineModel:
         Raises:
             InputError: there is no such section, an effect is unknown or out of its range.
         """
-        setup, acting = self.setup, dict(state.effects)
+        acting = {name: simulated(amplitude) for name, amplitude in state.effects}
+        setup = self.setup
         for name, one in self._assumptions.items():
             if name in acting:
                 setup = one.change(setup, acting.pop(name))

@@ -16,7 +16,7 @@ import numpy as np
 from diagnosis.signatures.signatures import Score, Scores, Signature, nearest_first
 from inversion.estimation.misfit import System
 from inversion.estimation.unknowns import Unknowns
-from pipeline.ties import largest, largest_place, smallest
+from pipeline.ties import RELATIVE, largest, largest_place, smallest
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class Visibility:
 def representative(scores: Scores, name: str) -> Score:
     """The amplitude a candidate is judged by: where it drops most, else its middle one."""
     best = scores.best(name)
-    if best.drop > 0.0:
+    if best.drop > RELATIVE:
         return best
-    every = sorted(scores.every[name], key=lambda score: abs(score.rung))
+    every = nearest_first(scores.every[name])
     return every[len(every) // 2]
 
 

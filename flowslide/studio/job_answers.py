@@ -13,6 +13,7 @@ from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from flowslide.api import Simulation
 from inversion.back_analysis.result import ParameterAnswer, Result
 from inversion.posterior.document import PosteriorDocument
+from pipeline.ties import ranked
 from report import classical as classical_report
 from report import from_blow_counts as blow_counts_report
 from report import prediction as prediction_report
@@ -86,7 +87,7 @@ def _parameter(p: ParameterAnswer) -> str:
 
 def _movers(p: ParameterAnswer) -> str:
     """What adds most to the standard deviation, apart from the survey."""
-    largest = sorted(p.std_by_source.items(), key=lambda pair: -pair[1])[:MOST_MOVERS]
+    largest = ranked(p.std_by_source.items(), lambda pair: pair[1])[:MOST_MOVERS]
     named = ", ".join(f"{name} (± {fixed(std, 2)})" for name, std in largest if std > 0)
     return f"moved most by {named} {unit_of(p.unit)}" if named else ""
 

@@ -17,6 +17,7 @@ from inversion.classical.limit_equilibrium import bishop, required_strength
 from inversion.classical.section import Section
 from inversion.classical.slices import Circle, Polyline, WaterForm, slice_at
 from pipeline.cli import WorkFailed
+from pipeline.ties import largest_place, ranked
 
 #: Slices of a surface during a search.
 SLICES = 60
@@ -76,7 +77,7 @@ def critical_circle(
         values = _circle_values(section, circles, side, form, wanted)
         tried += int(np.isfinite(values).sum())
         if np.isfinite(values).any():
-            place = int(np.nanargmin(values))
+            place = largest_place(-values)
             if values[place] < best_value:
                 best_value = float(values[place])
                 best = Circle(*(float(part[place]) for part in circles))
@@ -140,11 +141,12 @@ def critical_polyline(
         tried += len(strength)
         if not np.isfinite(strength).any():
             break
-        top = np.argsort(np.where(np.isfinite(strength), -strength, np.inf))[:24]
+        known = np.where(np.isfinite(strength), strength, np.nan)
+        top = ranked(range(len(known)), known.__getitem__)[:24]
         few = slice_at(section, edges[top], base[top], side, form=form, outside_liquefied=True)
         exact = required_strength(few, "spencer")
         if np.isfinite(exact).any():
-            place = int(np.nanargmax(exact))
+            place = largest_place(exact)
             if best is None or exact[place] > best[0]:
                 best = (float(exact[place]), surfaces[top[place]], chosen[top[place]])
         if best is None:

@@ -28,6 +28,7 @@ from inversion.engines.run_store import DAMAGE, OnRun
 from inversion.estimation.data import Targets
 from inversion.estimation.forward import Forward, Prediction, Request
 from inversion.problem.scene_changes import with_properties
+from inversion.problem.state import simulated
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import atomic_path
 
@@ -121,7 +122,7 @@ class GroundSetup(OnGround):
     def scene_at(self, values: np.ndarray) -> Scene3d:
         """The scene with these strengths [kPa] in their zones."""
         changes = [
-            (zone, "cohesion_kpa", float(value))
+            (zone, "cohesion_kpa", simulated(value))
             for zones, value in zip(self.zones, values, strict=True)
             for zone in zones
         ]

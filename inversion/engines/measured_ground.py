@@ -15,6 +15,7 @@ from inversion.estimation.forward import Prediction
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import RESIDUAL_STRENGTH, material_key
 from inversion.problem.scene_changes import with_properties
+from inversion.problem.state import simulated
 
 if TYPE_CHECKING:
     from mpm_taichi.solver3d.problem import Problem3d
@@ -39,7 +40,7 @@ class MeasuredGround(OnGround):
     def scene_at(self, values: np.ndarray) -> Scene3d:
         """The scene with values of the parameters, in outside units."""
         changes = [
-            (zone, material_key(spec.property), float(value))
+            (zone, material_key(spec.property), simulated(value))
             for spec, value in zip(self.parameters.specs, values, strict=True)
             for zone in spec.zones
         ]

@@ -36,6 +36,8 @@ from pipeline.ties import smallest
 
 Method = Literal["gauss_newton", "lbfgsb"]
 METHODS = {"gauss_newton": gauss_newton, "lbfgsb": lbfgsb}
+#: A minimum that is found to a tolerance lies elsewhere within it on every processor.
+TO_THE_END = {"ftol": 1e-14, "xtol": 1e-14, "gtol": 1e-14}
 
 #: A derivative whose best step lowers the sum of squares by a smaller share says nothing.
 LEAST_PROMISE = 0.1
@@ -361,9 +363,15 @@ def _least_squares(
         data = objective.whitener @ np.where(kept, 0.0, smooth - goal)
         return np.concatenate([data, rows @ (centre + half * place) - constants])
 
+    def slope(place: np.ndarray) -> np.ndarray:
+        kept = bounded & (terms(place) @ coefficients < goal)
+        _, straight, bent = np.split(coefficients, [1, 1 + len(place)])
+        data = objective.whitener @ np.where(kept, 0.0, straight + 2.0 * place[:, None] * bent).T
+        return np.concatenate([data, rows * half])
+
     low, high = places.min(axis=0), places.max(axis=0)
-    found = least_squares(residuals, np.clip(np.zeros(len(half)), low, high),
-                          bounds=(low - 1e-9, high + 1e-9)).x  # fmt: skip
+    found = least_squares(residuals, np.clip(np.zeros(len(half)), low, high), slope,
+                          bounds=(low - 1e-9, high + 1e-9), **TO_THE_END).x  # fmt: skip
     if np.any((found < low + 1e-3) | (found > high - 1e-3)):
         return None
     return centre + half * found

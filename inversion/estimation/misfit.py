@@ -35,7 +35,7 @@ import numpy as np
 from inversion.estimation.data import Data, Targets
 from inversion.estimation.forward import Prediction
 from inversion.estimation.unknowns import Parameters, Unknowns
-from pipeline.ties import largest_place
+from pipeline.ties import largest_place, ranked
 
 #: Singular values of A below this share of 1 (the prior's scale) count as no knowledge at all.
 NO_KNOWLEDGE = 1e-6
@@ -400,7 +400,7 @@ def direction_in_words(parameters: Parameters, direction: np.ndarray) -> str:
         for spec, share in zip(parameters.specs, direction, strict=True)
         if abs(share) > 0.15 * largest
     ]
-    named.sort(key=lambda pair: -abs(pair[1]))
+    named = ranked(named, lambda pair: abs(pair[1]))
     if len(named) == 1:
         return f"{named[0][0]}: the data say nothing of it"
     first = named[0][1]

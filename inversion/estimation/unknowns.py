@@ -25,12 +25,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import helmert
 from scipy.special import ndtr
 
 from geometry.scenes.scene import Scene
 from inversion.problem.question import LOGARITHMIC, ParameterSpec, material_key
 from inversion.problem.scene_changes import pool_at, with_properties
-from inversion.problem.state import State, state
+from inversion.problem.state import State, simulated, state
 
 #: Spread of the logarithm of strength ratios that the preference for the first guesses allows.
 RATIO_STD = 1.0
@@ -108,10 +109,9 @@ class Parameters:
         mean = self.to_fitted(self.prior_mean)
         rows, constants = [np.eye(p)[~free]], [mean[~free]]
         if free.sum() >= 2:
-            # Deviations of ln(value / first guess) from their mean.
-            centre = np.zeros((p, p))
-            centre[np.ix_(free, free)] = np.eye(int(free.sum())) - 1.0 / free.sum()
-            weight = (centre * self.prior_std[None, :])[free] / RATIO_STD
+            # Deviations of ln(value / first guess) from their mean, one row fewer than values.
+            weight = np.zeros((int(free.sum()) - 1, p))
+            weight[:, free] = helmert(int(free.sum())) * self.prior_std[free] / RATIO_STD
             rows.append(weight)
             constants.append(weight @ self.to_fitted(self.start))
         return np.concatenate(rows), np.concatenate(constants)
@@ -159,12 +159,12 @@ class Parameters:
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}
 
     def scene(self, base: Scene, values: np.ndarray) -> Scene:
-        """The scene with the values put in; see `with_properties` and `pool.pool_at`."""
+        """The scene with the values put in, of 8 digits; see `with_properties` and `pool_at`."""
         for spec, value in zip(self.specs, values, strict=True):
             if spec.property == "water_level":
-                base = Scene.model_validate(pool_at(base, float(value)))
+                base = Scene.model_validate(pool_at(base, simulated(value)))
         changes = [
-            (zone, material_key(spec.property), float(value))
+            (zone, material_key(spec.property), simulated(value))
             for spec, value in zip(self.specs, values, strict=True)
             for zone in spec.zones
         ]
@@ -274,10 +274,6 @@ class Unknowns:
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows (r, q) and constants (r,): rows @ x - constants is noise of variance 1."""
         rows, constants = self.parameters.prior
-        # Deviations from a mean are one row too many; an equal set has as many rows as its rank.
-        left, size, right = np.linalg.svd(rows, full_matrices=False)
-        kept = size > 1e-9
-        rows, constants = size[kept, None] * right[kept], left.T[kept] @ constants
         blocks = [np.hstack([rows, np.zeros((len(rows), len(self.effects)))])]
         totals = [constants]
         for place, effect in enumerate(self.effects):

@@ -29,6 +29,7 @@ from inversion.posterior.unknown import Unknown
 from pipeline.cli import WorkFailed
 from pipeline.config import PosteriorSettings
 from pipeline.progress import Watch
+from pipeline.ties import ranked
 
 #: Prior draws that look for the posterior between the stages: a power of 2.
 SCOUTS = 2**14
@@ -190,7 +191,7 @@ class Inference:
         paired = np.isfinite(self.fine).any(axis=1)
         known = np.isfinite(self.coarse).all(axis=1)
         likely = np.where(known, self.likelihood()(self.values), -np.inf)
-        others = [int(place) for place in np.argsort(-likely)[:TRIES]]
+        others = ranked(range(len(likely)), likely.__getitem__)[:TRIES]
         # Rounds are spread out from the middle of the posterior: so the first of the pairs, or of
         # the refined runs, lies there.
         first = int(np.argmax(paired)) if paired.any() else self.settings.coarse_runs

@@ -8,6 +8,18 @@ from typing import Literal
 
 Numerics = Literal["own", "transfer", "fine"]
 
+DIGITS = 8
+"""Significant digits with which a computed number enters a simulation."""
+
+
+def simulated(number: float) -> float:
+    """A computed number as a simulation takes it.
+
+    Estimates differ in their last bits between processors, and a slide enlarges what they differ
+    by to what is printed: of 8 digits the same run is made on all, and found where it is kept.
+    """
+    return float(f"{number:.{DIGITS}g}")
+
 
 @dataclass(frozen=True)
 class State:

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from inversion.posterior.document import PosteriorDocument, UnknownAnswer
 from inversion.posterior.draws import Draws
+from pipeline.ties import ranked
 from report import style
 from report.numbers import unit_of
 
@@ -61,7 +62,7 @@ def shown(document: PosteriorDocument) -> list[UnknownAnswer]:
     for one in document.parameters:
         for share in one.sobol:
             most[share.name] = max(most.get(share.name, 0.0), share.total)
-    nuisances = sorted(document.nuisances, key=lambda one: -most.get(one.name, 0.0))
+    nuisances = ranked(document.nuisances, lambda one: most.get(one.name, 0.0))
     room = max(min(MOST_NUISANCES, MOST - len(document.parameters)), 0)
     return [*document.parameters, *nuisances[:room]]
 

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from diagnosis.verdict.verdict import CandidateVerdict
+from pipeline import ties
 from report import style
 from report.data.diagnosis import DiagnosisData
 from report.numbers import chance, number, with_unit
@@ -28,8 +29,9 @@ COUNTS = 6.0
 
 def ranked(data: DiagnosisData) -> list[CandidateVerdict]:
     """The candidates to draw: the best scores, and all that were refitted."""
-    scored = [c for c in data.candidates if c.expected_drop is not None]
-    scored.sort(key=lambda c: (-c.expected_drop, -(c.z or 0.0)))
+    scored = ties.ranked(
+        (c for c in data.candidates if c.expected_drop is not None), lambda c: c.expected_drop
+    )
     kept = [c for n, c in enumerate(scored) if n < MOST or c.refit is not None]
     return kept[:16]
 

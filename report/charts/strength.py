@@ -11,6 +11,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 
 from diagnosis.verdict.verdict import FittedModelSummary, ParameterWords
+from pipeline.ties import ranked
 from report import style
 from report.data.diagnosis import DiagnosisData
 from report.numbers import plus_minus, signed_percent, unit_of
@@ -61,7 +62,7 @@ def _draw_parameter(
 
 def hidden_bars(data: DiagnosisData, name: str) -> list[tuple[str, float]]:
     """(effect, change [%]) of a parameter, the largest first; negligible ones are left out."""
-    found = sorted(data.hidden.get(name, {}).items(), key=lambda item: -abs(item[1]))
+    found = ranked(data.hidden.get(name, {}).items(), lambda item: abs(item[1]))
     return [item for item in found if abs(item[1]) >= LEAST_PERCENT][:MOST]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from diagnosis.verdict.verdict import UnknownCurve
+from pipeline.ties import ranked
 from report import style
 from report.numbers import number, signed
 from report.sentences.diagnosis import spoken
@@ -31,7 +32,7 @@ def plain_knots(curve: UnknownCurve) -> tuple[list[float], str]:
 def draw_curve(curve: UnknownCurve, path: Path) -> Path:
     """Save the curve."""
     gain = curve.ln_evidence
-    others = sorted(curve.chi2.items(), key=lambda item: (-gain.get(item[0], 0.0), item[1]))
+    others = ranked(curve.chi2.items(), lambda item: gain.get(item[0], 0.0))
     bars = ROW * len(others) if len(others) > 1 else 0.0
     total = 0.32 + HEIGHT + 0.55 + (0.35 + bars + 0.5 if bars else 0.0)
     figure = style.new_figure(total)

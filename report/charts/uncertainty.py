@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 
 from inversion.back_analysis.result import ParameterAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
+from pipeline.ties import largest_place, ranked
 from report import style
 from report.data.back_analysis import BackAnalysisData
 from report.numbers import MINUS, fixed, unit_of, with_unit
@@ -69,7 +70,7 @@ def bars(data: BackAnalysisData, parameter: ParameterAnswer) -> list[Bar]:
         changes = tuple(side.change[name] for side in entry.sides)
         std = None if entry.kind == "target" else entry.std[name]
         found.append(Bar(entry.name, changes, std))
-    return sorted(found, key=lambda bar: -max(map(abs, bar.changes), default=0.0))
+    return ranked(found, lambda bar: max(map(abs, bar.changes), default=0.0))
 
 
 def tornado_parameters(data: BackAnalysisData) -> list[ParameterAnswer]:
@@ -192,7 +193,7 @@ def draw_equally_good(data: BackAnalysisData, path: Path) -> Path | None:
     for line in others:
         ax.plot(x, place(line), color=style.PALE, linewidth=1.6, marker="o", markersize=5, zorder=2)
     ax.plot(x, place(answer), color=style.OURS, linewidth=2.4, marker="D", markersize=7, zorder=4)
-    extreme = int(np.argmax(np.abs(place(others)[:, -1] - place(answer)[-1])))
+    extreme = largest_place(np.abs(place(others)[:, -1] - place(answer)[-1]))
     ends = [(place(answer)[-1], "this answer", style.OURS),
             (place(others)[extreme][-1], "equally good", "#3f7da6")]  # fmt: skip
     paper = papers_answer(data)

@@ -23,6 +23,7 @@ from inversion.problem.question import RESIDUAL_STRENGTH
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
 from pipeline.places import CASES, resolve
+from pipeline.ties import ranked
 
 MANY = 40
 """Fitted numbers from which on they are those of a map, which are not named one by one."""
@@ -111,9 +112,9 @@ class BackAnalysisData:
         """
         fitted = self.fitted
         if len(fitted) > MANY:
-            fitted = sorted(
+            fitted = ranked(
                 fitted,
-                key=lambda m: -abs((m.measured or 0.0) - m.predicted_at_start) / (m.std or 1),
+                lambda m: abs((m.measured or 0.0) - m.predicted_at_start) / (m.std or 1),
             )
         return fitted[:most]
 

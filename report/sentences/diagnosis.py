@@ -183,7 +183,7 @@ def alarm_sentence(data: DiagnosisData) -> str:
     stage = data.base
     if not stage.tests:
         return ""
-    worst = smallest(stage.tests, lambda test: test.p)
+    worst = smallest(stage.tests, lambda test: test.p, unit=0.0)
     return (
         f"Base model: chi² {number(stage.chi2)} on {stage.dof} degrees of freedom. Of "
         f"{len(stage.tests)} tests the most significant is {test_words(worst.name)} "

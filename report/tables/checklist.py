@@ -401,7 +401,7 @@ def _best(own: Sequence[CandidateVerdict]) -> str:
     known = [c for c in own if c.p_family is not None]
     if not known:
         return "no score is known"
-    best = smallest(known, lambda c: c.p_family)
+    best = smallest(known, lambda c: c.p_family, unit=0.0)
     return f"best score: {spoken(best.name)}, {chance(best.p_family)}"
 
 
