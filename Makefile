@@ -17,7 +17,7 @@ PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3,$(
 EXTRAS := all,dev,docs
 UV ?= $(shell command -v uv)
 READY := $(VENV)/.flowslide-installed
-# What `make lsfd` needs, in a third of the time, where not everything is there yet.
+# What `make lsfd` needs, in half the time, where not everything is there yet.
 LSFD_EXTRAS := video,workflow
 LSFD_READY := $(VENV)/.flowslide-installed-for-lsfd
 # Compiled files are kept in the environment, also where Python is told to write none: a command is

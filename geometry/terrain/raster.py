@@ -83,10 +83,7 @@ def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -
         raise InputError(f"{path}: a raster is one of {', '.join(SUFFIXES)}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    require("terrain", f"{path}: a raster")
-    import rasterio
-    import rasterio.errors
-
+    rasterio = _rasterio()
     try:
         with _opened(path, rasterio) as file:
             if file.width * file.height > MOST_PIXELS:
@@ -153,9 +150,7 @@ def write_raster(
     path = Path(path)
     if path.suffix.lower() not in (".tif", ".tiff"):
         raise InputError(f"{path}: a raster is written as .tif")
-    require("terrain", f"{path}: a raster")
-    import rasterio
-
+    rasterio = _rasterio()
     (nx, ny), d = raster.values.shape, raster.spacing
     west, north = raster.origin[0] + origin[0], raster.origin[1] + origin[1] + (ny - 1) * d
     transform = rasterio.Affine(d, 0.0, west - 0.5 * d, 0.0, -d, north + 0.5 * d)
@@ -178,3 +173,11 @@ def hillshade(
     light = np.cos(height) * np.sin(azimuth), np.cos(height) * np.cos(azimuth)
     facing = np.sin(height) - dx * light[0] - dy * light[1]
     return np.clip(facing / np.sqrt(1.0 + dx**2 + dy**2), 0.0, 1.0)
+
+
+def _rasterio() -> Any:
+    require("terrain", "a raster")
+    import rasterio
+    import rasterio.errors
+
+    return rasterio

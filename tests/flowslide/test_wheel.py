@@ -17,6 +17,7 @@ import tarfile
 import tomllib
 import venv
 from email import message_from_string
+from importlib import metadata
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -84,14 +85,13 @@ def program(wheel, tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def package_index(root, tmp_path_factory) -> None:
-    """Skip where packages cannot be downloaded."""
-    pins = ["-c", str(root / "constraints.txt"), "--no-deps", "--no-cache-dir"]
+def package_index(tmp_path_factory) -> None:
+    """Skip where packages cannot be downloaded; `.ci/run` does not."""
     place = str(tmp_path_factory.mktemp("tried"))
-    tried = subprocess.run(
-        [*PIP, "download", *pins, "-d", place, "shtab"], capture_output=True, text=True
-    )
-    if tried.returncode:
+    small = f"shtab=={metadata.version('shtab')}"
+    download = [*PIP, "download", "--no-deps", "--no-cache-dir", "-d", place, small]
+    tried = subprocess.run(download, capture_output=True, text=True)
+    if tried.returncode and not os.environ.get("CI"):
         pytest.skip(f"no package index can be reached: {tried.stderr.strip().splitlines()[-1]}")
 
 
