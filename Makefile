@@ -56,6 +56,9 @@ lsfd: $(firstword $(wildcard $(READY)) $(LSFD_READY))
 test: $(READY)
 	$(IN_VENV) CPU_BUDGET_S=3 python -m pytest -n 2 --dist loadfile -rfEs
 
+test-numerics: $(READY)
+	$(IN_VENV) python -m tests.processors
+
 # In two commands: what `make test` has just run with few examples is not run again whole.
 test-all: $(READY)
 	$(IN_VENV) python -m pytest -n 2 --dist loadfile -rfEs -m slow

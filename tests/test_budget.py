@@ -45,6 +45,7 @@ def test_a_slow_processor_has_more():
     assert budget.slowness(lambda: None, clock=lambda: 0.0) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [[], ["-n", "1"]])
 def test_a_dear_test_fails_the_run_and_one_that_only_prepares_does_not(tmp_path, root, workers):
     (tmp_path / "conftest.py").write_text((root / "tests" / "conftest.py").read_text())

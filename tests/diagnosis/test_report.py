@@ -399,6 +399,7 @@ def test_a_misfit_without_degrees_of_freedom_is_no_root_mean_square(tmp_path):
     assert "as many parameters as data" in read and "nan" not in read
 
 
+@pytest.mark.slow
 def test_a_base_model_on_a_bound_says_what_that_means(tmp_path):
     verdict = identified()
     name, low, high = (getattr(verdict.parameters[0], key) for key in ("name", "low", "high"))

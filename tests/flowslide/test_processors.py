@@ -15,22 +15,12 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tests.inversion.small_slide import write_case
+from tests.processors import PROCESSORS
 
 pytestmark = pytest.mark.slow
-
-FOUND = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-"""Kernels of numpy that this processor has beyond the plain ones."""
-PLAIN = {"NPY_DISABLE_CPU_FEATURES": " ".join(FOUND)}
-PROCESSORS = {
-    "Prescott": {**PLAIN, "OMP_NUM_THREADS": "1"},
-    **({"Haswell": {"OMP_NUM_THREADS": "2"}} if {"X86_V3", "AVX2"} & set(FOUND) else {}),
-    **({"SkylakeX": {"OMP_NUM_THREADS": "1"}} if {"X86_V4", "AVX512_SKX"} & set(FOUND) else {}),
-}
-"""OPENBLAS_CORETYPE, and what else is set."""
 
 TOLERANCE = 1e-6
 #: What tells of the work and not of the answer.

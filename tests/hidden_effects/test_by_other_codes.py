@@ -262,6 +262,7 @@ def test_differences_that_decay_have_their_length():
     assert correlation_length([(x, 1.0) for x in apart]) is None
 
 
+@pytest.mark.slow
 def test_a_case_states_how_far_codes_differ(benchmark, tmp_path):
     section, planned = benchmark.sections["embankment"], plan_by_codes(benchmark)[0]
     made = Made({}, [], np.array([[0.0, 1.0], [1.0, 2.0]]))
@@ -299,6 +300,7 @@ def test_what_the_fourth_set_hides_lies_within_what_its_cases_state():
                         assert off <= 2.5 * std.get((zone.name, key), off)
 
 
+@pytest.mark.slow
 def test_a_case_says_what_its_plan_states(tmp_path):
     fourth = load_benchmark(f"{FOLDER}/foreign_fourth.yaml")
     section = fourth.sections_of("smoothed_particles")["embankment"]

@@ -70,6 +70,7 @@ def test_every_family_and_strangers_can_be_hidden():
     assert sum(thing.stranger for thing in THINGS.values()) >= 4
 
 
+@pytest.mark.slow
 def test_the_first_sets_deal_nothing_that_came_later():
     folder = Path(__file__).parents[2] / "benchmarks" / "hidden_effects"
     fourth, fifth = (

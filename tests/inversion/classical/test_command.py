@@ -46,6 +46,7 @@ def values(result: dict) -> dict[str, float]:
     return {m["method"]: m["value_kpa"] for m in result["analyses"][0]["methods"]}
 
 
+@pytest.mark.slow
 def test_lower_san_fernando(lsfd, tmp_path, capsys):
     out = tmp_path / "out"
     result = classical(lsfd, out)
