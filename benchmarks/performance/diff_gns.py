@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import re
 import subprocess
 import sys
 import time
@@ -23,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.performance.resident import highest_resident
 from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine
@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _setup(arguments, count: int, frames: int | None = None) -> Setup:
+def setup_of(arguments, count: int, frames: int | None = None) -> Setup:
     """The question with this many parameters; the fit is of the toe alone, as asked."""
     case = inversion_case(load_case(CASE), spacing_m=arguments.spacing)
     setup = dataclasses.replace(case.setup, parameters=Parameters(_specs(case, count)))
@@ -86,7 +86,7 @@ def _specs(case, count: int) -> list[ParameterSpec]:
 
 def _times(arguments, *, learned: bool) -> list[str]:
     frames = arguments.frames if learned else None
-    setups = [_setup(arguments, count, frames) for count in NUMBERS]
+    setups = [setup_of(arguments, count, frames) for count in NUMBERS]
     make = _engine(arguments, learned)
     starts = [setup.parameters.start for setup in setups]
     # Kernels are compiled, and what torch makes ready at its first derivative is ready.
@@ -97,7 +97,7 @@ def _times(arguments, *, learned: bool) -> list[str]:
             make().predict([setup.at(start)])
     scale = 1.0
     if learned:
-        whole = _setup(arguments, 1).settings.duration_s
+        whole = setup_of(arguments, 1).settings.duration_s
         scale = whole / setups[0].settings.duration_s
     seconds = [_seconds(lambda: make().predict([setups[0].at(starts[0])]))]
     for setup, start in zip(setups, starts, strict=True):
@@ -140,19 +140,13 @@ def _memory(arguments, frames: int, way: str) -> float:
 
 def _memory_here(arguments) -> float:
     """Growth of this process over one derivative [MiB]."""
-    setup = _setup(arguments, 3, arguments.frames)
+    setup = setup_of(arguments, 3, arguments.frames)
     engine = _engine(arguments, learned=True)()
     engine.mode = arguments.memory_of
     start = setup.parameters.start
-    before = _highest()
+    before = highest_resident()
     engine.derivative(setup.at(start), start)
-    return _highest() - before
-
-
-def _highest() -> float:
-    """Highest resident size of this process so far [MiB]."""
-    text = Path("/proc/self/status").read_text()
-    return int(re.search(r"VmHWM:\s*(\d+)", text)[1]) / 1024
+    return 1024.0 * (highest_resident() - before)
 
 
 def _parser() -> CommandParser:

@@ -13,18 +13,17 @@ fresh process over one training step.
 
 from __future__ import annotations
 
-import re
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import torch
 
 from benchmarks.performance.gns_textbook import TextbookNetwork, textbook_of
+from benchmarks.performance.resident import highest_resident
 from gns.network.edge_gradient import KEEP_BYTES
 from gns.network.features import EDGE_FEATURES, point_feature_names
 from gns.network.graph import Graph, radius_graph
@@ -88,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     print(f"limit: {matrix_speed(options.threads):.0f} GFLOP/s, product of matrices in the cache")
 
 
-def make_case(size: Size) -> Case:
+def make_case(size: Size, device: str = "cpu") -> Case:
     """A full lattice, nearly at rest."""
     torch.manual_seed(0)
     column, row = torch.meshgrid(
@@ -96,14 +95,13 @@ def make_case(size: Size) -> Case:
     )
     places = torch.stack([column.ravel(), row.ravel()], 1)
     places += 1e-5 * torch.randn_like(places)
+    places = places.to(device)
     graph = radius_graph(places, size.radius)
     count = len(places)
+    points = torch.randn(count, POINT_FEATURES)
+    edges = torch.randn(graph.edges, EDGE_FEATURES)
     return Case(
-        places,
-        graph,
-        torch.randn(count, POINT_FEATURES),
-        torch.randn(graph.edges, EDGE_FEATURES),
-        torch.randn(count, 2),
+        places, graph, points.to(device), edges.to(device), torch.randn(count, 2).to(device)
     )
 
 
@@ -229,12 +227,6 @@ def training_memory(size: Size, kind: str) -> float:
     before = highest_resident()
     training(textbook if kind == "textbook" else production, case)()
     return highest_resident() - before
-
-
-def highest_resident() -> float:
-    """Highest resident size of this process so far [GiB]; unlike getrusage's, not its parent's."""
-    status = Path("/proc/self/status").read_text(encoding="ascii")
-    return int(re.search(r"VmHWM:\s*(\d+) kB", status)[1]) / 2**20
 
 
 def in_fresh_process(name: str, kind: str) -> float:

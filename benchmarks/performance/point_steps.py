@@ -21,7 +21,7 @@ from pipeline.config import SimulationSettings
 FRAMES = 4
 
 
-def collapse() -> Scene:
+def collapse(spacing: float = 1.0) -> Scene:
     """A 120 m x 50 m block of three soils on rough ground, 6,000 points at 1 m."""
     soils = {"liquefied": (0, 30), "silt": (30, 1), "sand": (35, 0)}
     levels = [2, 17, 34, 52]
@@ -42,26 +42,26 @@ def collapse() -> Scene:
             "materials": {
                 name: {"friction_deg": phi, "cohesion_kpa": c} for name, (phi, c) in soils.items()
             },
-            "spacing": 1.0,
+            "spacing": spacing,
         }
     )
 
 
-def build(scenes: int, *, plain: bool = False):
+def build(scenes: int, *, plain: bool = False, device: str = "cpu", spacing: float = 1.0):
     """Slots with `scenes` copies of the collapse, settled and set in motion."""
     from mpm_taichi.solver.initial_state import prepare
     from mpm_taichi.solver.kernels import build_kernels
     from mpm_taichi.solver.runtime import DeviceSlots, Slots
 
     kernels = build_kernels(affine=True, averaged=True, corrected=True)
-    prepared = prepare(collapse(), SimulationSettings())
+    prepared = prepare(collapse(spacing), SimulationSettings())
     kind = DeviceSlots if plain else Slots
     slots = kind(
         scenes,
         len(prepared.order),
         prepared.grid.nodes,
         FRAMES,
-        device="cpu",
+        device=device,
         kernels=kernels,
     )
     for slot in range(scenes):
