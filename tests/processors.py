@@ -1,4 +1,4 @@
-"""Other processors, stood in for by their kernels: `python -m tests.processors` runs the statistics.
+"""Other processors, stood in for by their kernels: `python -m tests.processors` runs the tests.
 
 OpenBLAS and numpy choose their kernels by the processor, and so round otherwise on each. The fast
 tests of the back-analysis and the diagnosis are run under those that this machine can run, in an
