@@ -123,8 +123,13 @@ class Workers:
         while self._waiting and self._busy < self.number:
             *_, (scene, settings), future = heappop(self._waiting)
             if future.set_running_or_notify_cancel():
+                try:
+                    run = self._pool.submit(_simulated, scene, settings)
+                except BrokenExecutor:  # a process was killed while it had nothing to do
+                    future.set_exception(WorkFailed(KILLED))
+                    self._end_waiting(WorkFailed(KILLED))
+                    return
                 self._busy += 1
-                run = self._pool.submit(_simulated, scene, settings)
                 run.add_done_callback(partial(self._pass_on, future))
 
     def _pass_on(self, future: Future[Run], run: Future[Run]) -> None:
