@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from datetime import timedelta
 from pathlib import Path
 
 import torch
@@ -22,6 +23,8 @@ from pipeline.cli import WorkFailed
 from pipeline.config import TrainSettings, load_config
 
 STEPS, BATCH = 5, 2
+PATIENCE = timedelta(seconds=40.0)
+"""With a process that does not come; without a loopback device none does."""
 
 
 class AlwaysAveraged(Group):
@@ -56,7 +59,7 @@ def main() -> None:
     rank, size = int(os.environ["RANK"]), int(os.environ["WORLD_SIZE"])
     place = torch.device(device, 0) if device == "cuda" else torch.device(device)
     if backend != "none":
-        distributed.init_process_group(backend)
+        distributed.init_process_group(backend, timeout=PATIENCE)
     group = (Group if backend == "none" else AlwaysAveraged)(rank, size, place)
     settings = _settings(BATCH // size)
     folder = ModelFolder(Path(file).parent / "model")
