@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 TOLERANCE = 1e-6
 #: What tells of the work and not of the answer.
-OF_THE_WORK = {"manifest", "timings", "simulated_now"}
+OF_THE_WORK = {"manifest", "timings", "simulated_now", "seconds"}
 
 FEW = [f"--set=posterior.{name}={number}" for name, number in {
     "coarse_runs": 32, "refined_runs": 8, "fine_runs": 4, "live_points": 50, "draws": 200,

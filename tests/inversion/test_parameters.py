@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geometry.scenes.scene import Scene
-from inversion.estimation.unknowns import Parameters
+from inversion.estimation.unknowns import RATIO_STD, Parameters
 from inversion.problem.question import Prior
 from inversion.problem.scene_changes import with_properties
+from inversion.problem.state import DIGITS
 from tests.inversion.analytic import angle, strength
 
 low_and_width = st.tuples(st.floats(0.1, 60.0), st.floats(1.05, 50.0))
@@ -125,3 +126,27 @@ def test_values_go_to_their_zones(scene):
     changed = Parameters([spec]).scene(scene, np.array([12.5]))
     found = [changed.materials[zone.material].cohesion_kpa for zone in changed.zones]
     assert found == [12.5, 20, 12.5]
+
+
+def test_values_that_differ_by_rounding_make_one_run(scene):
+    parameters = Parameters([strength("left", start=12.345678912, low=1)])
+    made = [
+        parameters.scene(scene, [value])
+        for value in (12.345678912, 12.345678912 + 1e-12, 12.345678912 - 1e-12)
+    ]
+    assert made[0] == made[1] == made[2]
+    used = made[0].materials[made[0].zones[0].material].cohesion_kpa
+    assert used == pytest.approx(12.345678912, rel=10.0 ** (1 - DIGITS))
+    assert parameters.scene(scene, [12.3456]) != made[0]
+
+
+def test_a_common_prior_counts_deviations_from_the_mean():
+    """As many rows as are independent: no decomposition, whose signs are arbitrary, is needed."""
+    parameters = Parameters([strength("a"), angle("b"), strength("c", high=60.0), strength("d")])
+    rows, constants = parameters.prior
+    assert np.linalg.matrix_rank(rows) == len(rows) == 3
+    values = np.array([20.0, 31.0, 40.0, 11.0])
+    ratios = np.log(values / parameters.start)[[0, 2, 3]] / RATIO_STD
+    off = (values[1] - parameters.start[1]) / parameters.prior_std[1]
+    found = rows @ parameters.to_fitted(values) - constants
+    assert found @ found == pytest.approx(off**2 + np.sum((ratios - ratios.mean()) ** 2))
