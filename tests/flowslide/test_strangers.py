@@ -80,7 +80,7 @@ WORK = {
     "predict": ["predict", ".", "--residual-strength", "loose=8+-2", "--spacing", 2,
                 "--threads", 2],
     "diagnose": ["diagnose", ".", "--threads", 2, "--set", "diagnosis.replicates=2", "--set",
-                 "diagnosis.draws=200", "--set", "diagnosis.max_runs=30", "--set",
+                 "diagnosis.draws=200", "--set", "diagnosis.max_runs=70", "--set",
                  "diagnosis.rounds=1", "--set", "diagnosis.starts=1"],
 }  # fmt: skip
 

@@ -64,7 +64,8 @@ def made(bench):
 
 
 def start(bench, **options) -> subprocess.Popen[str]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ours = {name: text for name, text in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    environment = {**ours, "PYTHONPATH": str(ROOT)}
     return subprocess.Popen(
         ["make", "lsfd"], cwd=bench.folder, env=environment, stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options,
