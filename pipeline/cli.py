@@ -100,7 +100,8 @@ def main_exit(
         func: a package's `main`; returns an exit code, or None for success.
         argv: the arguments; None takes them from the command line.
     """
-    _end_on_terminate()
+    heard: list[int] = []
+    _end_when_asked(heard)
     _end_with_workflow()
     _open_streams()
     try:
@@ -124,6 +125,12 @@ def main_exit(
             sys.stdout.flush()
         except OSError:
             _drop_output()
+    except Exception:
+        # A library that is interrupted while it loads may say that it cannot be loaded.
+        if not heard:
+            raise
+        asked = heard[-1]
+        code = _complain("interrupted", EXIT_INTERRUPTED) if asked == signal.SIGINT else 128 + asked
     sys.exit(code)
 
 
@@ -145,18 +152,24 @@ def _open_streams() -> None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
 
 
-def _end_on_terminate() -> None:
+def _end_when_asked(heard: list[int]) -> None:
     """Let the ends that are asked for unwind the stack, so that part files are tidied up.
 
-    SIGTERM is a walltime limit or `kill`; SIGHUP a terminal that is closed, unless `nohup` has it
-    ignored.
+    SIGINT is Ctrl-C, SIGTERM a walltime limit or `kill`, SIGHUP a terminal that is closed; what a
+    parent has ignored (`nohup`) stays so.
+
+    Args:
+        heard: takes the signals that came.
     """
 
     def leave(signum: int, frame: object) -> NoReturn:
+        heard.append(signum)
+        if signum == signal.SIGINT:
+            raise KeyboardInterrupt
         raise SystemExit(128 + signum)
 
     if threading.current_thread() is threading.main_thread():
-        for signum in (signal.SIGTERM, signal.SIGHUP):
+        for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(signum) != signal.SIG_IGN:
                 signal.signal(signum, leave)
 

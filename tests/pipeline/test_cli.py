@@ -161,6 +161,32 @@ def test_what_is_asked_to_end_tidies_up(root, signum, code):
     assert (said, process.returncode) == ("tidied up\n", code)
 
 
+@pytest.mark.parametrize(
+    ("signum", "code", "line"),
+    [(signal.SIGINT, 130, "error: interrupted\n"), (signal.SIGTERM, 143, "")],
+)
+def test_an_end_that_a_library_takes_for_its_own_failure(root, signum, code, line):
+    """As Python does with an extension that is interrupted while it loads."""
+    loading = WAITS.replace(
+        "finally:",
+        "except BaseException:\n        raise ImportError('initialization failed')\n    finally:",
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", loading], cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+    assert process.stdout.readline() == "ready\n"
+    process.send_signal(signum)
+    said, complaint = process.communicate(timeout=30)
+    assert (said, complaint, process.returncode) == ("tidied up\n", line, code)
+
+
+def test_a_failure_that_nobody_asked_for_is_a_traceback(root):
+    failing = WAITS.replace("time.sleep(60)", "raise ImportError('initialization failed')")
+    done = subprocess.run([sys.executable, "-c", failing], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr.endswith("ImportError: initialization failed\n")
+
+
 def test_under_nohup_a_closed_terminal_ends_nothing(root):
     ignoring = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
     asking = WAITS.replace("time.sleep(60)", "print(signal.getsignal(signal.SIGHUP).name)")

@@ -64,7 +64,9 @@ def made(bench):
 
 
 def start(bench, **options) -> subprocess.Popen[str]:
-    ours = {name: text for name, text in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    ours = {
+        name: text for name, text in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))
+    }
     environment = {**ours, "PYTHONPATH": str(ROOT)}
     return subprocess.Popen(
         ["make", "lsfd"], cwd=bench.folder, env=environment, stdin=subprocess.DEVNULL,
