@@ -29,7 +29,7 @@ from tests.dams import dam_with_pool
 from tests.inversion.conftest import QUESTION
 
 pytestmark = pytest.mark.slow
-KILLS, SEED = int(os.environ.get("KILLS", 5)), 40
+KILLS, SEED = int(os.environ.get("KILLS", 4)), 40
 PATIENCE_S = 60.0
 
 
@@ -203,7 +203,7 @@ def test_a_job_of_the_studio_that_is_killed_goes_on_to_the_same(dam, tmp_path):
     shutil.copytree(dam, tmp_path / "cases" / "small_dam")
     jobs = Jobs(Workspace(tmp_path / "cases"), threads=2)
     drawn, found = random.Random(SEED), []
-    for kill in (False, True, True):
+    for kill in (False, True):
         number = jobs.start("back_analyse", "small_dam", {"quick": True})["id"]
         folder = next((tmp_path / "cases").glob(f".studio/*/jobs/{number}"))
         if kill:
@@ -221,4 +221,4 @@ def test_a_job_of_the_studio_that_is_killed_goes_on_to_the_same(dam, tmp_path):
         until(lambda: jobs.state(number)["state"] not in ("running",), "the job ends")  # noqa: B023
         assert jobs.state(number)["state"] == "done", jobs.state(number)
         found.append(answer(json.loads((folder / "inversion" / "result.json").read_text())))
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
