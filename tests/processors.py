@@ -12,7 +12,6 @@ import ctypes
 import os
 import subprocess
 import sys
-
 from pathlib import Path
 
 import numpy as np
