@@ -5,7 +5,7 @@
 #   snakemake geometry_large         the scenes alone, with a gallery
 #   snakemake pack_coarse            its runs as a learned simulator reads them
 #   snakemake train_coarse           a simulator that has learned from them, and what it is worth: hours
-#   snakemake train_direct           learned models without steps: runs of their own, training, cards: an hour or two
+#   snakemake train_direct           a learned model without steps: runs of its own, training, card: hours
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
 #   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
 #   snakemake posterior_lsfd         everything unknown of it, before and after the measurements; any such folder
@@ -54,7 +54,7 @@ rule all:
 
 rule train_direct:
     input:
-        expand(f"{RESULTS}/direct/{{kind}}/card.yaml", kind=DIRECT_NETWORKS),
+        f"{RESULTS}/direct/direct/card.yaml",
     message:
         "The models without steps are trained and judged: {input}"
 

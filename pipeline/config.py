@@ -216,23 +216,22 @@ class InversionSettings(Settings):
     engine: str = Field(
         "mpm",
         description="what simulates: mpm, the material point method, gns, a learned simulator "
-        "that is differentiated (Diff-GNS), mpm3d, the material point method over a width, direct, "
-        "a learned model without steps, or corrected, runs at twice the spacing with a learned "
-        "correction",
+        "that is differentiated (Diff-GNS), mpm3d, the material point method over a width, or "
+        "direct, a learned model without steps",
     )
     model: str = Field(
         "", description="of the engine gns: a folder with model.pt, or a name in models/"
     )
     outside_training: bool = Field(
         False,
-        description="of gns, direct and corrected: answer also for a section far outside "
+        description="of gns and direct: answer also for a section far outside "
         "what the model has learned from",
     )
     paired_runs: int = Field(
         0,
         ge=0,
         le=32,
-        description="of the engines direct and corrected: states at which the material point "
+        description="of the engine direct: states at which the material point "
         "method also runs, to correct the answer; 0: none, and the model's own error counts",
     )
     surrogate_pairs: int = Field(

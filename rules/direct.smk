@@ -1,22 +1,16 @@
-# Learned models without steps: paired runs of random sections -> trained models with their cards.
+# The learned model without steps: runs of random sections -> a trained model with its card.
 
 DIRECT_PARTS = 1000
-DIRECT_NETWORKS = {"direct": 2, "corrected": 1}
+DIRECT_NETWORKS = 2
 
 
 wildcard_constraints:
     part=r"\d\d\d\d",
-    kind="|".join(DIRECT_NETWORKS),
     network=r"\d",
 
 
 def direct_runs(wildcards):
     return [f"{RESULTS}/direct/runs/runs_{part:04d}.npz" for part in range(DIRECT_PARTS)]
-
-
-def direct_kind(kind):
-    corrected = "--corrected " if kind == "corrected" else ""
-    return f"{corrected}--networks {DIRECT_NETWORKS[kind]}"
 
 
 # A part is written when whole: a job that is killed costs at most its own fifty runs.
@@ -45,7 +39,7 @@ rule simulate_direct:
             }
         ),
     message:
-        "Simulating part {wildcards.part} of the runs for the direct models"
+        "Simulating part {wildcards.part} of the runs for the direct model"
     shell:
         "python -m gns direct-runs --parts {params.number}-{params.number} --out {params.folder:q}"
         " --config {params.config:q} --threads {threads} > {log:q} 2>&1"
@@ -56,11 +50,11 @@ rule train_direct_network:
     input:
         direct_runs,
     output:
-        network=f"{RESULTS}/direct/{{kind}}/network_{{network}}.pt",
+        network=f"{RESULTS}/direct/direct/network_{{network}}.pt",
     log:
-        f"{RESULTS}/logs/train_direct_{{kind}}_{{network}}.log",
+        f"{RESULTS}/logs/train_direct_{{network}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/train_direct_{{kind}}_{{network}}.tsv"
+        f"{RESULTS}/benchmarks/train_direct_{{network}}.tsv"
     threads: 1
     resources:
         mem_mb=10000,
@@ -69,12 +63,12 @@ rule train_direct_network:
         config=CONFIG_FILE,
         data=f"{RESULTS}/direct/runs",
         folder=lambda wildcards, output: os.path.dirname(output.network),
-        kind=lambda wildcards: direct_kind(wildcards.kind),
+        networks=DIRECT_NETWORKS,
         physics=content_hash(GNS_PHYSICS),
     message:
-        "Learning network {wildcards.network} of the {wildcards.kind} model without steps"
+        "Learning network {wildcards.network} of the model without steps"
     shell:
-        "python -m gns direct-train {params.kind} --network {wildcards.network}"
+        "python -m gns direct-train --networks {params.networks} --network {wildcards.network}"
         " --data {params.data:q} --out {params.folder:q} --config {params.config:q} --threads {threads}"
         " > {log:q} 2>&1"
 
@@ -82,18 +76,15 @@ rule train_direct_network:
 rule judge_direct_model:
     input:
         runs=direct_runs,
-        networks=lambda wildcards: [
-            f"{RESULTS}/direct/{wildcards.kind}/network_{number + 1}.pt"
-            for number in range(DIRECT_NETWORKS[wildcards.kind])
-        ],
+        networks=[f"{RESULTS}/direct/direct/network_{number + 1}.pt" for number in range(DIRECT_NETWORKS)],
     output:
-        model=f"{RESULTS}/direct/{{kind}}/direct.pt",
-        card=f"{RESULTS}/direct/{{kind}}/card.yaml",
-        table=f"{RESULTS}/direct/{{kind}}/training.txt",
+        model=f"{RESULTS}/direct/direct/direct.pt",
+        card=f"{RESULTS}/direct/direct/card.yaml",
+        table=f"{RESULTS}/direct/direct/training.txt",
     log:
-        f"{RESULTS}/logs/judge_direct_{{kind}}.log",
+        f"{RESULTS}/logs/judge_direct.log",
     benchmark:
-        f"{RESULTS}/benchmarks/judge_direct_{{kind}}.tsv"
+        f"{RESULTS}/benchmarks/judge_direct.tsv"
     threads: 1
     resources:
         mem_mb=10000,
@@ -102,10 +93,10 @@ rule judge_direct_model:
         config=CONFIG_FILE,
         data=f"{RESULTS}/direct/runs",
         folder=lambda wildcards, output: os.path.dirname(output.card),
-        kind=lambda wildcards: direct_kind(wildcards.kind),
+        networks=DIRECT_NETWORKS,
         physics=content_hash(GNS_PHYSICS),
     message:
-        "Calibrating and judging the {wildcards.kind} model without steps"
+        "Calibrating and judging the model without steps"
     shell:
-        "python -m gns direct-train {params.kind} --data {params.data:q} --out {params.folder:q}"
+        "python -m gns direct-train --networks {params.networks} --data {params.data:q} --out {params.folder:q}"
         " --config {params.config:q} --threads {threads} > {output.table:q} 2> {log:q}"

@@ -1,8 +1,9 @@
 """The same runout with the time step halved and with the cell halved; the numerical strength.
 
-The three scenes of `benchmarks.studies.transfer_study`, default settings, from 1 m spacing (quick:
-the slump from 2 m). A change of the runout is also given as the S_r that would cause it, from a run
-with 5 % more S_r: the effective numerical strength, which should stay under 2 % of S_r.
+Three scenes, default settings, from 1 m spacing (quick: the slump from 2 m): a phi = 0 slump, a
+frictional column, and the Lower San Fernando section with its reservoir. A change of the runout is
+also given as the S_r that would cause it, from a run with 5 % more S_r: the effective numerical
+strength, which should stay under 2 % of S_r.
 
 The front of the column, soil without cohesion, ends in a layer as thin as the threshold of the toe.
 Whether a gap in it is deeper than the threshold is random, and the toe jumps from one side of such
@@ -16,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.transfer_study import SCENES
+from benchmarks.dam_section import dam_section
 from benchmarks.verification.rows import Row
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe_runout import toe_runout
 from pipeline.config import SimulationSettings
@@ -30,6 +31,39 @@ LIQUEFIED = {"slump": ("soil", 30.0), "lsfd": ("liquefied_hydraulic_fill", 21.5)
 MORE = 1.05
 COURANT = 0.3
 MOST_SOIL = 0.99
+
+
+def slump(spacing: float) -> tuple[Scene, float, str]:
+    """A 40 m high phi = 0 slope of 30 kPa, its foot and the side to which it runs."""
+    return _simple([[0, 2], [140, 2], [80, 42], [0, 42]], 0, 30, spacing), 140.0, "right"
+
+
+def column(spacing: float) -> tuple[Scene, float, str]:
+    """A 40 m x 40 m column of phi = 30, c = 0 against a smooth wall."""
+    return _simple([[0, 2], [40, 2], [40, 42], [0, 42]], 30, 0, spacing), 40.0, "right"
+
+
+def lsfd(spacing: float) -> tuple[Scene, float, str]:
+    """The Lower San Fernando section with its reservoir."""
+    scene = dam_section()
+    ground = {"points": scene.ground.points, "contact": "rough"}
+    return scene.changed(spacing=spacing, ground=ground), scene.foot("left"), "left"
+
+
+SCENES = {"slump": slump, "column": column, "lsfd": lsfd}
+
+
+def _simple(polygon: list, phi: float, c: float, spacing: float) -> Scene:
+    return scene_from_mapping(
+        {
+            "name": "study",
+            "domain": {"x_min": 0, "x_max": 300, "y_max": 62, "walls": "open"},
+            "ground": {"points": [[0, 2], [300, 2]], "contact": "rough"},
+            "zones": [{"name": "soil", "material": "soil", "polygon": polygon}],
+            "materials": {"soil": {"friction_deg": phi, "cohesion_kpa": c}},
+            "spacing": spacing,
+        }
+    )
 
 
 def _closed(scene: Scene, side: str) -> Scene:
@@ -48,7 +82,7 @@ def _runs(name: str, spacing: float) -> dict[str, tuple[float, np.ndarray, Scene
         ("dt/2", spacing, COURANT / 2),
         ("dx/2", spacing / 2, COURANT),
     ):
-        scene, foot, side = SCENES[name](step, "rough")
+        scene, foot, side = SCENES[name](step)
         variants[label] = (_closed(scene, side), courant)
     if name in LIQUEFIED:
         material, strength = LIQUEFIED[name]

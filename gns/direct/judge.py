@@ -1,8 +1,7 @@
 """What a direct model is worth: its intervals calibrated, its errors on scenes it has not seen.
 
-The runout of a scene is that of the side that ran farther. Next to the model stands the solver at
-twice the spacing alone: what a learned model must beat. Errors are in spacings d of the fine run,
-and for runouts beyond FAR in per cent of them.
+The runout of a scene is that of the side that ran farther. Errors are in spacings d of the run, and
+for runouts beyond FAR in per cent of them.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import numpy as np
 from gns.direct.arrivals import SHARES, WAY
 from gns.direct.network import DirectModel
 from gns.direct.predictor import COVERED, Predictor, described, unit_of
+from gns.direct.sections import Outcome
 from gns.direct.train import SPLITS, Sample, answers
 from pipeline.files import file_hash, write_text, yaml_text
 
@@ -96,7 +96,7 @@ def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
     rows = np.arange(len(held))
     error = np.abs(answer.toes.numpy() - toes)[rows, side]
     ratio = error / answer.toe_scale.numpy()[rows, side]
-    deposit = np.stack([one.fine.thickness for one in held])
+    deposit = np.stack([one.outcome.thickness for one in held])
     off = np.abs(answer.thickness.numpy() - deposit) / answer.thickness_scale.numpy()
     moved = deposit > 0.0
     late = np.abs(answer.log_times.numpy() - np.log(_times(held))) / answer.time_scale.numpy()
@@ -124,10 +124,10 @@ def judged(predictor: Predictor, samples: list[Sample]) -> Scores:
     )
 
 
-def coarse_alone(samples: list[Sample]) -> Scores:
-    """Scores of the solver at twice the spacing."""
-    toes = np.stack([one.coarse.toes for one in samples])
-    deposit = np.stack([one.coarse.thickness for one in samples])
+def judged_run(samples: list[Sample], outcomes: list[Outcome]) -> Scores:
+    """Scores of other outcomes of the same scenes, which state no interval and no times."""
+    toes = np.stack([one.toes for one in outcomes])
+    deposit = np.stack([one.thickness for one in outcomes])
     unknown = np.full(_times(samples).shape, np.nan)
     return _errors(samples, toes, deposit, np.zeros(toes.shape), unknown, unknown)
 
@@ -137,8 +137,7 @@ def seconds_a_case(predictor: Predictor, samples: list[Sample], count: int = 50)
     chosen = [samples[i % len(samples)] for i in range(count)]
     began = time.perf_counter()
     for one in chosen:
-        coarse = one.coarse if predictor.corrected else None
-        predictor.predict(one.section, one.fine.toes_before, coarse)
+        predictor.predict(one.section, one.outcome.toes_before)
     return (time.perf_counter() - began) / count
 
 
@@ -151,28 +150,16 @@ def write_card(folder: Path, model_file: str, facts: dict) -> None:
 def card(predictor: Predictor, samples: list[Sample], training: dict) -> dict:
     """What is stated with a model."""
     test = [one for one in samples if one.split == "test"]
-    seconds = np.array([one.seconds for one in samples])
+    seconds = float(np.mean([one.seconds for one in samples]))
     return {
-        "kind": "corrected" if predictor.corrected else "direct",
+        "kind": "direct",
         "parameters": sum(one.numel() for one in predictor.model.parameters()),
         "runs": {name: sum(one.split == name for one in samples) for name in SPLITS},
         "covers": COVERED,
         "training": training,
         "accuracy": judged(predictor, test).table(),
-        "solver_at_twice_the_spacing": _without_intervals(coarse_alone(test).table()),
         "seconds_a_case": float(f"{seconds_a_case(predictor, test):.3g}"),
-        "solver_seconds_a_case": {
-            "at the spacing": float(f"{np.mean(seconds[:, 0]):.3g}"),
-            "at twice the spacing": float(f"{np.mean(seconds[:, 1]):.3g}"),
-        },
-    }
-
-
-def _without_intervals(table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-    """A solver states none."""
-    return {
-        name: {key: value for key, value in row.items() if key != COVERAGE}
-        for name, row in table.items()
+        "solver_seconds_a_case": float(f"{seconds:.3g}"),
     }
 
 
@@ -186,9 +173,9 @@ def _errors(
 ) -> Scores:
     side, rows = _side(samples), np.arange(len(samples))
     spacing = np.array([one.section.spacing for one in samples])
-    before = np.stack([one.fine.toes_before for one in samples])
+    before = np.stack([one.outcome.toes_before for one in samples])
     error = np.abs(toes - _toes(samples))[rows, side]
-    true = np.stack([one.fine.thickness for one in samples])
+    true = np.stack([one.outcome.thickness for one in samples])
     times = _times(samples)
     late = np.abs(log_times - np.log(times))[rows, side]
     within = np.where(np.isfinite(late), late <= log_interval[rows, side], np.nan)
@@ -211,12 +198,12 @@ def _times(samples: list[Sample]) -> np.ndarray:
 
 
 def _toes(samples: list[Sample]) -> np.ndarray:
-    return np.stack([one.fine.toes for one in samples])
+    return np.stack([one.outcome.toes for one in samples])
 
 
 def _side(samples: list[Sample]) -> np.ndarray:
     """The side that ran farther, 0 or 1, (n,)."""
-    before = np.stack([one.fine.toes_before for one in samples])
+    before = np.stack([one.outcome.toes_before for one in samples])
     return np.argmax(np.abs(_toes(samples) - before), axis=1)
 
 
@@ -231,24 +218,16 @@ def _median(values: np.ndarray) -> float:
 
 
 def table_text(facts: dict) -> str:
-    """The accuracy of a card for a terminal, next to the solver at twice the spacing."""
-    lines = []
-    for title, key in (
-        (f"{facts['kind']} model", "accuracy"),
-        ("solver at twice the spacing alone", "solver_at_twice_the_spacing"),
-    ):
-        rows = facts[key]
-        columns = list(rows["all"])
-        lines += [title, "".join(["template".ljust(10), *(f"{name:>24}" for name in columns)])]
-        lines += [
-            "".join([name.ljust(10), *(f"{row.get(column, np.nan):>24.4g}" for column in columns)])
-            for name, row in rows.items()
-        ]
+    """The accuracy of a card for a terminal."""
+    rows = facts["accuracy"]
+    columns = list(rows["all"])
+    lines = ["".join(["template".ljust(10), *(f"{name:>24}" for name in columns)])]
+    lines += [
+        "".join([name.ljust(10), *(f"{row.get(column, np.nan):>24.4g}" for column in columns)])
+        for name, row in rows.items()
+    ]
     lines.append(
         f"{1000 * facts['seconds_a_case']:.1f} ms a case in the network; runs take "
-        + ", ".join(
-            f"{1000 * value:.0f} ms {name}"
-            for name, value in facts["solver_seconds_a_case"].items()
-        )
+        f"{1000 * facts['solver_seconds_a_case']:.0f} ms"
     )
     return "\n".join(lines)

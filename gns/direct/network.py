@@ -2,9 +2,7 @@
 
 In: a `Section` as tensors, and the values of its zones, with respect to which everything has a
 derivative. Out: both toes with the scale of their error, the thickness of the deposit with its own,
-and the times of `gns.direct.arrivals` with theirs. Two kinds share the network: one sees the
-section alone; the other (`corrected`) sees what a run at twice the spacing left as well, and
-predicts the difference to it.
+and the times of `gns.direct.arrivals` with theirs.
 
 The network halves and doubles the number of columns as a U-Net does (Ronneberger et al. 2015, here
 in one dimension). A convolution sees neighbours, but what holds a slide is the whole base from a
@@ -29,12 +27,12 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from gns.direct.arrivals import SHARES
-from gns.direct.sections import COLUMN, DEEPEST, LAYERS, Outcome, Section, places
+from gns.direct.sections import COLUMN, DEEPEST, LAYERS, Section, places
 
 #: Strengths are taken as at least this [rho g height], for their logarithm.
 LEAST_STRENGTH = 3e-3
 #: Features of a layer, and of a column.
-PER_LAYER, PER_COLUMN, OF_COARSE = 5, 19, 4
+PER_LAYER, PER_COLUMN = 5, 19
 #: Neighbouring columns that the network takes as one.
 TOGETHER = 2
 #: Outputs of a column: for each toe a weight, an offset and a log scale; a change and a log scale.
@@ -61,13 +59,11 @@ class DirectConfig:
     """Size of a model.
 
     Attributes:
-        corrected: it starts from a run at twice the spacing.
         widths: channels of each level, from the finest.
         blocks: of each level, on the way down and on the way up.
         networks: whose mean is the answer; each has its own beginning and order of runs.
     """
 
-    corrected: bool = False
     widths: tuple[int, ...] = (64, 96, 128, 192)
     blocks: int = 2
     networks: int = 1
@@ -204,22 +200,6 @@ def _log_strength(strength: Tensor) -> Tensor:
     return (strength + LEAST_STRENGTH).log() + 3.0
 
 
-def with_coarse(seen: Tensor, coarse: list[Outcome]) -> Tensor:
-    """`features` and what the run at twice the spacing left, (B, channels, C)."""
-    thickness = torch.as_tensor(np.stack([one.thickness for one in coarse])).to(seen)
-    toes = torch.as_tensor(np.stack([one.toes for one in coarse])).to(seen)
-    x = torch.as_tensor(places()).to(seen)
-    return torch.cat(
-        [
-            seen,
-            thickness[:, None],
-            thickness[:, None] - seen[:, :1],
-            (x - toes[:, :, None]) / 4.0,
-        ],
-        dim=1,
-    )
-
-
 class Convolution(nn.Module):
     """A convolution of three columns that keeps the width; its weights are a matrix, for Muon."""
 
@@ -280,7 +260,7 @@ class DirectNetwork(nn.Module):
         super().__init__()
         self.config = config
         widths = config.widths
-        channels = PER_COLUMN + LAYERS * PER_LAYER + (OF_COARSE if config.corrected else 0)
+        channels = PER_COLUMN + LAYERS * PER_LAYER
         self.stem = nn.Conv1d(TOGETHER * channels, widths[0], 3, padding=1)
         self.down = nn.ModuleList(
             nn.Conv1d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:], strict=False)
@@ -299,14 +279,8 @@ class DirectNetwork(nn.Module):
         with torch.no_grad():
             self.head.weight.mul_(0.1)
 
-    def forward(self, seen: Tensor, start: Tensor) -> Answer:
-        """Answers for features (B, channels, C).
-
-        Args:
-            seen: of `features`, or `with_coarse`.
-            start: toes that the weights of the columns begin from, (B, 2): before the slide, or
-                those of the run at twice the spacing.
-        """
+    def forward(self, seen: Tensor) -> Answer:
+        """Answers for features (B, channels, C)."""
         x = self.stem(_together(seen))
         kept = []
         for block, down in zip(self.inward[:-1], self.down, strict=True):
@@ -323,14 +297,10 @@ class DirectNetwork(nn.Module):
         out = _apart(self.head(x), OUTPUTS)
         weight = (4.0 * out[:, 0:2]).softmax(dim=2)
         place = torch.as_tensor(places()).to(out)
-        if self.config.corrected:
-            toes = start + (weight * out[:, 2:4]).sum(dim=2)
-        else:
-            toes = (weight * (place + out[:, 2:4])).sum(dim=2)
+        toes = (weight * (place + out[:, 2:4])).sum(dim=2)
         low, high = LOG_SCALES
         scale = (weight * (out[:, 4:6] - 2.0)).sum(dim=2).clamp(low, high).exp()
-        first = seen[:, -OF_COARSE] if self.config.corrected else seen[:, 0]
-        thickness = functional.relu(first + out[:, 6])
+        thickness = functional.relu(seen[:, 0] + out[:, 6])
         volume = seen[:, 0].sum(dim=1, keepdim=True)
         thickness = thickness * volume / thickness.sum(dim=1, keepdim=True).clamp(min=1e-3)
         log_times, time_scale = self._times(x, weight, whole)
@@ -343,14 +313,9 @@ class DirectNetwork(nn.Module):
             time_scale,
         )
 
-    def both_ways(self, seen: Tensor, start: Tensor) -> Answer:
-        """The mean of the answers for a section and for its mirror image, which should be one.
-
-        Arguments are those of `forward`.
-        """
-        corrected = self.config.corrected
-        turned, begin = mirrored(seen, start, corrected=corrected)
-        found = self(torch.cat([seen, turned]), torch.cat([start, begin]))
+    def both_ways(self, seen: Tensor) -> Answer:
+        """The mean of the answers for a section and for its mirror image, which should be one."""
+        found = self(torch.cat([seen, mirrored(seen)]))
         own, other = (
             Answer(*pair) for pair in zip(*(v.chunk(2) for v in vars(found).values()), strict=True)
         )
@@ -386,12 +351,12 @@ class DirectModel(nn.Module):
         self.config = config
         self.networks = nn.ModuleList(DirectNetwork(config) for _ in range(config.networks))
 
-    def forward(self, seen: Tensor, start: Tensor) -> Answer:
-        """The mean of the networks' answers both ways; arguments as of `DirectNetwork.forward`.
+    def forward(self, seen: Tensor) -> Answer:
+        """The mean of the networks' answers both ways.
 
         Their errors are in part their own: what each learned by heart of its runs.
         """
-        return mean_of([network.both_ways(seen, start) for network in self.networks])
+        return mean_of([network.both_ways(seen) for network in self.networks])
 
 
 def mean_of(answers: Sequence[Answer]) -> Answer:
@@ -400,16 +365,15 @@ def mean_of(answers: Sequence[Answer]) -> Answer:
     return Answer(*(torch.stack(values).mean(dim=0) for values in columns))
 
 
-def mirrored(seen: Tensor, toes: Tensor, *, corrected: bool) -> tuple[Tensor, Tensor]:
-    """Features (B, channels, C) and toes (B, 2) of the mirror images."""
+def mirrored(seen: Tensor) -> Tensor:
+    """Features (B, channels, C) of the mirror images."""
     turned = seen.flip(2).clone()
-    ends = [turned.shape[1] - 2, turned.shape[1] - 1]
-    for left, right in [TURNED_OVER, *([ends] if corrected else [])]:
-        turned[:, [left, right]] = -turned[:, [right, left]]
+    left, right = TURNED_OVER
+    turned[:, [left, right]] = -turned[:, [right, left]]
     for left, right in SIDES_CHANGED:
         turned[:, [left, right]] = turned[:, [right, left]]
     turned[:, 2] = -turned[:, 2]
-    return turned, -toes.flip(1)
+    return turned
 
 
 def _together(seen: Tensor) -> Tensor:

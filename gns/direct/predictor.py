@@ -1,9 +1,9 @@
 """A trained direct model that answers: plain arrays in and out.
 
-In: a `Section`, its toes before the slide and, for a model that corrects, what a run at twice the
-spacing left. Out: a `Forecast` with intervals that cover nine of ten runs it was calibrated on, its
-derivative with respect to the strengths of the zones, and how far the section lies from those that
-the model has learned from. A model is one file of plain numbers.
+In: a `Section` and its toes before the slide. Out: a `Forecast` with intervals that cover nine of
+ten runs it was calibrated on, its derivative with respect to the strengths of the zones, and how
+far the section lies from those that the model has learned from. A model is one file of plain
+numbers.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 import torch
 
 from gns.data.distance import Neighbours
-from gns.direct.network import Answer, DirectConfig, DirectModel, features, with_coarse
-from gns.direct.sections import COLUMN, Outcome, Section, places
+from gns.direct.network import Answer, DirectConfig, DirectModel, features
+from gns.direct.sections import COLUMN, Section, places
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 
@@ -77,24 +77,16 @@ class Predictor:
     known: np.ndarray
     unit: float
 
-    @property
-    def corrected(self) -> bool:
-        """It needs a run at twice the spacing."""
-        return self.model.config.corrected
-
-    def predict(
-        self, section: Section, before: np.ndarray, coarse: Outcome | None = None
-    ) -> Forecast:
+    def predict(self, section: Section, before: np.ndarray) -> Forecast:
         """The forecast of a section.
 
         Args:
             section: its columns.
             before: toes before the slide, x (2,) [heights from its middle].
-            coarse: of the run at twice the spacing, for a model that corrects.
         """
         with torch.no_grad():
             values = torch.as_tensor(section.values, dtype=torch.float32)
-            answer = self._answer(section, before, coarse, values)
+            answer = self._answer(section, before, values)
         height, found = section.height, {k: v[0].double().numpy() for k, v in vars(answer).items()}
         return Forecast(
             section.middle + height * found["toes"],
@@ -123,7 +115,7 @@ class Predictor:
         values = torch.as_tensor(section.values, dtype=torch.float64)
 
         def outcome(at: torch.Tensor) -> tuple[torch.Tensor, ...]:
-            answer = self._answer(section, before, None, at, model=model)
+            answer = self._answer(section, before, at, model=model)
             return answer.toes[0], answer.thickness[0], answer.log_times[0].exp()
 
         found = [
@@ -144,15 +136,9 @@ class Predictor:
     def _neighbours(self) -> Neighbours:
         return Neighbours(both_ways(self.known))
 
-    def _answer(self, section, before, coarse, values, model=None) -> Answer:
+    def _answer(self, section, before, values, model=None) -> Answer:
         model = self.model if model is None else model
-        if self.corrected and coarse is None:
-            raise ValueError("a model that corrects needs a run at twice the spacing")
-        seen = features([section], np.asarray(before)[None], values[None])
-        start = np.asarray(before)
-        if self.corrected:
-            seen, start = with_coarse(seen, [coarse]), coarse.toes
-        return model(seen, torch.as_tensor(start).to(seen)[None])
+        return model(features([section], np.asarray(before)[None], values[None]))
 
     def save(self, path: Path) -> None:
         """Write the model; see `load`."""
@@ -185,6 +171,7 @@ class Predictor:
         try:
             kept = torch.load(path, map_location="cpu", weights_only=True)
             config = {**kept["config"], "widths": tuple(kept["config"]["widths"])}
+            config.pop("corrected", None)  # of models saved before 0.2, which knew another kind
             model = DirectModel(DirectConfig(**config))
             model.load_state_dict(kept["weights"])
             toe, thickness, times, unit = kept["factors"]

@@ -1,4 +1,4 @@
-"""Runs for the direct model: random sections, each simulated at a spacing and at twice that.
+"""Runs for the direct model: random sections, each simulated once.
 
 In: the settings, numbers of scenes. Out: files `runs_PPPP.npz` of `RUNS_PER_PART` scenes, written
 whole, so that a job that is killed goes on with the next part. Of ten scenes seven are dams that
@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ValidationError
 
 from geometry.random_scenes.embankment_dam import draw_dam
 from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
@@ -36,45 +35,30 @@ RUNS_PER_PART = 50
 DAMS_IN_TEN, HYDRAULIC_IN_TEN = 7, 3
 #: Spacing of the runs [m]; the model knows lengths in heights of the section alone.
 SPACING = 2.0
-#: Spacing of the second run of each scene over that of the first.
-COARSER = 2.0
 #: Share of the template scenes with a pool, and the width of their domain [m].
 WATER_SHARE, WIDTH = 0.5, 400.0
 
 
 @dataclass(frozen=True)
-class Ended:
-    """What is kept of a run; N points.
+class SlideRun:
+    """A scene and what is kept of its run; N points.
 
     Attributes:
+        number: of the scene.
+        scene: at the spacing of the run.
         initial: positions before the slide (N, 2) float32 [m]; final: after it.
         seconds: computing time [s].
         at_rest: it stopped by itself.
         arrivals: when its toes and its soil got where.
     """
 
+    number: int
+    scene: Scene
     initial: np.ndarray
     final: np.ndarray
     seconds: float
     at_rest: bool
     arrivals: Arrivals
-
-
-@dataclass(frozen=True)
-class PairedRun:
-    """A scene with its run, and that at twice the spacing.
-
-    Attributes:
-        number: of the scene.
-        scene: at the spacing of `fine`.
-        fine: what is learned.
-        coarse: what the correction starts from.
-    """
-
-    number: int
-    scene: Scene
-    fine: Ended
-    coarse: Ended
 
 
 def random_section(config: Config, number: int) -> Scene:
@@ -137,23 +121,13 @@ def simulate_parts(
         scenes = {number: random_section(config, number) for number in numbers}
         for scene in scenes.values():
             check_settings(scene, config.simulation)
-        coarse = {number: _coarser(scene) for number, scene in scenes.items()}
-        numbers = [number for number in numbers if coarse[number] is not None]
-        pairs = [
-            _ended([each[number] for number in numbers], config.simulation, threads)
-            for each in (scenes, coarse)
-        ]
-        kept = {
-            number: PairedRun(number, scenes[number], pairs[0][place], pairs[1][place])
-            for place, number in enumerate(numbers)
-            if place in pairs[0] and place in pairs[1]
-        }
-        _write(path, key, list(kept.values()))
+        kept = _kept(scenes, config.simulation, threads)
+        _write(path, key, kept)
         took = time.perf_counter() - began
         tell(f"part {part}: {len(kept)} of {size} runs in {took:.0f} s")
 
 
-def read_runs(folder: Path) -> Iterator[PairedRun]:
+def read_runs(folder: Path) -> Iterator[SlideRun]:
     """All runs of a folder, by their number.
 
     Raises:
@@ -165,45 +139,36 @@ def read_runs(folder: Path) -> Iterator[PairedRun]:
     for path in files:
         with np.load(path, allow_pickle=False) as file:
             for number in file["numbers"]:
-                ended = [
-                    Ended(
-                        file[f"{number}_{name}_initial"],
-                        file[f"{number}_{name}_final"],
-                        float(file[f"{number}_{name}_facts"][0]),
-                        bool(file[f"{number}_{name}_facts"][1]),
-                        Arrivals(file[f"{number}_{name}_toes_s"], file[f"{number}_{name}_way_s"]),
-                    )
-                    for name in ("fine", "coarse")
-                ]
-                scene = Scene.model_validate_json(str(file[f"{number}_scene"]))
-                yield PairedRun(int(number), scene, *ended)
+                yield SlideRun(
+                    int(number),
+                    Scene.model_validate_json(str(file[f"{number}_scene"])),
+                    file[f"{number}_fine_initial"],
+                    file[f"{number}_fine_final"],
+                    float(file[f"{number}_fine_facts"][0]),
+                    bool(file[f"{number}_fine_facts"][1]),
+                    Arrivals(file[f"{number}_fine_toes_s"], file[f"{number}_fine_way_s"]),
+                )
 
 
-def _coarser(scene: Scene) -> Scene | None:
-    """The same at twice the spacing; None: a zone is too thin for that."""
-    try:
-        return scene.changed(spacing=COARSER * scene.spacing)
-    except ValidationError:
-        return None
-
-
-def _ended(
-    scenes: list[Scene], settings: SimulationSettings, threads: int | None
-) -> dict[int, Ended]:
-    """The runs that went well, by place."""
+def _kept(
+    scenes: dict[int, Scene], settings: SimulationSettings, threads: int | None
+) -> list[SlideRun]:
+    """What is kept of the runs that went well, by number."""
     from mpm_taichi.simulate import simulate_each
 
-    return {
-        place: _kept(run)
-        for place, run in simulate_each([(scene, settings) for scene in scenes], threads=threads)
+    numbers, requests = list(scenes), [(scene, settings) for scene in scenes.values()]
+    found = {
+        numbers[place]: run
+        for place, run in simulate_each(requests, threads=threads)
         if run.status != "failed"
     }
+    return [_kept_of(number, scenes[number], found[number]) for number in sorted(found)]
 
 
-def _kept(run: Run) -> Ended:
-    first, last = run.positions[0], run.positions[-1]
+def _kept_of(number: int, scene: Scene, run: Run) -> SlideRun:
+    first, last = run.positions[0].copy(), run.positions[-1].copy()
     arrivals = arrivals_of(run.positions, run.time, run.scene.spacing)
-    return Ended(first.copy(), last.copy(), run.wall_time_s, run.came_to_rest, arrivals)
+    return SlideRun(number, scene, first, last, run.wall_time_s, run.came_to_rest, arrivals)
 
 
 def _key(config: Config) -> str:
@@ -226,18 +191,16 @@ def _check_key(path: Path, key: str) -> None:
             )
 
 
-def _write(path: Path, key: str, runs: list[PairedRun]) -> None:
+def _write(path: Path, key: str, runs: list[SlideRun]) -> None:
+    """The arrays are called `fine` since there was a coarse run beside: files stay readable."""
     arrays: dict[str, np.ndarray] = {"key": np.array(key)}
     arrays["numbers"] = np.array([run.number for run in runs])
     for run in runs:
         arrays[f"{run.number}_scene"] = np.array(run.scene.model_dump_json())
-        for name in ("fine", "coarse"):
-            ended = getattr(run, name)
-            arrays[f"{run.number}_{name}_initial"] = ended.initial
-            arrays[f"{run.number}_{name}_final"] = ended.final
-            arrays[f"{run.number}_{name}_facts"] = np.array([ended.seconds, ended.at_rest])
-            arrays[f"{run.number}_{name}_toes_s"] = ended.arrivals.toes
-            arrays[f"{run.number}_{name}_way_s"] = ended.arrivals.way
+        own = f"{run.number}_fine"
+        arrays[f"{own}_initial"], arrays[f"{own}_final"] = run.initial, run.final
+        arrays[f"{own}_facts"] = np.array([run.seconds, run.at_rest])
+        arrays[f"{own}_toes_s"], arrays[f"{own}_way_s"] = run.arrivals.toes, run.arrivals.way
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)

@@ -1,4 +1,4 @@
-"""Training of a direct model: paired runs -> weights.
+"""Training of a direct model: runs -> weights.
 
 In: the folder of `gns.direct.runs`. Out: the networks of a model, each as `network_<K>.pt` from 1
 on and, while it trains, `state_<K>.pt`, from which a job that was killed goes on. Sections are
@@ -31,9 +31,8 @@ from gns.direct.network import (
     DirectNetwork,
     features,
     mirrored,
-    with_coarse,
 )
-from gns.direct.runs import COARSER, PairedRun, read_runs
+from gns.direct.runs import SlideRun, read_runs
 from gns.direct.sections import Outcome, Section, outcome_of, section_of
 from gns.training.optimizers import Optimizers
 from pipeline.cli import InputError
@@ -55,21 +54,20 @@ class Sample:
 
     Attributes:
         run: number of its scene; name: of the scene.
-        section, fine, coarse: see `gns.direct.sections`.
-        times: arrival times of the fine run, left toe, right toe and way, (3, S) [falls]; NaN of
-            what does not move.
+        section, outcome: see `gns.direct.sections`.
+        times: arrival times, left toe, right toe and way, (3, S) [falls]; NaN of what does not
+            move.
         split: which of SPLITS.
-        seconds: of the fine and of the coarse run [s].
+        seconds: of the run [s].
     """
 
     run: int
     name: str
     section: Section
-    fine: Outcome
-    coarse: Outcome
+    outcome: Outcome
     times: np.ndarray
     split: str
-    seconds: tuple[float, float]
+    seconds: float
 
     @property
     def template(self) -> str:
@@ -107,24 +105,21 @@ def split_of(run: int) -> str:
     return "test" if place == 9 else "calibration" if place == 8 else "train"
 
 
-def sample_of(run: PairedRun) -> Sample | None:
+def sample_of(run: SlideRun) -> Sample | None:
     """A run encoded; None where it left the columns."""
     section = _small(section_of(run.scene))
-    own = run.scene.spacing
-    fine = outcome_of(section, run.fine.initial, run.fine.final, own)
-    coarse = outcome_of(section, run.coarse.initial, run.coarse.final, COARSER * own)
-    if fine is None or coarse is None:
+    outcome = outcome_of(section, run.initial, run.final, run.scene.spacing)
+    if outcome is None:
         return None
     origin = run.scene.origin
     return Sample(
         run.number,
         run.scene.name if origin is None else f"{origin.template}_{run.number}",
         section,
-        fine,
-        coarse,
-        times_of(section, run.fine.arrivals),
+        outcome,
+        times_of(section, run.arrivals),
         split_of(run.number),
-        (run.fine.seconds, run.coarse.seconds),
+        run.seconds,
     )
 
 
@@ -158,19 +153,14 @@ def read_samples(folder: Path, splits: Sequence[str] = SPLITS) -> Iterator[Sampl
         raise InputError(f"{folder}: no run of the split {missing[0]}; two parts have all of them")
 
 
-def inputs(samples: Iterable[Sample], *, corrected: bool) -> tuple[Tensor, Tensor]:
-    """Features (N, channels, C) and the toes they begin from (N, 2), float32."""
-    pairs = [_input(one, corrected=corrected) for one in samples]
-    seen, start = zip(*pairs, strict=True)
-    return torch.cat(seen), torch.cat(start)
+def inputs(samples: Iterable[Sample]) -> Tensor:
+    """Features (N, channels, C), float32."""
+    return torch.cat([_input(one) for one in samples])
 
 
-def _input(one: Sample, *, corrected: bool) -> tuple[Tensor, Tensor]:
+def _input(one: Sample) -> Tensor:
     values = torch.as_tensor(one.section.values, dtype=torch.float32)[None]
-    seen = features([one.section], one.fine.toes_before[None], values)
-    seen = with_coarse(seen, [one.coarse]) if corrected else seen
-    start = one.coarse.toes if corrected else one.fine.toes_before
-    return seen, torch.as_tensor(start, dtype=torch.float32)[None]
+    return features([one.section], one.outcome.toes_before[None], values)
 
 
 def train(
@@ -193,7 +183,7 @@ def train(
         alone: number of the only network to train, from 0, for several jobs; None: all.
     """
     model = DirectModel(config)
-    lessons = Lessons.of((one for one in samples if one.split == "train"), config)
+    lessons = Lessons.of(one for one in samples if one.split == "train")
     for number in range(config.networks) if alone is None else [alone]:
         own = replace(plan, seed=plan.seed + number)
         model.networks[number] = _network(lessons, folder, number + 1, config, own, tell)
@@ -206,26 +196,25 @@ class Lessons:
 
     Attributes:
         key: hash of all of it.
-        seen, start: inputs, see `inputs`.
+        seen: see `inputs`.
         toes: (N, 2); thickness: (N, C); times: (N, 3, S).
     """
 
     key: str
     seen: Tensor
-    start: Tensor
     toes: Tensor
     thickness: Tensor
     times: Tensor
 
     @classmethod
-    def of(cls, samples: Iterable[Sample], config: DirectConfig) -> Lessons:
+    def of(cls, samples: Iterable[Sample]) -> Lessons:
         """Encoded one by one; no sample is kept."""
         rows = [
             (
-                *_input(one, corrected=config.corrected),
+                _input(one),
                 *(
                     torch.as_tensor(value, dtype=torch.float32)[None]
-                    for value in (one.fine.toes, one.fine.thickness, one.times)
+                    for value in (one.outcome.toes, one.outcome.thickness, one.times)
                 ),
             )
             for one in samples
@@ -236,16 +225,13 @@ class Lessons:
     def __len__(self) -> int:
         return len(self.seen)
 
-    def batch(
-        self, drawn: Tensor, *, turned: bool, corrected: bool
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Inputs, toes, thickness and times of some, or of their mirror images."""
-        seen, start, toes = self.seen[drawn], self.start[drawn], self.toes[drawn]
+    def batch(self, drawn: Tensor, *, turned: bool) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Features, toes, thickness and times of some, or of their mirror images."""
+        seen, toes = self.seen[drawn], self.toes[drawn]
         thickness, times = self.thickness[drawn], self.times[drawn]
         if turned:
-            seen, toes = mirrored(seen, toes, corrected=corrected)
-            start, thickness, times = -start.flip(1), thickness.flip(1), times[:, TURNED]
-        return seen, start, toes, thickness, times
+            return mirrored(seen), -toes.flip(1), thickness.flip(1), times[:, TURNED]
+        return seen, toes, thickness, times
 
 
 def _hash_of(values: Iterable[Tensor]) -> str:
@@ -297,9 +283,9 @@ def _network(
         numbers = torch.Generator().manual_seed(plan.seed * 1_000_003 + step)
         drawn = torch.randint(len(lessons), (plan.batch,), generator=numbers)
         torch.manual_seed(plan.seed * 1_000_003 + step)  # of what is dropped, also after a kill
-        seen, start, *truth = lessons.batch(drawn, turned=step % 2 == 1, corrected=config.corrected)
+        seen, *truth = lessons.batch(drawn, turned=step % 2 == 1)
         optimiser.set_rate(_schedule(step, plan))
-        loss = loss_of(network(seen, start), *truth)
+        loss = loss_of(network(seen), *truth)
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
@@ -370,7 +356,7 @@ def answers(model: DirectModel, samples: list[Sample], batch: int = 64) -> Answe
     with torch.no_grad():
         for place in range(0, len(samples), batch):
             some = samples[place : place + batch]
-            parts.append(model(*inputs(some, corrected=model.config.corrected)))
+            parts.append(model(inputs(some)))
     return Answer(
         *(torch.cat([getattr(one, name) for one in parts]) for name in Answer.__dataclass_fields__)
     )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from inversion.back_analysis.back_analysis import BackAnalysis
@@ -98,18 +97,17 @@ def _in_three_dimensions(
 
 
 def _with_direct_model(
-    name: str, case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
+    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
 ) -> BackAnalysis:
     from inversion.back_analysis.with_direct_model import DirectAnalysis
 
-    return DirectAnalysis(case, store, watch.say, watch, engine_name=name)
+    return DirectAnalysis(case, store, watch.say, watch, engine_name="direct")
 
 
 _own: dict[str, Make] = {
     "gns": _with_learned_simulator,
     "mpm3d": _in_three_dimensions,
-    "direct": partial(_with_direct_model, "direct"),
-    "corrected": partial(_with_direct_model, "corrected"),
+    "direct": _with_direct_model,
 }
 
 

@@ -42,7 +42,7 @@ class DirectAnalysis(LearnedAnalysis):
 
     def uncorrected(self) -> DirectEngine:
         """The model that ships under the engine's name."""
-        engine: DirectEngine = shipped(self.engine_name, self.store)
+        engine: DirectEngine = shipped(self.engine_name)
         engine.anywhere = self.case.config.inversion.outside_training
         return engine
 

@@ -5,8 +5,6 @@ predictions of what is read on the deposit at the end (toes, surface, settlement
 freeboard) and on arrival times (duration, history of a toe). What needs single points has no
 answer. The toe and the times are the model's own; the others are read, by the definitions of the
 survey, on a deposit filled from its thickness.
-
-A model that corrects starts from a run of the solver at twice the spacing, which the store keeps.
 """
 
 from __future__ import annotations
@@ -18,7 +16,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
@@ -26,18 +23,15 @@ from geometry.survey.columns import outward_of
 from geometry.survey.measured import Measured, Reading
 from gns.data.distance import FARTHEST
 from gns.direct.predictor import MODEL_FILE, Forecast, Predictor
-from gns.direct.runs import COARSER
 from gns.direct.sections import (
-    Outcome,
     Section,
     check_settings,
-    outcome_of,
     section_of,
     toes_of,
     with_strengths,
 )
 from inversion.engines.forecast_times import NORMAL, TIMED, read_times, time_error_std, timed
-from inversion.engines.run_store import KeptRun, RunStore, prediction_of
+from inversion.engines.run_store import KeptRun, prediction_of
 from inversion.estimation.forward import Forward, Prediction, Request, Setup
 from inversion.problem.question import material_key
 from pipeline.cli import InputError
@@ -86,14 +80,12 @@ class Asked:
     Attributes:
         setup: of the request; scene: with its values put in.
         section: its columns, with its strengths; start: the section before the slide.
-        coarse: of the run at twice the spacing; None: the model needs none.
     """
 
     setup: Setup
     scene: Scene
     section: Section
     start: Start
-    coarse: Outcome | None
 
     @property
     def toes_before(self) -> np.ndarray:
@@ -105,14 +97,12 @@ class DirectEngine(Forward):
     """`inversion.estimation.forward.Forward` by a direct model.
 
     Args:
-        store: keeps the runs that a correction starts from.
         predictor: the model.
         anywhere: answer also far outside what the model has learned from.
     """
 
-    def __init__(self, store: RunStore, predictor: Predictor, *, anywhere: bool = False) -> None:
+    def __init__(self, predictor: Predictor, *, anywhere: bool = False) -> None:
         super().__init__()
-        self.store = store
         self.predictor = predictor
         self.anywhere = anywhere
         self._answers = False  # a question has been within what it knows
@@ -134,12 +124,12 @@ class DirectEngine(Forward):
     def derivative(
         self, request: Request, steps: np.ndarray
     ) -> tuple[Prediction, np.ndarray, np.ndarray]:
-        """Prediction and derivative: exact in strengths, for a model that sees the section alone.
+        """Prediction and derivative: exact in strengths.
 
-        See `inversion.estimation.forward.Forward`; columns of other parameters, and all of a model
-        that corrects, are finite differences.
+        See `inversion.estimation.forward.Forward`; columns of other parameters are finite
+        differences.
         """
-        tangents = None if self.predictor.corrected else _tangents(request)
+        tangents = _tangents(request)
         if tangents is None:
             return super().derivative(request, steps)
         (asked,) = self._asked([request])
@@ -184,18 +174,14 @@ class DirectEngine(Forward):
     def forecast(self, asked: Asked) -> tuple[Forecast, float]:
         """What the model predicts, and the time that took [s]."""
         began = time.perf_counter()
-        forecast = self.predictor.predict(asked.section, asked.start.before, asked.coarse)
+        forecast = self.predictor.predict(asked.section, asked.start.before)
         return forecast, time.perf_counter() - began
 
     def _asked(self, requests: Sequence[Request]) -> list[Asked | Prediction]:
         """What the model sees of each request; a failed prediction where it has no answer."""
-        coarse: list[KeptRun | None] = [None] * len(requests)
-        if self.predictor.corrected:
-            wanted = [(_coarser(one.scene), one.setup.settings) for one in requests]
-            coarse = list(self.store.fetch(wanted))
-        return [self._one(*pair) for pair in zip(requests, coarse, strict=True)]
+        return [self._one(request) for request in requests]
 
-    def _one(self, request: Request, coarse: KeptRun | None) -> Asked | Prediction:
+    def _one(self, request: Request) -> Asked | Prediction:
         setup, scene = request.setup, request.scene
         _check_readable(setup)
         begin = self._start_of(request, scene)
@@ -211,14 +197,7 @@ class DirectEngine(Forward):
                 raise InputError(words)
             return _failed(setup, begin, words)
         self._answers = True
-        start = None
-        if coarse is not None:
-            if coarse.status == "failed":
-                return _failed(setup, begin, f"the run at twice the spacing: {coarse.reason}")
-            start = outcome_of(section, coarse.initial, coarse.final, COARSER * scene.spacing)
-            if start is None:
-                return _failed(setup, begin, "the slide runs farther than the model sees")
-        return Asked(setup, scene, section, begin, start)
+        return Asked(setup, scene, section, begin)
 
     def _start_is_far(self, setup: Setup) -> bool:
         """Whether the model knows nothing like the section where its question starts."""
@@ -287,9 +266,9 @@ def _failed(setup: Setup, begin: Start, reason: str) -> Prediction:
     )
 
 
-def shipped(name: str, store: RunStore) -> DirectEngine:
+def shipped(name: str) -> DirectEngine:
     """The engine of a model that ships under a name."""
-    return DirectEngine(store, _loaded(shipped_folder(MODELS) / name / MODEL_FILE))
+    return DirectEngine(_loaded(shipped_folder(MODELS) / name / MODEL_FILE))
 
 
 @cache
@@ -345,14 +324,6 @@ def _histories(asked: Asked, forecast: Forecast) -> dict[str, Reading]:
         for entry in [*setup.targets.entries, *setup.also_read]
         if entry.needs_history
     }
-
-
-def _coarser(scene: Scene) -> Scene:
-    try:
-        return scene.changed(spacing=COARSER * scene.spacing)
-    except ValidationError as error:
-        reason = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
-        raise InputError(f"{scene.name}: has no run at twice its spacing: {reason}") from None
 
 
 def _tangents(request: Request) -> np.ndarray | None:

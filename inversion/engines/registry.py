@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -107,10 +106,10 @@ def _over_width(folder: Path, setup: Setup, store: RunStore) -> RunStore:
     return store_over_width(folder, setup, store)
 
 
-def _shipped(name: str, store: RunStore) -> Forward:
+def _direct(store: RunStore) -> Forward:
     from inversion.engines.direct_engine import shipped
 
-    return shipped(name, store)
+    return shipped("direct")
 
 
 def _on_the_deposit(entry: Measured) -> bool:
@@ -222,21 +221,7 @@ register_engine(
         description="a learned model that predicts the deposit in one pass",
         short="direct",
         folder="inversion_direct",
-        forward=partial(_shipped, "direct"),
-        effects=False,
-        reads=_on_the_deposit,
-        unseen=_unseen_by_columns,
-        extra="learned",
-    )
-)
-register_engine(
-    Engine(
-        name="corrected",
-        title="solver at twice the spacing, corrected",
-        description="the material point method at twice the spacing with a learned correction",
-        short="corrected",
-        folder="inversion_corrected",
-        forward=partial(_shipped, "corrected"),
+        forward=_direct,
         effects=False,
         reads=_on_the_deposit,
         unseen=_unseen_by_columns,

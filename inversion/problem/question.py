@@ -268,7 +268,7 @@ class Question(Document):
     )
     engine: str | None = Field(
         None,
-        description="what simulates: mpm, gns, direct, corrected or mpm3d; null: inversion.engine "
+        description="what simulates: mpm, gns, direct or mpm3d; null: inversion.engine "
         "of the settings",
     )
     model: str | None = Field(

@@ -23,9 +23,6 @@ FAR, FAR_SHARE = 2.0, 0.1
 WIDE = 0.2
 """Least width of the range of equally good answers in the first line, as a share of the value."""
 
-WITHOUT_STEPS = ("direct", "corrected")
-"""Engines that simulate no slide."""
-
 ALONE = 0.98
 """Component of a direction, of length 1, from which on it belongs to one parameter."""
 
@@ -270,7 +267,7 @@ def toe_words(data: BackAnalysisData) -> list[str]:
     The slide is always simulated by the material point method, whichever engine was used. Where
     that has predicted nothing at the answer, nothing is said.
     """
-    if data.result.engine in WITHOUT_STEPS:
+    if data.result.engine == "direct":
         return []
     known = {m.name: m.predicted for m in data.result.measurements}
     if data.result.surrogate is not None:
@@ -293,7 +290,7 @@ def without_steps(data: BackAnalysisData, simulated: Mapping[str, float]) -> str
         data: of the report.
         simulated: readings of the slide that is drawn, by name.
     """
-    if data.result.engine not in WITHOUT_STEPS:
+    if data.result.engine != "direct":
         return ""
     toes = [
         f"its {toe.name} moves {fixed(simulated[toe.name])} m"

@@ -57,7 +57,7 @@ def test_it_is_an_engine_and_an_unknown_one_is_refused(embankment, formula):
     assert isinstance(FormulaEngine(RunStore(None)), Forward)
     assert chosen_engine(case, "formula", None).engine is formula
     with pytest.raises(
-        InputError, match="no engine 'fem'; there are mpm, gns, mpm3d, direct, corrected, formula"
+        InputError, match="no engine 'fem'; there are mpm, gns, mpm3d, direct, formula"
     ):
         chosen_engine(case, "fem", None)
     with pytest.raises(InputError, match="goes with --engine gns; the engine is formula"):

@@ -27,11 +27,11 @@ NEEDY = {
         "gns direct-train",
         f"invert {CASE} --engine gns --model coarse",
         f"invert {CASE} --engine direct",
-        f"invert {CASE} --set inversion.engine=corrected",
+        f"invert {CASE} --set inversion.engine=direct",
         f"posterior {CASE} --engine direct",
         f"predict {CASE} --residual-strength 20+-2 --engine direct",
         f"predict {CASE} --from-blow-counts --engine direct",
-        f"diagnose {CASE} --engine corrected",
+        f"diagnose {CASE} --engine direct",
         f"diagnose compare {CASE} --engine direct",
     ],
     "posterior": [

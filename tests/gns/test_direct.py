@@ -13,13 +13,12 @@ from flowslide.commands.gns import direct_train
 from geometry.random_scenes.embankment_dam import draw_dam
 from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
-from gns.direct.judge import calibrated, card, coarse_alone, judged
+from gns.direct.judge import calibrated, card, judged, judged_run
 from gns.direct.network import Answer, DirectConfig, DirectModel, features, mirrored
 from gns.direct.predictor import MODEL_FILE, Predictor, both_ways, described, unit_of
 from gns.direct.runs import (
     DAMS_IN_TEN,
-    Ended,
-    PairedRun,
+    SlideRun,
     random_section,
     read_runs,
     simulate_parts,
@@ -35,22 +34,20 @@ SMALL = DirectConfig(widths=(8, 8, 8, 8))
 SHIPPED = sorted(path.parent for path in (ROOT / "models").glob(f"*/{MODEL_FILE}"))
 
 
-def slid(number: int) -> PairedRun:
+def slid(number: int) -> SlideRun:
     """A random dam whose points have moved by a formula: outward with their height."""
-    scene = draw_dam(0, number, 2.0)
-    ended = []
-    for spacing in (2.0, 4.0):
-        from geometry.scenes.fill import fill
+    from geometry.scenes.fill import fill
 
-        initial = fill(scene.changed(spacing=spacing)).position.astype(np.float32)
-        final = initial.copy()
-        weak = np.log10(scene.materials["first_lower"].cohesion_kpa + 1.0)
-        final[:, 0] += (initial[:, 0] - initial[:, 0].mean()) * 0.3 * (2.5 - weak)
-        shares = np.linspace(0.0, 1.0, 40)[:, None, None]
-        frames = initial + shares * (final - initial)  # evenly, all points alike
-        time = np.linspace(0.0, 10.0 - 2.0 * weak, 40)
-        ended.append(Ended(initial, final, 0.1, True, arrivals_of(frames, time, spacing)))
-    return PairedRun(number, scene, *ended)
+    scene = draw_dam(0, number, 2.0)
+    initial = fill(scene).position.astype(np.float32)
+    final = initial.copy()
+    weak = np.log10(scene.materials["first_lower"].cohesion_kpa + 1.0)
+    final[:, 0] += (initial[:, 0] - initial[:, 0].mean()) * 0.3 * (2.5 - weak)
+    shares = np.linspace(0.0, 1.0, 40)[:, None, None]
+    frames = initial + shares * (final - initial)  # evenly, all points alike
+    time = np.linspace(0.0, 10.0 - 2.0 * weak, 40)
+    arrivals = arrivals_of(frames, time, scene.spacing)
+    return SlideRun(number, scene, initial, final, 0.1, True, arrivals)
 
 
 @pytest.fixture(scope="module")
@@ -124,10 +121,9 @@ def test_the_mirror_image_has_mirrored_features():
     for one, toes in ((scene, before), (image, -before[:, ::-1])):
         own = section_of(one)
         seen.append(features([own], toes, torch.as_tensor(own.values)[None]))
-    flipped, toes = mirrored(seen[0], torch.as_tensor(before), corrected=False)
+    flipped = mirrored(seen[0])
     # The ground's height counts from that at the middle, and slopes are one-sided at the ends.
     assert torch.allclose(flipped, seen[1], atol=0.05)
-    assert torch.allclose(toes, torch.tensor([[-2.5, 2.0]], dtype=toes.dtype))
 
 
 def test_columns_know_what_pushes_and_what_holds_them(section):
@@ -178,16 +174,14 @@ def test_a_seam_thinner_than_a_layer_is_as_weak_as_it_is(section):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("corrected", [False, True])
-def test_the_answer_for_the_mirror_image_is_the_mirror_image(samples, corrected):
+def test_the_answer_for_the_mirror_image_is_the_mirror_image(samples):
     torch.manual_seed(2)
-    model = DirectModel(DirectConfig(corrected, SMALL.widths, networks=2)).eval()
+    model = DirectModel(replace(SMALL, networks=2)).eval()
     for parameter in model.parameters():
         torch.nn.init.normal_(parameter, std=0.2)
     with torch.no_grad():
-        seen, start = inputs(samples[:3], corrected=corrected)
-        one = model(seen, start)
-        other = model(*mirrored(seen, start, corrected=corrected))
+        seen = inputs(samples[:3])
+        one, other = model(seen), model(mirrored(seen))
     assert torch.allclose(other.toes, -one.toes.flip(1), atol=1e-5)
     assert torch.allclose(other.toe_scale, one.toe_scale.flip(1), rtol=1e-4)
     assert torch.allclose(other.thickness, one.thickness.flip(1), atol=1e-5)
@@ -250,7 +244,7 @@ def test_the_deposit_keeps_the_volume_and_the_answer_has_its_derivative(section)
         ends = []
         for sign in (1.0, -1.0):
             values = torch.as_tensor(section.values + sign * 1e-5 * tangent[place])
-            answer = double._answer(section, before, None, values, double.model)
+            answer = double._answer(section, before, values, double.model)
             found = (answer.toes[0], answer.thickness[0], answer.log_times[0].exp())
             ends.append([one.detach().numpy() for one in found])
         for slope, unit, above, below in zip(slopes, units, *ends, strict=True):
@@ -316,10 +310,10 @@ def test_networks_that_were_trained_alone_are_those_of_the_model(samples, tmp_pa
     assert not any(map(torch.equal, first[:1], second[:1])), "each has its own beginning"
     for one, other in zip(whole.parameters(), joined.parameters(), strict=True):
         assert torch.equal(one, other)
-    seen, start = inputs(samples[:3], corrected=False)
+    seen = inputs(samples[:3])
     with torch.no_grad():
-        each = [network.both_ways(seen, start).toes for network in joined.networks]
-        assert torch.allclose(joined(seen, start).toes, 0.5 * (each[0] + each[1]), atol=1e-6)
+        each = [network.both_ways(seen).toes for network in joined.networks]
+        assert torch.allclose(joined(seen).toes, 0.5 * (each[0] + each[1]), atol=1e-6)
 
 
 def test_a_toe_that_is_hard_to_tell_still_counts():
@@ -334,32 +328,29 @@ def test_a_toe_that_is_hard_to_tell_still_counts():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("corrected", [False, True])
-def test_training_calibration_and_card(samples, tmp_path, corrected):
+def test_training_calibration_and_card(samples, tmp_path):
     torch.set_num_threads(1)
-    config = DirectConfig(corrected, SMALL.widths, networks=2)
+    config = replace(SMALL, networks=2)
     model = train(samples, tmp_path, config, TrainingPlan(40, 8, warmup=5), lambda line: None)
     predictor = calibrated(model, samples)
     facts = card(predictor, samples, {"steps": 40})
     assert facts["runs"] == {n: sum(one.split == n for one in samples) for n in SPLITS}
     held = [one for one in samples if one.split == "calibration"]
     assert np.mean(judged(predictor, held).covered) >= 0.9  # that is what calibration is
-    fine = [one for one in samples if one.split == "test"]
-    alone = coarse_alone(fine)
-    assert np.all(np.isfinite(alone.runout)) and alone.row()["runs"] == len(fine)
+    unseen = [one for one in samples if one.split == "test"]
+    itself = judged_run(unseen, [one.outcome for one in unseen])
+    assert not itself.runout.any() and itself.row()["runs"] == len(unseen)
     predictor.save(tmp_path / MODEL_FILE)
     kept = Predictor.load(tmp_path / MODEL_FILE)
-    one = fine[0]
-    coarse = one.coarse if corrected else None
-    before = one.fine.toes_before
-    ours, theirs = (p.predict(one.section, before, coarse) for p in (predictor, kept))
+    one = unseen[0]
+    ours, theirs = (p.predict(one.section, one.outcome.toes_before) for p in (predictor, kept))
     assert np.array_equal(ours.toes, theirs.toes)
     assert np.all(ours.toe_interval > 0)
     assert np.array_equal(ours.times, theirs.times) and np.all(np.diff(ours.times) > 0)
     assert np.all(ours.times_within > 1.0)
-    (row,) = [row for name, row in judged(predictor, fine).table().items() if name == "all"]
+    (row,) = [row for name, row in judged(predictor, unseen).table().items() if name == "all"]
     assert row["half-way time, %"] > 0 and row["duration, %"] > 0
-    assert "duration, %" not in alone.row()
+    assert "duration, %" not in itself.row()
 
 
 def test_a_damaged_model_is_refused(tmp_path):
@@ -402,7 +393,7 @@ def test_runs_are_made_in_parts_and_a_part_is_made_once(tmp_path, monkeypatch):
     found = list(read_runs(tmp_path))
     assert [run.number for run in found] == [0, 1, 2, 3]
     assert found[0].scene == draw_dam(config.geometry.seed, 0, 4.0)
-    assert len(found[0].fine.final) > 2 * len(found[0].coarse.final)
+    assert found[0].final.shape == found[0].initial.shape and found[0].seconds > 0.0
     other = load_config(None, ["simulation.duration_s=1.0", "geometry.seed=7"])
     with pytest.raises(InputError, match=r"runs_0000.npz: has runs of other settings"):
         simulate_parts(other, tmp_path, [0, 2], threads=1, tell=lines.append, size=2)
@@ -420,9 +411,8 @@ def test_a_network_that_the_model_has_not_is_refused(tmp_path):
 def test_a_shipped_model_belongs_to_its_card(folder):
     facts, predictor = read_yaml(folder / "card.yaml"), Predictor.load(folder / MODEL_FILE)
     assert facts["weights_sha256"] == file_hash(folder / MODEL_FILE)
-    assert facts["kind"] == folder.name == ("corrected" if predictor.corrected else "direct")
+    assert facts["kind"] == folder.name == "direct"
     assert facts["parameters"] == sum(p.numel() for p in predictor.model.parameters())
     row = facts["accuracy"]["all"]
     assert row["runs"] >= 100 and row["far"] >= 0.4 * row["runs"]
     assert 85.0 <= row["covered, %"] <= 97.0
-    assert row["runout, d"] < facts["solver_at_twice_the_spacing"]["all"]["runout, d"]

@@ -42,10 +42,10 @@ QUICK = [
 ]  # fmt: skip
 
 
-def predictor_near(section, *, corrected: bool = False) -> Predictor:
+def predictor_near(section) -> Predictor:
     """An untrained model that has seen this section, and does not ignore what it is given."""
     torch.manual_seed(1)
-    model = DirectModel(DirectConfig(corrected, (8, 8, 8, 8)))
+    model = DirectModel(DirectConfig((8, 8, 8, 8)))
     for parameter in model.parameters():
         torch.nn.init.normal_(parameter, std=0.15)
     return Predictor(
@@ -59,8 +59,7 @@ def setup(lsfd):
 
 
 def engine_of(setup, **more) -> DirectEngine:
-    near = predictor_near(section_of(setup.scene), corrected=more.pop("corrected", False))
-    return DirectEngine(RunStore(None, threads=1), near, **more)
+    return DirectEngine(predictor_near(section_of(setup.scene)), **more)
 
 
 def test_it_is_an_engine_whose_numbers_are_those_of_the_survey(setup):
@@ -68,7 +67,7 @@ def test_it_is_an_engine_whose_numbers_are_those_of_the_survey(setup):
     assert isinstance(engine, Forward)
     first, second = (setup.at(np.array([s, 30.0])) for s in (10.0, 40.0))
     one, other = engine.predict([first, second])
-    assert engine.runs == 2 and engine.store.computed == 0
+    assert engine.runs == 2
     assert one.values.shape == (len(setup.targets.names),)
     fitted = setup.targets.fitted
     assert np.all(np.isfinite(one.values[fitted])) and not np.array_equal(one.values, other.values)
@@ -90,8 +89,10 @@ def test_results_of_engines_lie_apart_and_say_who_answered():
 def test_a_diagnosis_asks_it_for_nothing_that_it_cannot_read(setup):
     engine = engine_of(setup)
     known = replace(engine_named("direct"), forward=lambda store: engine)
-    model = EngineModel(setup, engine.store, engine=known)
-    assert {entry.type for entry in EngineModel(setup, engine.store)._possible.entries} - set(READ)
+    model = EngineModel(setup, RunStore(None, threads=1), engine=known)
+    assert {
+        entry.type for entry in EngineModel(setup, RunStore(None, threads=1))._possible.entries
+    } - set(READ)
     assert all(entry.type in READ for entry in model._possible.entries)
     state = State(tuple(float(value) for value in setup.parameters.start))
     assert model.propose([state]).shape == (1, len(model._possible.names))
@@ -104,7 +105,7 @@ def test_a_diagnosis_asks_it_for_nothing_that_it_cannot_read(setup):
 def test_a_diagnosis_puts_on_trial_what_it_sees_and_nothing_else(setup):
     engine = engine_of(setup)
     known = replace(engine_named("direct"), forward=lambda store: engine)
-    model = EngineModel(setup, engine.store, engine=known)
+    model = EngineModel(setup, RunStore(None, threads=1), engine=known)
     state = State(tuple(float(value) for value in setup.parameters.start))
     on_trial = [one for one in model.candidates if one.family in ("soil", "water", "strength")]
     assert {"no_water", "drawdown", "lower_layer"} < {one.name for one in on_trial}
@@ -132,20 +133,22 @@ def test_a_diagnosis_does_without_the_second_transfer_that_it_does_not_know(setu
     state = State(tuple(float(value) for value in setup.parameters.start))
     answers = {
         kind: [
-            EngineModel(setup, engine.store, engine=one).simulates(replace(state, numerics=kind))
+            EngineModel(setup, RunStore(None, threads=1), engine=one).simulates(
+                replace(state, numerics=kind)
+            )
             for one in (known, engine_named("mpm"))
         ]
         for kind in ("own", "transfer", "fine")
     }
     assert answers["transfer"] == [False, True] and answers["fine"] == [True, True]
-    base = calibrate(EngineModel(setup, engine.store, engine=known), Options())
+    base = calibrate(EngineModel(setup, RunStore(None, threads=1), engine=known), Options())
     assert np.isfinite(base.fit.total) and not np.any(base.covariance.transfer)
 
 
 def test_a_hypothesis_that_it_refuses_is_no_answer_and_stops_nothing(setup):
     engine = engine_of(setup)
     known = replace(engine_named("direct"), forward=lambda store: engine)
-    model = EngineModel(setup, engine.store, engine=known)
+    model = EngineModel(setup, RunStore(None, threads=1), engine=known)
     state = State(tuple(float(value) for value in setup.parameters.start))
     base_section = section_of(setup.at(np.array(state.values)).scene)
     # All but the base model is far outside its training.
@@ -156,9 +159,9 @@ def test_a_hypothesis_that_it_refuses_is_no_answer_and_stops_nothing(setup):
     assert np.isfinite(base).any() and np.isnan(gone).all()
     assert "from the training" in model.failures[other]
     # Nor is a question answered whose base model is.
-    lost = DirectEngine(engine.store, replace(near, known=near.known + 1.0))
+    lost = DirectEngine(replace(near, known=near.known + 1.0))
     known = replace(known, forward=lambda store: lost)
-    model = EngineModel(setup, engine.store, engine=known)
+    model = EngineModel(setup, RunStore(None, threads=1), engine=known)
     with pytest.raises(InputError, match="from the training"):
         model.predict([state, other])
 
@@ -216,7 +219,7 @@ def test_far_from_the_training_it_answers_only_if_asked(setup):
     assert lost[0].failed and "from the training of the direct model" in lost[0].reason
     assert np.isnan(lost[0].values).all() and not lost[1].failed
     assert np.isnan(engine.error_std(request)).all()
-    bold = DirectEngine(engine.store, engine.predictor, anywhere=True)
+    bold = DirectEngine(engine.predictor, anywhere=True)
     assert np.isfinite(bold.predict([request])[0].values[setup.targets.fitted]).all()
 
 
@@ -301,7 +304,7 @@ def test_runs_of_the_solver_correct_the_answer(lsfd):
     values = np.array([one.value for one in result.answer.parameters])
     truth, alone = (
         engine.predict([case.setup.at(values)])[0].values[0]
-        for engine in (MPMEngine(runs), shipped("direct", runs))
+        for engine in (MPMEngine(runs), shipped("direct"))
     )
     measured = case.setup.targets.measured[0]
     assert abs(truth - measured) < 1.0 < abs(alone - measured), "the model alone is off"
@@ -312,7 +315,7 @@ def test_a_model_in_the_working_directory_is_not_the_one_that_ships(tmp_path, mo
         (tmp_path / folder).mkdir(parents=True)
         (tmp_path / folder / "model.pt").write_text("of somebody else")
     monkeypatch.chdir(tmp_path)
-    assert isinstance(shipped("direct", RunStore(None, threads=1)), DirectEngine)
+    assert isinstance(shipped("direct"), DirectEngine)
 
 
 def test_too_few_runs_to_correct_it_are_refused():
@@ -338,7 +341,9 @@ def test_posterior_and_prediction_have_its_error(lsfd, setup, monkeypatch):
     engine = engine_of(setup)
     monkeypatch.setattr("inversion.engines.direct_engine.shipped", lambda name, store: engine)
     case = load_case(lsfd, load_config(None, QUICK))
-    model = SectionModel(unknowns_of(inversion_case(case)), engine.store, engine_named("direct"))
+    model = SectionModel(
+        unknowns_of(inversion_case(case)), RunStore(None, threads=1), engine_named("direct")
+    )
     middle = np.array([one.at(0.5) for one in model.unknowns], dtype=float)
     asked = model.section.setup(middle).at(middle[: model.section.parameters])
     read = len(model.shown)
@@ -352,17 +357,3 @@ def test_posterior_and_prediction_have_its_error(lsfd, setup, monkeypatch):
     found = predict(engine, there, strengths)
     own = engine.error_std(there.at(np.array([20.0])))
     assert found.samples.std(axis=0) == pytest.approx(own, rel=0.03)
-
-
-@pytest.mark.slow
-def test_a_correction_starts_from_a_run_at_twice_the_spacing(setup):
-    request = setup.at(np.array([25.0, 32.0]))
-    with pytest.raises(InputError, match="has no run at twice its spacing: zones: zone '6'"):
-        engine_of(setup, corrected=True).predict([request])
-    setup = setup.with_scene(setup.scene.changed(spacing=2.0))
-    short = replace(setup, settings=setup.settings.model_copy(update={"duration_s": 2.0}))
-    engine = engine_of(short, corrected=True)
-    (one,) = engine.predict([short.at(np.array([25.0, 32.0]))])
-    assert engine.store.computed == 1 and np.isfinite(one.values[short.targets.fitted]).all()
-    _, derivative, steps = engine.derivative(short.at(np.array([25.0, 32.0])), np.array([2.0, 1.0]))
-    assert np.all(steps == [2.0, 1.0]) and engine.store.computed == 3

@@ -1,4 +1,4 @@
-"""`flowslide gns direct-train`: paired runs -> a direct model, calibrated and judged."""
+"""`flowslide gns direct-train`: runs -> a direct model, calibrated and judged."""
 
 from __future__ import annotations
 
@@ -19,12 +19,7 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("--data", metavar="DIR", help="default: RESULTS/direct/runs")
-    options.add_out(parser, "default: RESULTS/direct/direct, or corrected")
-    parser.add_argument(
-        "--corrected",
-        action="store_true",
-        help="start from the run at twice the spacing and learn the difference to it",
-    )
+    options.add_out(parser, "default: RESULTS/direct/direct")
     parser.add_argument("--steps", type=int, help="default: as the models that ship")
     parser.add_argument(
         "--networks", type=int, metavar="N", default=1, help="whose mean answers; default: 1"
@@ -52,13 +47,11 @@ def run(arguments: argparse.Namespace) -> None:
 
     config = load_config(arguments.config, arguments.overrides)
     base = Path(config.results_folder) / "direct"
-    folder = Path(arguments.out or base / ("corrected" if arguments.corrected else "direct"))
+    folder = Path(arguments.out or base / "direct")
     plan = TrainingPlan()
     if arguments.steps is not None:
         plan = replace(plan, steps=at_least_one("--steps", arguments.steps))
-    size = DirectConfig(
-        arguments.corrected, networks=at_least_one("--networks", arguments.networks)
-    )
+    size = DirectConfig(networks=at_least_one("--networks", arguments.networks))
     alone = arguments.network
     if alone is not None and not 1 <= alone <= size.networks:
         raise InputError(f"--network: {alone}; allowed are 1 to {size.networks} (--networks)")

@@ -1,12 +1,15 @@
-"""What the direct model says of the dams of the case histories, next to the solver.
+"""What learned models say of the dams of the case histories, next to the solver.
 
-    python -m benchmarks.studies.direct_on_dams
+    python -m benchmarks.studies.learned_on_dams                          # the direct model
+    python -m benchmarks.studies.learned_on_dams --simulator models/thrust
 
-No case history was learned from. Part of the page that `benchmarks.studies.direct_models` leaves.
+No case history was learned from. The direct model's tables are part of the page that
+`benchmarks.studies.direct_models` leaves; a stepping simulator runs with the water that it knows.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,19 +17,23 @@ from pathlib import Path
 import numpy as np
 
 import flowslide
+from benchmarks.generated_pages import table
 from geometry.case import load_case
 from geometry.scenes.scene import Scene
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.result import Result
+from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.registry import MPM, engine_named
+from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
+from inversion.engines.trained_model import Model, load_model
 from inversion.estimation.forward import Prediction, Setup
 from inversion.estimation.unknowns import Parameters
 from pipeline.config import load_config
 
 WORDS = (
     "The direct model next to the solver, both at the same strengths: those of the back-analyses, "
-    "and others around them (`python -m benchmarks.studies.direct_on_dams`)."
+    "and others around them (`python -m benchmarks.studies.learned_on_dams`)."
 )
 ANSWERS = (
     "What each finds from the toes alone (`flowslide invert DAM --quick --spacing S --engine "
@@ -39,10 +46,7 @@ ANSWERS = (
 #: Runs that correct an answer.
 PAIRED = 5
 CASES = Path("case_histories")
-HEAD = (
-    "| dam | points, m | strengths, kPa | number | solver, m | direct model, m | off, m |\n"
-    "|---|---|---|---|---|---|---|"
-)
+HEAD = ("dam", "points, m", "strengths, kPa", "number", "solver, m", "model, m", "off, m")
 
 
 @dataclass(frozen=True)
@@ -117,12 +121,21 @@ def compared(asked: Asked, setup: Setup, found: Sequence[list[Prediction]]) -> l
     return rows
 
 
-def lines(asked: Asked) -> list[str]:
+def lines(asked: Asked) -> list[list[str]]:
     """Rows of the table."""
     setup = inversion_case(load_case(CASES / asked.case)).setup
     setup = setup.with_scene(setup.scene.changed(spacing=asked.spacing))
-    rows = compared(asked, setup, both(setup, asked.strengths, RunStore(None)))
-    return [f"| {' | '.join(row)} |" for row in rows]
+    return compared(asked, setup, both(setup, asked.strengths, RunStore(None)))
+
+
+def simulator_lines(asked: Asked, model: Model) -> list[list[str]]:
+    """The same of a stepping simulator."""
+    water = "pore_pressure" if model.simulator.config.thrust else "buoyant"
+    case = load_case(CASES / asked.case, load_config(None, [f"simulation.water={water}"]))
+    setup = inversion_case(case, spacing_m=asked.spacing).setup
+    requests = [setup.at(np.array(values)) for values in asked.strengths]
+    engines = (MPM.forward(RunStore(None)), GNSEngine(RolloutStore(None), model))
+    return compared(asked, setup, [engine.predict(requests) for engine in engines])
 
 
 def both(
@@ -133,9 +146,9 @@ def both(
     return [engine.forward(store).predict(requests) for engine in (MPM, engine_named("direct"))]
 
 
-def table() -> str:
-    """Of all dams."""
-    return "\n".join([HEAD, *(row for asked in DAMS for row in lines(asked))])
+def dams(rows_of: Callable[[Asked], list[list[str]]] = lines) -> str:
+    """Table of all dams."""
+    return table(HEAD, [row for asked in DAMS for row in rows_of(asked)], "lrllrrr")
 
 
 def with_strengths(scene: Scene, materials: tuple[str, ...], strength: dict[str, float]) -> Scene:
@@ -249,5 +262,17 @@ def _strengths(result: Result) -> str:
     return ", ".join(f"{one.value:.1f} ± {one.std_total:.1f}" for one in parameters)
 
 
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--simulator", metavar="DIR", help="a stepping simulator instead")
+    given = parser.parse_args().simulator
+    if given is None:
+        print(f"{dams()}\n\n{answers()}\n\n{variants()}")
+    else:
+        model = load_model(given)
+        print(dams(lambda asked: simulator_lines(asked, model)))
+
+
 if __name__ == "__main__":
-    print(f"{table()}\n\n{answers()}\n\n{variants()}")
+    main()
