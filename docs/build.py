@@ -3,7 +3,8 @@
 Collects the pages in results/site/source: docs/, README.md as the first page, the other Markdown
 files of the root, and an API reference with one page for each room (a folder of a package). The
 generator turns them into results/site/html. Its only configuration is mkdocs.yml, so another
-generator that reads this file needs no change here. Nothing of flowslide is imported.
+generator that reads this file needs no change here. The schemas of the documents come from
+`flowslide schema`; nothing else of flowslide runs.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "results" / "site" / "source"
 HTML = ROOT / "results" / "site" / "html"
+SCHEMAS = ("settings", "result", "posterior", "verdict", "card")
 SHIM = "https://unpkg.com/iframe-worker/shim"
 PACKAGES = (
     "flowslide", "pipeline", "geometry", "mpm_taichi", "gns", "inversion", "diagnosis", "report",
@@ -75,6 +77,11 @@ def collect() -> None:
             (SOURCE / "reference" / f"{room}.md").write_text(text, "utf-8")
             index.append(f"{'  ' * room.count('.') * 2}- [{room}]({room}.md)")
     (SOURCE / "reference" / "index.md").write_text("\n".join(index) + "\n", "utf-8")
+    (SOURCE / "schemas").mkdir()
+    for name in SCHEMAS:
+        command = [sys.executable, "-P", "-m", "flowslide", "schema", name]
+        text = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+        (SOURCE / "schemas" / f"{name}.json").write_text(text, "utf-8")
 
 
 def make_search_local() -> None:

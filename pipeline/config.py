@@ -764,7 +764,7 @@ def describe_error(error: ValidationError, model: type[BaseModel] | None = None)
 
 
 def config_schema() -> dict[str, Any]:
-    """The JSON schema of the configuration, as kept in config/config.schema.json."""
+    """The JSON schema of the configuration."""
     schema = Config.model_json_schema()
     schema["title"] = "flowslide configuration"
     # A file states only what differs from the defaults, so an editor must not ask for all the

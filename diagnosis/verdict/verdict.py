@@ -411,5 +411,5 @@ def save_document(document: StrictDocument, path: str | Path) -> Path:
 
 
 def schema_text() -> str:
-    """The JSON schema of a verdict, as the text of `config/verdict.schema.json`."""
+    """The JSON schema of a verdict, as text."""
     return document_schema(Verdict, "flowslide diagnosis")

