@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 from importlib import import_module
@@ -161,10 +162,17 @@ def test_bash_completes(tmp_path, capsys):
     assert done.stdout.split() == ["explain", "extend"]
 
 
-def test_schemas_are_those_of_the_repository(root, capsys):
+def test_schemas_are_schemas(tmp_path, capsys, monkeypatch):
+    import jsonschema
+
+    monkeypatch.chdir(tmp_path)
     for document, (file, _) in DOCUMENTS.items():
         assert main(["schema", document]) == 0
-        assert capsys.readouterr().out == (root / file).read_text(), f"flowslide schema {document}"
+        told = capsys.readouterr().out
+        jsonschema.Draft202012Validator.check_schema(json.loads(told))
+        assert main(["schema", document, "--write"]) == 0
+        assert (tmp_path / file).read_text() == told
+        capsys.readouterr()
 
 
 def test_version(capsys):

@@ -282,7 +282,7 @@ def test_duration_and_history_are_read_on_arrival_times(setup):
 def test_the_back_analysis_states_its_distance_and_its_error(lsfd, setup, monkeypatch):
     case = inversion_case(load_case(lsfd, load_config(None, QUICK)))
     near = predictor_near(section_of(case.scene))
-    monkeypatch.setattr(with_direct_model, "shipped", lambda name, store: DirectEngine(store, near))
+    monkeypatch.setattr(with_direct_model, "shipped", lambda name: DirectEngine(near))
     result = back_analysis_by(engine_named("direct"), case, RunStore(None), Watch()).run()
     assert result.engine == "direct"
     assert any("from the training of the direct model" in line for line in result.remarks)
@@ -339,7 +339,7 @@ def test_readings_that_it_does_not_know_are_left_out_of_the_waterfall():
 
 def test_posterior_and_prediction_have_its_error(lsfd, setup, monkeypatch):
     engine = engine_of(setup)
-    monkeypatch.setattr("inversion.engines.direct_engine.shipped", lambda name, store: engine)
+    monkeypatch.setattr("inversion.engines.direct_engine.shipped", lambda name: engine)
     case = load_case(lsfd, load_config(None, QUICK))
     model = SectionModel(
         unknowns_of(inversion_case(case)), RunStore(None, threads=1), engine_named("direct")

@@ -31,7 +31,7 @@ def whole():
         ("variants.0.values", {}, "variants.0.values: residual_strength_1 is missing"),
         ("noise.answer_std", {}, "noise.answer_std: residual_strength_1 is missing"),
         ("answer.correlation.matrix", [[1.0]], "answer.correlation: must be 2 by 2"),
-        ("engine", "fem", "engine: 'fem'; allowed are mpm, gns, mpm3d, direct, corrected"),
+        ("engine", "fem", "engine: 'fem'; allowed are mpm, gns, mpm3d, direct"),
         ("classical.0", {}, "classical.0: needs a name and a list of methods"),
         ("classical.0.methods.0.low_kpa", None, "the lower and the upper end: give both or"),
         ("classical.0.methods.0.value_kpa", "much", "numbers or null are wanted, in kPa"),
