@@ -30,8 +30,6 @@ OTHERS = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "CITATION.cff": "CITATION.cff",
-    "models/coarse/worst.png": "models/coarse/worst.png",
-    "models/coarse/training.png": "models/coarse/training.png",
     "models/thrust/worst.png": "models/thrust/worst.png",
 }
 

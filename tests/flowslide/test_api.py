@@ -157,7 +157,7 @@ def test_bad_input_is_one_line():
     with pytest.raises(flowslide.InputError, match="no such folder"):
         flowslide.load_case("nowhere")
     with pytest.raises(flowslide.InputError, match="no model|model"):
-        flowslide.back_analyse(CASE, engine="mpm", model="coarse", spacing_m=COARSE)
+        flowslide.back_analyse(CASE, engine="mpm", model="thrust", spacing_m=COARSE)
 
 
 def test_the_face_has_what_it_names():

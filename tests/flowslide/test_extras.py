@@ -23,9 +23,9 @@ NEEDY = {
     "learned": [
         "gns train --scale coarse",
         "gns evaluate --scale coarse",
-        "gns rollout scene.yaml --model coarse --out out",
+        "gns rollout scene.yaml --model thrust --out out",
         "gns direct-train",
-        f"invert {CASE} --engine gns --model coarse",
+        f"invert {CASE} --engine gns --model thrust",
         f"invert {CASE} --engine direct",
         f"invert {CASE} --set inversion.engine=direct",
         f"posterior {CASE} --engine direct",

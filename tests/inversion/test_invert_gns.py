@@ -220,7 +220,7 @@ def choice(tmp_path: Path, asked: dict, settings: list[str], *line: str | None):
 
 def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "models" / "coarse").mkdir(parents=True)
+    (tmp_path / "models" / "thrust").mkdir(parents=True)
     settings = ["inversion.engine=gns", "inversion.model=here"]
     asked = {"engine": "gns", "model": "there"}
     assert choice(tmp_path / "a", {}, [], None, None).engine.name == "mpm"
@@ -228,14 +228,14 @@ def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypa
     assert choice(tmp_path / "c", asked, settings, None, None).model == Path("there")
     assert choice(tmp_path / "d", asked, settings, "gns", "given").model == Path("given")
     assert choice(tmp_path / "e", asked, settings, "mpm", None).engine.name == "mpm"
-    named = choice(tmp_path / "f", {}, [], "gns", "coarse").model
-    assert named == Path("models") / "coarse"
-    needs = "engine: gns needs a model: .* models/ has coarse, thrust$"
+    named = choice(tmp_path / "f", {}, [], "gns", "thrust").model
+    assert named == Path("models") / "thrust"
+    needs = "engine: gns needs a model: .* models/ has thrust$"
     with pytest.raises(InputError, match=needs):
         choice(tmp_path / "g", {}, [], "gns", None)
     (tmp_path / "models" / "own").mkdir()
     (tmp_path / "models" / "own" / "model.pt").touch()
-    with pytest.raises(InputError, match="models/ has coarse, own, thrust"):
+    with pytest.raises(InputError, match="models/ has own, thrust"):
         choice(tmp_path / "h", {}, [], "gns", None)
     monkeypatch.setattr("pipeline.places.ROOT", tmp_path / "nowhere")
     (tmp_path / "models" / "own" / "model.pt").unlink()
