@@ -32,4 +32,4 @@ def test_names_are_those_here_and_those_shipped(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "models" / "mine").mkdir(parents=True)
     (tmp_path / "models" / "mine" / "model.pt").touch()
-    assert names_of("models", "model.pt") == ["coarse", "mine", "thrust"]
+    assert names_of("models", "model.pt") == ["mine", "thrust"]
