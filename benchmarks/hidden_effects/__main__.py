@@ -1,6 +1,6 @@
 """The benchmark of hidden effects: make it, run it, score it.
 
-python -m benchmarks.hidden_effects plan|make|run|more|score
+python -m benchmarks.hidden_effects plan|make|run|score
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.generated_pages import around, renew, table
-from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS, Part
+from benchmarks.hidden_effects.run import METHOD, VARIANTS, Part
 from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_exit
 from pipeline.config import Config, load_config
-from pipeline.files import content_hash, make_folder, read_json, write_json
+from pipeline.files import content_hash, read_json, write_json
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.step != "score":
         simulation = config.simulation.model_copy(update={"water": _water(arguments)})
         config = config.model_copy(update={"simulation": simulation})
-    steps = {"plan": _plan, "make": _make, "run": _run, "more": _more, "score": _score}
+    steps = {"plan": _plan, "make": _make, "run": _run, "score": _score}
     return steps[arguments.step](arguments, config)
 
 
@@ -48,10 +48,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "step",
-        choices=("plan", "make", "run", "more", "score"),
+        choices=("plan", "make", "run", "score"),
         help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
-        "run: diagnose them; more: diagnose them as they are, with two suggested and with two "
-        "random measurements more; score: open the seals",
+        "run: diagnose them; score: open the seals",
     )
     parser.add_argument(
         "--benchmark",
@@ -69,15 +68,9 @@ def _parser() -> argparse.ArgumentParser:
         help="make, run: the K-th of N shares of the cases, for several jobs; default: 1/1",
     )
     parser.add_argument(
-        "--doubted",
-        action="store_true",
-        help="more: only the cases whose verdict is there and is not adequate",
-    )
-    parser.add_argument(
         "--variants",
         metavar="NAME,...",
-        help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}. more: all (the "
-        f"default), or {SUGGESTED} or {RANDOM} alone",
+        help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}",
     )
     parser.add_argument(
         "--page",
@@ -255,29 +248,6 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
     return 0
 
 
-def _more(arguments: argparse.Namespace, config: Config) -> int:
-    from benchmarks.hidden_effects.making.benchmark import Places
-    from benchmarks.hidden_effects.making.make import sealed_cases
-    from benchmarks.hidden_effects.more import doubted, run_more
-
-    benchmark, laboratory = _workshop(arguments, config)
-    places, part = Places(_out(arguments, config)), part_of(arguments.part)
-    names = [one["name"] for one in sealed_cases(places)]
-    _keep_origin(places.out / JUDGED_BY, _judged_by(places, config), _verdicts(places))
-    names = (doubted(places, names) if arguments.doubted else names)[part.k :: part.n]
-    with Progress(len(names), "diagnosing with more", quiet=arguments.quiet) as progress:
-        run_more(
-            benchmark,
-            places,
-            names,
-            config,
-            laboratory,
-            variants=variants_of(arguments.variants, "all", (SUGGESTED, RANDOM)),
-            on_case=lambda done, _, words: progress.advance(1, words),
-        )
-    return 0
-
-
 def _verdicts(places: Places) -> Iterable[Path]:
     return places.out.glob("verdicts/*/*.json")
 
@@ -292,30 +262,24 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         save_rows,
         shared,
     )
-    from benchmarks.hidden_effects.scoring.page import (
-        SCORE,
-        SPARSE,
-        generated,
-        generated_sparse,
-    )
+    from benchmarks.hidden_effects.scoring.page import SCORE, generated
     from benchmarks.hidden_effects.scoring.score import broken, score
 
     out = _out(arguments, config)
     places = Places(out)
     record = Path(arguments.record) if arguments.record else out / RECORD
-    variants = (*VARIANTS, SUGGESTED, RANDOM)
     fresh = places.sealed.is_file()
-    rows = open_truths(places, variants) if fresh else load_rows(record)
+    rows = open_truths(places, VARIANTS) if fresh else load_rows(record)
     if not rows:
         raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
     benchmark = load_benchmark(arguments.benchmark)
     if benchmark.plan.sources:
         page = None if arguments.page is None else Path(arguments.page)
         return _score_by_codes(rows, benchmark, out, record if fresh else None, page)
-    by_variant = {name: judged(rows, benchmark, name) for name in variants}
+    by_variant = {name: judged(rows, benchmark, name) for name in VARIANTS}
     scores = {name: score(cases) for name, cases in by_variant.items() if cases}
     if arguments.page is not None:
-        _check_page(Path(arguments.page), scores)
+        around(Path(arguments.page), SCORE)
     if fresh:
         save_rows(rows, record)
     write_json(out / "score.json", {name: one.document for name, one in scores.items()})
@@ -324,9 +288,7 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
     print(table(("figure", "measured", "asked"), lines))
     if failed := broken(benchmark.plan.promises, method):
         raise WorkFailed(f"{arguments.benchmark}: not as promised: {'; '.join(failed)}")
-    if arguments.page is not None and SUGGESTED in scores:
-        renew(Path(arguments.page), **{SPARSE: generated_sparse(scores)})
-    elif arguments.page is not None:
+    if arguments.page is not None:
         from benchmarks.hidden_effects.scoring.draw import draw_all
 
         page = Path(arguments.page)
@@ -355,19 +317,14 @@ def _score_by_codes(
     from benchmarks.hidden_effects.scoring.opened import judged, save_rows
     from benchmarks.hidden_effects.scoring.page_by_codes import (
         FOREIGN,
-        MORE,
         draw_all,
         generated,
-        generated_more,
     )
     from pipeline.files import write_json
 
     cases = judged(rows, benchmark, METHOD)
-    with_more = {name: judged(rows, benchmark, name) for name in (SUGGESTED, RANDOM)}
-    with_more = {name: found for name, found in with_more.items() if found}
     if page is not None:
-        for part in (FOREIGN, MORE) if with_more else (FOREIGN,):
-            around(page, part)
+        around(page, FOREIGN)
     if record is not None:
         save_rows(rows, record)
     document = score_by_codes(cases)
@@ -382,29 +339,8 @@ def _score_by_codes(
                  for name, share in document["families"].items()]))  # fmt: skip
     if page is not None:
         draw_all(page.parent.parent / "images" / page.stem, by_code)
-        parts = {FOREIGN: generated(by_code, document, f"../images/{page.stem}")}
-        if with_more:
-            found = {METHOD: cases, **with_more}
-            found = {name: [ByCode(one) for one in some] for name, some in found.items()}
-            parts[MORE] = generated_more(found)
-        renew(page, **parts)
+        renew(page, **{FOREIGN: generated(by_code, document, f"../images/{page.stem}")})
     return 0
-
-
-def _check_page(page: Path, scores: Collection[str]) -> None:
-    """The page can be written, before anything else is.
-
-    Raises:
-        InputError: there is no such page, it has no markers, or a variant that it mentions was
-            never run.
-    """
-    from benchmarks.hidden_effects.scoring.page import SCORE, SPARSE
-
-    if (SUGGESTED in scores) != (RANDOM in scores):
-        missing = RANDOM if SUGGESTED in scores else SUGGESTED
-        raise InputError(f"--page {page}: no case has been judged {missing}; `more` does that")
-    around(page, SPARSE if SUGGESTED in scores else SCORE)
-    make_folder(page.parent)
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ def make(folder: Path, truth_path: Path, *, threads: int | None = None) -> str:
     (deposit,) = Laboratory(Config().simulation, threads=threads).deposits(section, [request])
     if deposit is None:
         raise RuntimeError("the slide failed or did not come to rest")
-    places = surveys.profile_places(section, SURVEY, surveys.toe_of(section, deposit))
+    places = surveys.profile_places(section, surveys.toe_of(section, deposit))
     entries = surveys.with_values(section, SURVEY, places, None)
     stream = Stream(SEED, number_of(section.name))
     factor = np.linalg.cholesky(surveys.covariance_of(entries))

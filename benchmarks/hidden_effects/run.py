@@ -23,8 +23,6 @@ from pipeline.cli import WorkFailed
 from pipeline.config import Config
 from pipeline.files import write_json
 
-#: Variants of a sparse survey with more measurements, see `benchmarks.hidden_effects.more`.
-SUGGESTED, RANDOM = "suggested", "random"
 #: Variant -> options that differ from the method's.
 VARIANTS: dict[str, dict[str, Any]] = {
     METHOD: {},

@@ -174,7 +174,7 @@ def make(number: int, config: Config) -> Record:
     for name, deposit in pair.items():
         toe = surveys.toe_of(section, deposit)
         toes[name] = round(abs(toe - deposit.foot[section.survey.side]), 2)
-        where = surveys.profile_places(section, survey, toe)
+        where = surveys.profile_places(section, toe)
         entries = surveys.with_values(section, survey, where, None)
         lower = np.linalg.cholesky(surveys.covariance_of(entries))
         measured = np.round(surveys.reading(entries, deposit) + lower @ noise[: len(lower)], 3)

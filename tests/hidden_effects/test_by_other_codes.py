@@ -8,27 +8,23 @@ import numpy as np
 import pytest
 
 from benchmarks.generated_pages import around
-from benchmarks.hidden_effects.foreign.differences import correlation_length
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
 from benchmarks.hidden_effects.foreign.slide import source
-from benchmarks.hidden_effects.making import by_other_codes, surveys
+from benchmarks.hidden_effects.making import surveys
 from benchmarks.hidden_effects.making.benchmark import Places, SourcePlan, load_benchmark
 from benchmarks.hidden_effects.making.by_other_codes import plan_by_codes, survey_error
 from benchmarks.hidden_effects.making.make import write_case
 from benchmarks.hidden_effects.making.truth import Made
-from benchmarks.hidden_effects.more import doubted
-from benchmarks.hidden_effects.run import METHOD, SUGGESTED
 from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, score_by_codes
 from benchmarks.hidden_effects.scoring.digest import WindowDigest
-from benchmarks.hidden_effects.scoring.opened import load_rows
-from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated, generated_more
+from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
 from benchmarks.studies.strength_by_verdict import PAGE, Slide, shown, slides, worth
 from diagnosis.question import CodeError, load_diagnosis_question
 from diagnosis.track_record import track_record
-from pipeline.cli import InputError, WorkFailed
-from pipeline.files import read_yaml, write_json, yaml_text
+from pipeline.cli import InputError
+from pipeline.files import read_yaml, yaml_text
 from tests.hidden_effects.judges import digest
 
 FOLDER = "benchmarks/hidden_effects"
@@ -122,30 +118,6 @@ def test_a_place_that_is_levelled_later_has_the_tilt_of_the_old_line(benchmark):
         assert survey_error([Hidden("tilt", 2.0)], [new], entries) == pytest.approx(2.0 * share)
 
 
-def test_a_slide_is_made_again_as_it_was_sealed(monkeypatch):
-    """By the same code, with the same parameters, things, points and spacing."""
-    asked = []
-
-    class Code:
-        def simulate(self, scene, hidden, **how):
-            asked.append((scene, hidden, how))
-            raise WorkFailed("asked")
-
-    monkeypatch.setattr(by_other_codes, "source", lambda name: {"smoothed_particles": Code()}[name])
-    benchmark = load_benchmark(f"{FOLDER}/foreign_fifth.yaml")
-    truths = [row["truth"] for row in load_rows(f"{FOLDER}/foreign_fifth_results.json")]
-    truth = next(one for one in truths if "soil_density" in one["effects"])
-    with pytest.raises(WorkFailed, match="asked"):
-        by_other_codes.slide_again(benchmark, truth)
-    scene, hidden, how = asked[0]
-    section = benchmark.section(truth)
-    assert scene.spacing == pytest.approx(truth["spacing_factor"] * section.scene.spacing, abs=1e-4)
-    assert {one.name: one.entry for one in hidden} == truth["effects"]
-    assert how["seed"] == truth["jitter_seed"]
-    strength = [soil.cohesion_kpa for soil in scene.materials.values() if soil.liquefied]
-    assert strength == [truth["parameters"]["residual_strength"]]
-
-
 def _judged(kind, name, verdict, names, *, families=(), members=(), own=None):
     truth = {"name": "case", "kind": kind, "source": "newton", "lambda": 20.0,
              "effects": {name: {"amplitude": 1.0}} if name else {},
@@ -218,24 +190,6 @@ def test_page_has_every_figure_and_every_case(tmp_path):
         assert path.stat().st_size > 5000
 
 
-def test_more_is_measured_where_something_is_doubted(tmp_path):
-    places = Places(tmp_path)
-    for name, verdict in (("case_1", "adequate"), ("case_2", "suspect")):
-        said = _judged("null", None, verdict, []).judged.digest
-        write_json(places.verdict(name, METHOD), said.model_dump(mode="json"))
-    assert doubted(places, ["case_1", "case_2", "case_3"]) == ["case_2"]
-
-
-def test_the_page_has_what_more_measurements_did():
-    away = _judged("outside", "wave", "identified", ["shaking"], own={"shaking": "physics"})
-    doubted = _judged("outside", "wave", "unknown_effect", [])
-    text = generated_more({METHOD: [away], SUGGESTED: [doubted]})
-    assert text.startswith("1 cases.")
-    before, after = [line for line in text.splitlines() if line.endswith(" of 1 |")]
-    assert before.startswith("| as it is | none |") and before.endswith("1 of 1 |")
-    assert after.startswith("| with two suggested") and after.endswith("0 of 1 |")
-
-
 def test_the_stretch_that_is_stated_is_compared_with_what_fails():
     def one(place, left, begin, end, p, axis="x_m"):
         case = _judged("single", "pool", "adequate", []).judged
@@ -254,13 +208,6 @@ def test_the_stretch_that_is_stated_is_compared_with_what_fails():
     assert found["time"] == {"cases": 0, "precision": None, "recall": None, "f1": None}
     late = one([1.0, 2.0, 4.0], [0.0, 0.0, 5.0], 4.0, 4.0, 0.01, "time_s")
     assert regions([late])["time"]["f1"] == 1.0
-
-
-def test_differences_that_decay_have_their_length():
-    apart = np.repeat(np.arange(0.0, 60.0, 1.0), 5)
-    pairs = list(zip(apart, np.exp(-apart / 12.0), strict=True))
-    assert correlation_length(pairs) == pytest.approx(15.0, abs=4.0)
-    assert correlation_length([(x, 1.0) for x in apart]) is None
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.hidden_effects.foreign.compare import REFINED, runout
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
 from benchmarks.hidden_effects.foreign.loading import Loading, Moment
 from benchmarks.hidden_effects.foreign.slide import SOURCES, Slide, rooms, source
@@ -130,23 +129,3 @@ def test_own_slide_reads_as_the_judge_reads_it():
     longer = source("own").simulate(scene, [Hidden("weak_base", 0.5)], duration_s=40.0, frames=80,
                                     seed=3, threads=1)  # fmt: skip
     assert longer.reading(entries, scene)[section.survey.profile.points] > toe + 3.0
-
-
-def test_slides_of_several_spacings_are_read_alike():
-    """A wedge that thins out over 20 m ends where it is as thin as one asks."""
-    question = next(one for one, _ in REFINED if one.dry)
-    scene = question.scene
-    assert not scene.has_water
-    x = np.arange(scene.foot("left") - 40.0, scene.foot("left") + 60.0, 0.5)
-    height = np.clip(0.25 * (x - scene.foot("left") + 20.0), 0.0, 10.0)
-    y = scene.ground.lowest + 0.25 + 0.5 * np.arange(20)
-    columns, rows = np.meshgrid(x, y)
-    inside = rows < scene.ground.lowest + height
-    points = np.column_stack([columns[inside], rows[inside]])
-    slide = Slide(
-        scene.changed(spacing=0.5), np.zeros(len(points), int), np.array([points, points]),
-        np.array([0.0, 1.0]), at_rest=True,
-    )  # fmt: skip
-    thin, thick = runout(slide, 1.0), runout(slide, 3.0)
-    assert thin == pytest.approx(16.0, abs=1.0)
-    assert thick == pytest.approx(8.0, abs=1.0)

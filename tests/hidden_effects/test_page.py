@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.generated_pages import renew
-from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED, VARIANTS
+from benchmarks.hidden_effects.run import METHOD, VARIANTS
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, Asked
 from benchmarks.hidden_effects.scoring.draw import draw_all
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.opened import shared
-from benchmarks.hidden_effects.scoring.page import SCORE, generated, generated_sparse
+from benchmarks.hidden_effects.scoring.page import SCORE, generated
 from benchmarks.hidden_effects.scoring.score import Judged, score
 from pipeline.cli import InputError
 from tests.hidden_effects.judges import digest, perfect, truths
@@ -110,16 +110,10 @@ def test_pictures_of_few_cases_are_drawn(tmp_path, method):
     assert all(path.is_file() for path in draw_all(tmp_path, score(nulls), nulls))
 
 
-def test_sparse_surveys_are_compared(method):
-    right, wrong = score(judged_by(perfect)), score(judged_by(accuse))
-    text = generated_sparse({METHOD: wrong, SUGGESTED: right, RANDOM: wrong})
-    assert f"| with two suggested measurements | {Share(60, 60).words} |" in text
-
-
 def test_a_page_keeps_what_is_written_by_hand(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- score: begin -->\nold\n<!-- score: end -->\nafter\n")
     renew(page, **{SCORE: "new\n"})
     assert page.read_text() == "before\n<!-- score: begin -->\nnew\n<!-- score: end -->\nafter\n"
-    with pytest.raises(InputError, match="sparse"):
-        renew(page, sparse="new")
+    with pytest.raises(InputError, match="other"):
+        renew(page, other="new")

@@ -46,7 +46,6 @@ def sealed_anew(row, **changes):
 
 def test_the_shipped_records_are_of_their_form(root):
     assert len(load_rows(root / "benchmarks" / "hidden_effects" / "results.json")) == 347
-    assert len(load_rows(root / "benchmarks" / "hidden_effects" / "sparse_results.json")) == 40
 
 
 @pytest.mark.parametrize(
@@ -96,15 +95,6 @@ def test_a_page_that_cannot_be_written_is_reported_before_the_score(
     with pytest.raises(InputError, match=complaint):
         score(root, tmp_path, "--record", str(record), "--page", str(path))
     assert not (tmp_path / "out").exists() and not (tmp_path / "images").exists()
-
-
-def test_a_page_of_sparse_surveys_needs_both_kinds_of_more(root, rows, tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("<!-- sparse: begin -->\n<!-- sparse: end -->\n")
-    rows[0]["verdicts"]["suggested"] = rows[0]["verdicts"]["method"]
-    with pytest.raises(InputError, match="no case has been judged random; `more`"):
-        score(root, tmp_path, "--record", str(kept(rows, tmp_path)), "--page", str(page))
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_section_of_another_benchmark(root, rows):

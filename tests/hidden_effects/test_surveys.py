@@ -51,10 +51,10 @@ def test_values_go_to_their_measurements(name):
 
 def test_the_profile_begins_inside_the_toe():
     section = load_section(FOLDER / "reservoir_dam")
-    places = surveys.profile_places(section, "profile", 40.0)
+    places = surveys.profile_places(section, 40.0)
     assert places[0] == pytest.approx(50.0) and places[-1] == 240.0
     assert np.ptp(np.diff(places)) < 0.02
-    assert len(places) == 20 and len(surveys.profile_places(section, "sparse", 40.0)) == 6
+    assert len(places) == 20
 
 
 @pytest.mark.parametrize(("name", "toe"), [("reservoir_dam", -19.6), ("tailings_dam", 263.8)])
@@ -62,7 +62,7 @@ def test_the_profile_begins_inside_the_toe():
 def test_a_slide_that_leaves_the_domain_is_surveyed_within_it(tmp_path, name, toe, survey):
     """A written case can be read again."""
     section = load_section(FOLDER / name)
-    places = surveys.profile_places(section, survey, toe)
+    places = surveys.profile_places(section, toe)
     margin = 3.0 * section.scene.spacing
     domain = section.scene.domain
     front = places[0] if section.survey.side == "left" else places[-1]

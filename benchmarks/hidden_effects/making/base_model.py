@@ -151,7 +151,7 @@ class BaseModel:
 
     def places(self, survey: str, toe_x: float) -> np.ndarray:
         """Places of the profile (n,) [m] for a deposit that ends near `toe_x` [m]."""
-        return surveys.profile_places(self.section, survey, LATTICE * round(toe_x / LATTICE))
+        return surveys.profile_places(self.section, LATTICE * round(toe_x / LATTICE))
 
     def curve(self, survey: str, toe_x: float) -> Curve:
         """What a survey of a slide that ends near `toe_x` [m] would read along the strength.

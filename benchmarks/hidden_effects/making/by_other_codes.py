@@ -36,7 +36,7 @@ from benchmarks.hidden_effects.making.sight import is_slide
 from benchmarks.hidden_effects.making.truth import Made
 from diagnosis.question import source_errors
 from geometry.scenes.scene import Scene
-from geometry.survey.measured import Deposit, Measured
+from geometry.survey.measured import Measured
 from inversion.estimation.covariance import SourceError, source_covariance
 from pipeline.cli import InputError, WorkFailed
 from pipeline.files import write_json
@@ -210,7 +210,7 @@ def _draw(
     deposit = slide.deposit(scene)
     if not slide.at_rest or not is_slide(section, deposit):
         raise WorkFailed("no flow slide that comes to rest")
-    where = surveys.profile_places(section, planned.survey, surveys.toe_of(section, deposit))
+    where = surveys.profile_places(section, surveys.toe_of(section, deposit))
     entries = surveys.with_values(section, planned.survey, where, None)
     exact = surveys.reading(entries, deposit) + survey_error(hidden, entries)
     lower = np.linalg.cholesky(surveys.covariance_of(entries))
@@ -246,23 +246,6 @@ def _simulated(
         seed=seed, threads=threads,
     )  # fmt: skip
     return scene, slide
-
-
-def slide_again(
-    benchmark: Benchmark, truth: Mapping[str, Any], threads: int | None = None
-) -> Deposit:
-    """The slide of a truth, simulated again by its code."""
-    scene, slide = _simulated(
-        benchmark, truth["source"], benchmark.section(truth),
-        np.array(list(truth["parameters"].values())), hidden_of(truth),
-        truth["spacing_factor"], truth["jitter_seed"], threads,
-    )  # fmt: skip
-    return slide.deposit(scene)
-
-
-def hidden_of(truth: Mapping[str, Any]) -> list[Hidden]:
-    """What was hidden in a truth."""
-    return [Hidden.of(name, entry) for name, entry in truth["effects"].items()]
 
 
 def survey_error(

@@ -1,8 +1,7 @@
 """Survey after a hidden slide, with its errors: the same for every case.
 
-Sets of measurements, each with all of the one before: `sparse` (the toe, and the surface at six
-places), `profile` (at all of its places), `markers` (and displacements of places on the section),
-`history` (and the toe at some times).
+Sets of measurements, each with all of the one before: `profile` (the toe and the surface),
+`markers` (and displacements of places on the section), `history` (and the toe at some times).
 """
 
 from __future__ import annotations
@@ -19,9 +18,7 @@ from geometry.survey.profiles import WHOLE, Profile
 from geometry.survey.registry import measurement_of
 from geometry.survey.toe_runout import toe_runout
 
-SURVEYS = ("sparse", "profile", "markers", "history")
-#: Places of the profile of a sparse survey.
-FEW = 6
+SURVEYS = ("profile", "markers", "history")
 
 #: Standard deviations of the surveys [m].
 PROFILE_STD, TOE_STD, MARKER_STD, HISTORY_STD = 0.5, 1.0, 0.3, 1.0
@@ -46,22 +43,21 @@ def toe_of(section: Section, deposit: Deposit) -> float:
     return foot - way if side == "left" else foot + way
 
 
-def profile_places(section: Section, survey: str, toe_x: float) -> np.ndarray:
+def profile_places(section: Section, toe_x: float) -> np.ndarray:
     """Places of the profile (n,) [m], ascending, for a deposit that ends at `toe_x` [m].
 
     A slide that leaves the section's domain is surveyed within it.
     """
     plan, domain = section.survey.profile, section.scene.domain
-    points = FEW if survey == "sparse" else plan.points
     margin = MARGIN * section.scene.spacing
     first = toe_x + INSIDE * (plan.to_x_m - toe_x)
     first = min(max(first, domain.x_min + margin), domain.x_max - margin)
-    return np.round(np.sort(np.linspace(first, plan.to_x_m, points)), 2)
+    return np.round(np.sort(np.linspace(first, plan.to_x_m, plan.points)), 2)
 
 
 def entries_of(section: Section, survey: str, toe_x: float) -> list[Measured]:
     """The measurements of a survey, without their values (zeros stand for them)."""
-    return with_values(section, survey, profile_places(section, survey, toe_x), None)
+    return with_values(section, survey, profile_places(section, toe_x), None)
 
 
 def with_values(

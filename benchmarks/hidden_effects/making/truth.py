@@ -22,8 +22,6 @@ from benchmarks.hidden_effects.making.plan import Planned
 from benchmarks.hidden_effects.making.seal import SALT, salt_of
 from benchmarks.hidden_effects.making.sections import Section, normal
 from benchmarks.hidden_effects.making.sight import Sight, is_slide
-from geometry.survey.measured import Deposit
-from pipeline.cli import WorkFailed
 from pipeline.random_numbers import Stream, number_of
 
 #: Spacing of the slide over that of the judge, between these; its Courant number.
@@ -208,7 +206,7 @@ class Maker:
         (deposit,) = self.laboratory.deposits(section, [request])
         if deposit is None or not is_slide(section, deposit):
             return None
-        places = surveys.profile_places(section, planned.survey, surveys.toe_of(section, deposit))
+        places = surveys.profile_places(section, surveys.toe_of(section, deposit))
         entries = surveys.with_values(section, planned.survey, places, None)
         try:
             exact = surveys.reading(entries, deposit)
@@ -257,21 +255,3 @@ def slide_request(
         seed=seed,
         courant=COURANT,
     )
-
-
-def slide_of(truth: Mapping[str, Any], section: Section, laboratory: Laboratory) -> Deposit:
-    """The slide of a truth, simulated again.
-
-    Raises:
-        WorkFailed: it cannot be.
-    """
-    request = slide_request(
-        list(truth["parameters"].values()),
-        truth["effects"],
-        truth["spacing_factor"],
-        truth["jitter_seed"],
-    )
-    (deposit,) = laboratory.deposits(section, [request])
-    if deposit is None:
-        raise WorkFailed(f"{truth['name']}: the slide of the truth cannot be simulated again")
-    return deposit

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from benchmarks.generated_pages import table
 from benchmarks.hidden_effects.making.detectability import BINS
-from benchmarks.hidden_effects.run import METHOD, RANDOM, SUGGESTED
+from benchmarks.hidden_effects.run import METHOD
 from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, STRENGTH_FACTOR
 from benchmarks.hidden_effects.scoring.calibration import (
     LEVELS,
@@ -20,8 +20,8 @@ from benchmarks.hidden_effects.scoring.calibration import (
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
 
-SCORE, SPARSE = "score", "sparse"
-"""Names of the generated parts of the page."""
+SCORE = "score"
+"""Name of the generated part of the page."""
 ENDS = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
 """The bins of lambda, in words."""
 NONE_QUOTED = (
@@ -33,12 +33,6 @@ VARIANT_WORDS = {
     "no_model_error": "without the model's own error (C_num)",
     "no_projection": "without projection",
     "tangent_only": "smallest amplitude alone (tangent)",
-}
-
-MORE_WORDS = {
-    METHOD: "as it is",
-    SUGGESTED: "with two suggested measurements",
-    RANDOM: "with two random ones",
 }
 
 
@@ -72,22 +66,6 @@ def generated(
         "### Every miss", _misses(judged),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
-
-
-def generated_sparse(scores: Mapping[str, Score]) -> str:
-    """What two more measurements did to sparse surveys; variant -> its score."""
-    rows = []
-    for variant, named in MORE_WORDS.items():
-        found = scores[variant]
-        whole = [found.bins["named_or_set"], found.bins["wrong_name"], found.bins["right"]]
-        rows.append((named, *(_sum(shares).words for shares in whole)))
-    header = ("survey", "named, or look-alikes in a set of three", "a wrong name alone",
-              "named, look-alikes or not")  # fmt: skip
-    return f"{sum(scores[METHOD].counts.values())} cases.\n\n{table(header, rows)}\n"
-
-
-def _sum(shares: Sequence[Share]) -> Share:
-    return Share(sum(share.hits for share in shares), sum(share.n for share in shares))
 
 
 def _asked(method: Score) -> str:

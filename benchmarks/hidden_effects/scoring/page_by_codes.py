@@ -14,7 +14,7 @@ from benchmarks.generated_pages import table
 from benchmarks.hidden_effects.scoring.by_other_codes import ASKED, ByCode, shares_of
 from benchmarks.hidden_effects.scoring.calibration import calibration
 from benchmarks.hidden_effects.scoring.draw import draw_asked, reliability
-from benchmarks.hidden_effects.scoring.page import MORE_WORDS, calibration_text
+from benchmarks.hidden_effects.scoring.page import calibration_text
 from report.style import (
     AFTER,
     BEFORE,
@@ -25,7 +25,7 @@ from report.style import (
     save_figure,
 )
 
-FOREIGN, MORE = "score", "more"
+FOREIGN = "score"
 KINDS = {"null": "nothing", "single": "one thing", "outside": "a stranger"}
 
 
@@ -56,25 +56,6 @@ def generated(cases: Sequence[ByCode], document: Mapping[str, Any], pictures: st
         "### Every case", _every(document),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
-
-
-def generated_more(by_variant: Mapping[str, Sequence[ByCode]]) -> str:
-    """What two more measurements did, of the cases that all variants have judged.
-
-    Args:
-        by_variant: cases as each of METHOD, SUGGESTED and RANDOM that was run has judged them.
-    """
-    names = [{one.judged.truth["name"] for one in cases} for cases in by_variant.values()]
-    common = set.intersection(*names)
-    rows = []
-    for variant, cases in by_variant.items():
-        found = shares_of([one for one in cases if one.judged.truth["name"] in common])
-        figures = ("nulls_attributed", "right", "right_of_named", "explained_away")
-        rows.append((MORE_WORDS[variant], *(found[name].words for name in figures)))
-    return f"{len(common)} cases.\n\n" + table(
-        ("survey", "nulls to which something is attributed", "right name or family, of all single "
-         "things", "right, when one is given", "strangers explained away"), rows,
-    ) + "\n"  # fmt: skip
 
 
 def draw_all(folder: Path, cases: Sequence[ByCode]) -> list[Path]:
