@@ -1,4 +1,4 @@
-"""The command line: `flowslide COMMAND`, and the same commands as `python -m <package> COMMAND`.
+"""The command line: `flowslide COMMAND`.
 
 In: what was typed. Out: the exit code of the command. The tables below are all there is to know of
 the commands' names; a module of `flowslide.commands` is imported when its command is chosen, and
@@ -124,10 +124,6 @@ SETTINGS = Group(
 )
 
 
-def _schema(document: str) -> Command:
-    return Command("schema", f"print the JSON schema of {document}", {"document": document})
-
-
 COMMANDS: dict[str, dict[str, Command | Group]] = {
     "a case, in the order of the work": {
         "new": NEW,
@@ -154,67 +150,10 @@ COMMANDS: dict[str, dict[str, Command | Group]] = {
 }
 """The commands of `flowslide`, by the headings of its help."""
 
-DOORS: dict[str, tuple[str, dict[str, Command]]] = {
-    "geometry": (
-        "Draw, look at, check and import scenes.",
-        {
-            "sample": SCENES.commands["sample"],
-            "show": SHOW,
-            "check": CHECK,
-            "import": IMPORT,
-        },
-    ),
-    "mpm_taichi": (
-        "Simulate scenes by the material point method, look at the results.",
-        {
-            "run": SCENES.commands["simulate"],
-            "case": SIMULATE,
-            "show": RUNS.commands["show"],
-            "export": RUNS.commands["export"],
-            "status": RUNS.commands["status"],
-            "effects": EFFECTS,
-        },
-    ),
-    "gns": (
-        "Learn from simulated slides, and simulate by what was learned.",
-        {**GNS.commands, "schema": _schema("card")},
-    ),
-    "inversion": (
-        "Find the residual strength of liquefied soil from how far it ran.",
-        {
-            "invert": INVERT,
-            "posterior": POSTERIOR,
-            "predict": PREDICT,
-            "show": REPORT,
-            "classical": CLASSICAL,
-            "new": NEW,
-            "catalogue": CATALOGUE,
-            "schema": _schema("result"),
-        },
-    ),
-    "diagnosis": (
-        "Find where a model disagrees with the measurements, and which physical effect it lacks.",
-        {**DIAGNOSE.commands, "schema": _schema("verdict")},
-    ),
-    "pipeline": (
-        "The configuration: check it, print its schema.",
-        {**SETTINGS.commands, "schema": _schema("settings")},
-    ),
-}
-"""Commands of `python -m <package>`: what a package is for, and its commands by name."""
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `flowslide`; the exit code, 0 for success."""
     return _run(build_parser(), _with_default(sys.argv[1:] if argv is None else list(argv)))
-
-
-def package_main(package: str, argv: Sequence[str] | None = None) -> int:
-    """Run `python -m <package>`; the exit code, 0 for success."""
-    description, commands = DOORS[package]
-    parser = CommandParser(prog=f"python -m {package}", description=description)
-    _add(parser, commands)
-    return _run(parser, argv)
 
 
 def build_parser() -> CommandParser:

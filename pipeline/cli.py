@@ -1,6 +1,6 @@
 """Command lines: one way to parse, one way to fail.
 
-Every `python -m <package>` ends with 0, with 1 when the work failed, or with 2 when the input was
+Every command ends with 0, with 1 when the work failed, or with 2 when the input was
 wrong; in the last case one line names the file, the field, the value and what is allowed.
 """
 
@@ -49,7 +49,7 @@ class CommandParser(argparse.ArgumentParser):
 
 
 def base_parser(prog: str, description: str) -> CommandParser:
-    """A parser for `prog`, for instance "python -m geometry"; add sub-commands or options to it."""
+    """A parser for `prog`, for instance "python -m benchmarks.gpu"; add options to it."""
     return CommandParser(prog=prog, description=description)
 
 

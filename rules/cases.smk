@@ -67,7 +67,7 @@ rule simulate_case:
     message:
         "Simulating the case history {wildcards.case}"
     shell:
-        "python -m mpm_taichi case {params.case:q} --film mp4 --out {params.folder:q} --config {params.config:q}"
+        "python -m flowslide simulate {params.case:q} --film mp4 --out {params.folder:q} --config {params.config:q}"
         " --threads {threads} > {output.summary:q} 2> {log:q}"
 
 

@@ -52,7 +52,7 @@ rule diagnose_case:
     message:
         "Which effect is missing in the model of the case history {wildcards.case}"
     shell:
-        "python -m diagnosis run {params.case:q} --out {params.folder:q} --config {params.config:q}"
+        "python -m flowslide diagnose run {params.case:q} --out {params.folder:q} --config {params.config:q}"
         " --threads {threads} > {output.summary:q} 2> {log:q}"
 
 

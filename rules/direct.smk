@@ -41,7 +41,7 @@ rule simulate_direct:
     message:
         "Simulating part {wildcards.part} of the runs for the direct model"
     shell:
-        "python -m gns direct-runs --parts {params.number}-{params.number} --out {params.folder:q}"
+        "python -m flowslide gns direct-runs --parts {params.number}-{params.number} --out {params.folder:q}"
         " --config {params.config:q} --threads {threads} > {log:q} 2>&1"
 
 
@@ -68,7 +68,7 @@ rule train_direct_network:
     message:
         "Learning network {wildcards.network} of the model without steps"
     shell:
-        "python -m gns direct-train --networks {params.networks} --network {wildcards.network}"
+        "python -m flowslide gns direct-train --networks {params.networks} --network {wildcards.network}"
         " --data {params.data:q} --out {params.folder:q} --config {params.config:q} --threads {threads}"
         " > {log:q} 2>&1"
 
@@ -98,5 +98,5 @@ rule judge_direct_model:
     message:
         "Calibrating and judging the model without steps"
     shell:
-        "python -m gns direct-train --networks {params.networks} --data {params.data:q} --out {params.folder:q}"
+        "python -m flowslide gns direct-train --networks {params.networks} --data {params.data:q} --out {params.folder:q}"
         " --config {params.config:q} --threads {threads} > {output.table:q} 2> {log:q}"

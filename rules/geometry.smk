@@ -33,7 +33,7 @@ rule sample_scenes:
     message:
         "Drawing scenes {params.indices} of the scale {wildcards.scale}"
     shell:
-        "python -m geometry sample --scale {wildcards.scale} --indices {params.indices}"
+        "python -m flowslide scenes sample --scale {wildcards.scale} --indices {params.indices}"
         " --out {params.folder:q} --config {params.config:q} > {output:q} 2> {log:q}"
 
 
@@ -61,7 +61,7 @@ rule draw_gallery:
     message:
         "Drawing a gallery of the scale {wildcards.scale}"
     shell:
-        "(cat {input:q} > {output.draws:q} && python -m geometry show --scale {wildcards.scale}"
+        "(cat {input:q} > {output.draws:q} && python -m flowslide show --scale {wildcards.scale}"
         " --out {output.picture:q} --config {params.config:q}) > {log:q} 2>&1"
 
 

@@ -29,7 +29,7 @@ rule pack_trajectories:
     message:
         "Packing the runs of the scale {wildcards.scale}"
     shell:
-        "python -m gns pack {input.trajectories:q} --scale {wildcards.scale} --out {params.folder:q}"
+        "python -m flowslide gns pack {input.trajectories:q} --scale {wildcards.scale} --out {params.folder:q}"
         " --leave-out {input.failed:q} --config {params.config:q} > {log:q} 2>&1"
 
 
@@ -66,7 +66,7 @@ rule train_model:
     shell:
         "if [ {resources.gpu} -gt 0 ]; then how='--device cuda --processes {resources.gpu}';"
         " else how='--device cpu --joint-batch --processes {threads} --threads 1'; fi;"
-        " python -m gns train --scale {wildcards.scale} --data {params.data:q} --out {params.folder:q}"
+        " python -m flowslide gns train --scale {wildcards.scale} --data {params.data:q} --out {params.folder:q}"
         " --start-over $how --config {params.config:q} > {output:q} 2> {log:q}"
 
 
@@ -107,7 +107,7 @@ rule evaluate_model:
     message:
         "Judging the model of the scale {wildcards.scale} on held-out runs"
     shell:
-        "python -m gns evaluate --scale {wildcards.scale} --data {params.data:q}"
+        "python -m flowslide gns evaluate --scale {wildcards.scale} --data {params.data:q}"
         " --model {params.folder:q} --mpm {input.runs:q} --threads {threads}"
         " --config {params.config:q} > {output.summary:q} 2> {log:q}"
 

@@ -43,7 +43,7 @@ rule classical_case:
     message:
         "Kinetics, ZIF and IMM on the case history {wildcards.case}"
     shell:
-        "python -m inversion classical {params.case:q} --out {params.folder:q} > {output.summary:q} 2> {log:q}"
+        "python -m flowslide classical {params.case:q} --out {params.folder:q} > {output.summary:q} 2> {log:q}"
 
 
 # A job that is killed leaves its simulations in inversion/runs, which is not an output, so that the next try
@@ -85,7 +85,7 @@ rule invert_case:
     message:
         "Back-analysis of the case history {wildcards.case}"
     shell:
-        "python -m inversion invert {params.case:q} --engine mpm --out {params.folder:q}"
+        "python -m flowslide invert {params.case:q} --engine mpm --out {params.folder:q}"
         " --config {params.config:q} --threads {threads} > {output.summary:q} 2> {log:q}"
 
 
@@ -148,7 +148,7 @@ rule invert_case_gns:
     message:
         "Back-analysis of the case history {wildcards.case} by a learned simulator"
     shell:
-        "python -m inversion invert {params.case:q} --engine gns --model {params.model:q}"
+        "python -m flowslide invert {params.case:q} --engine gns --model {params.model:q}"
         " --out {params.folder:q} --config {params.config:q} --threads {threads} --quick"
         " --set inversion.outside_training=true"
         " > {output.summary:q} 2> {log:q}"
@@ -190,7 +190,7 @@ rule posterior_case:
     message:
         "Posterior of the case history {wildcards.case}"
     shell:
-        "python -m inversion posterior {params.case:q} --out {params.folder:q}"
+        "python -m flowslide posterior {params.case:q} --out {params.folder:q}"
         " --config {params.config:q} --threads {threads} > {output.summary:q} 2> {log:q}"
 
 

@@ -32,7 +32,7 @@ rule simulate_batch:
     message:
         "Simulating runs {params.indices} of the scale {wildcards.scale} on the {params.device}"
     shell:
-        "python -m mpm_taichi run --scale {wildcards.scale} --batch {wildcards.batch}"
+        "python -m flowslide scenes simulate --scale {wildcards.scale} --batch {wildcards.batch}"
         " --scenes {params.scenes:q} --out {params.folder:q} --config {params.config:q}"
         " --device {params.device} --threads {threads} > {log:q} 2>&1"
 
@@ -68,7 +68,7 @@ rule list_runs:
     message:
         "Listing the runs of the scale {wildcards.scale} and those that failed"
     shell:
-        "(python -m mpm_taichi status {input:q} --csv {output.table:q}"
+        "(python -m flowslide runs status {input:q} --csv {output.table:q}"
         " && python {params.script:q} {output.table:q} --name {wildcards.scale}"
         " --failed {output.failed:q} --picture {output.picture:q} --page {output.page:q}) > {log:q} 2>&1"
 

@@ -114,8 +114,6 @@ def loaded_with(path: Path, seen: set[Path] | None = None) -> set[str]:
 @pytest.mark.parametrize("path", FILES, ids=relative)
 def test_imports_go_to_the_left(path):
     package = path.relative_to(ROOT).parts[0]
-    if path.name == "__main__.py":
-        return  # a door: it hands the command line to flowslide.commands
     for module, node in imports(tree_of(path), package=package):
         if top(module) in ALLOWED and top(module) != package:
             assert top(module) in ALLOWED[package], (

@@ -1,6 +1,6 @@
 """Classical methods on the same section.
 
-Kinetics, ZIF and IMM by `python -m inversion classical`, each with the range over its judgement
+Kinetics, ZIF and IMM by `flowslide classical`, each with the range over its judgement
 calls: on the section of the paper at Lower San Fernando with its pool, compared with figures found
 independently beforehand on the same section (buoyant, 53 m) and published ones; on the published
 section, whose core and rolled fill have undrained strengths; and at La Marquesa. The differences
@@ -37,7 +37,7 @@ def run(folder: Path | None, *, quick: bool) -> list[Figure]:
         case = with_pool(lab.CASES / name) if name == lab.PAPER else lab.CASES / name
         out = lab.FOLDER / "classical" / name
         subprocess.run(
-            [sys.executable, "-m", "inversion", "classical", str(case), "--out",
+            [sys.executable, "-m", "flowslide", "classical", str(case), "--out",
              str(out)],
             cwd=lab.ROOT, check=True, stdout=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
         )  # fmt: skip

@@ -12,8 +12,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagnosis.__main__ import main as diagnose
 from diagnosis.verdict.verdict import FILE_NAME
+from flowslide.command_line import main as flowslide
 from pipeline.cli import base_parser, main_exit
 from report.charts.confounding import draw_confounding
 from report.charts.effects import draw_effects
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=OUT, help=f"default: {OUT}")
     arguments: argparse.Namespace = parser.parse_args(argv)
     if not (arguments.folder / FILE_NAME).is_file():
-        diagnose(["run", str(CASE), "--out", str(arguments.folder), "--page", "no"])
+        flowslide(["diagnose", "run", str(CASE), "--out", str(arguments.folder), "--page", "no"])
     data = load_diagnosis(arguments.folder)
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name, draw in DRAWN.items():

@@ -3,7 +3,7 @@
 Water drains from liquefied soil and its grains settle into contact again. Here the regain is one
 exponential in time. Use it with
 
-    python -m mpm_taichi case FOLDER --effects docs/examples/my_effect.py ...
+    flowslide simulate FOLDER --effects docs/examples/my_effect.py ...
 
 and in the scene
 

@@ -17,7 +17,6 @@ import pytest
 
 from benchmarks.hidden_effects.example import write_survey
 from benchmarks.hidden_effects.making.sections import load_section
-from diagnosis.__main__ import main
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.hypothesis_file import load_hypothesis
 from diagnosis.verdict.fitted_models import kept_step
@@ -25,6 +24,7 @@ from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, load_ver
 from geometry.case import load_case
 from inversion.problem.state import state
 from pipeline.cli import InputError
+from tests.commands import diagnose as main
 
 pytestmark = pytest.mark.slow
 
@@ -201,7 +201,16 @@ def test_suggest(folder, out, verdict_text, capsys):
 
 
 def test_a_killed_run_goes_on_and_gives_the_same_bytes(folder, tmp_path, verdict_text):
-    command = [sys.executable, "-m", "diagnosis", "run", str(folder), "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "flowslide",
+        "diagnose",
+        "run",
+        str(folder),
+        "--out",
+        str(tmp_path),
+    ]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
     process = subprocess.Popen([*command, *QUICK], env=environment, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 60.0
@@ -249,9 +258,9 @@ def test_bad_input_is_one_line(folder, tmp_path, arguments, complaint):
 
 
 def test_the_commands_end_as_they_should(run_module, tmp_path):
-    done = run_module("diagnosis", "run", tmp_path / "nowhere")
+    done = run_module("flowslide", "diagnose", "run", tmp_path / "nowhere")
     assert done.returncode == 2 and done.stderr.count("\n") == 1
-    listed = run_module("diagnosis", "--help")
+    listed = run_module("flowslide", "diagnose", "--help")
     for name in ("run", "compare", "explain", "extend", "track", "suggest"):
         assert name in listed.stdout
 

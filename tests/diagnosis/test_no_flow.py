@@ -10,11 +10,11 @@ import yaml
 
 from benchmarks.hidden_effects.example import write_survey
 from benchmarks.hidden_effects.making.sections import load_section
-from diagnosis.__main__ import main
 from diagnosis.case import diagnosis_case
 from diagnosis.verdict.verdict import load_verdict
 from geometry.case import load_case
 from inversion.problem.state import state
+from tests.commands import diagnose as main
 from tests.diagnosis.test_commands import ASKED, HIDDEN, QUICK
 
 LIMIT = 1.0

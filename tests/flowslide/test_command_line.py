@@ -13,12 +13,10 @@ import pytest
 
 from flowslide.command_line import (
     COMMANDS,
-    DOORS,
     Group,
     build_parser,
     leaves,
     main,
-    package_main,
 )
 from flowslide.commands import options
 from flowslide.commands.schema import DOCUMENTS
@@ -38,16 +36,6 @@ def test_every_command_has_its_help(words, capsys):
     module = import_module(f"flowslide.commands.{LEAVES[words].module}")
     assert " ".join(module.DESCRIPTION.split())[:40] in " ".join(said.split())
     assert LEAVES[words].help[0].islower() or LEAVES[words].help.startswith("S_r")
-
-
-@pytest.mark.parametrize(
-    ("package", "name"), [(package, name) for package in DOORS for name in DOORS[package][1]]
-)
-def test_packages_have_the_same_commands_under_the_names_typed(package, name, capsys):
-    with pytest.raises(SystemExit) as end:
-        package_main(package, [name, "--help"])
-    assert end.value.code == 0
-    assert capsys.readouterr().out.startswith(f"usage: python -m {package} {name} ")
 
 
 def test_every_option_and_argument_is_explained():

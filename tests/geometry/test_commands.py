@@ -1,18 +1,28 @@
-"""`python -m geometry` as a user meets it: files, resuming, pictures, one-line errors."""
+"""`flowslide scenes`, `check`, `show` as a user meets them: files, resuming, one-line errors."""
 
 from __future__ import annotations
 
 import pytest
 
+from flowslide.command_line import main
 from flowslide.commands.runs.sample import parse_indices
 from geometry import draw_scene, load_scene
-from geometry.__main__ import main
 from pipeline.cli import InputError
 
 
 def test_sample_writes_resumes_and_repairs(tmp_path, capsys, config):
     out = tmp_path / "scenes"
-    command = ["sample", "--scale", "small", "--indices", "0-4,7", "--out", str(out), "--quiet"]
+    command = [
+        "scenes",
+        "sample",
+        "--scale",
+        "small",
+        "--indices",
+        "0-4,7",
+        "--out",
+        str(out),
+        "--quiet",
+    ]
     main(command)
     assert "6 scenes" in capsys.readouterr().out
     names = [path.name for path in sorted(out.iterdir())]
@@ -37,13 +47,24 @@ def test_sample_writes_resumes_and_repairs(tmp_path, capsys, config):
 def test_sample_tries_its_folder_before_the_first_scene(tmp_path, capsys):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="file: cannot be written: File exists"):
-        main(["sample", "--scale", "coarse", "--indices", "0", "--out", str(tmp_path / "file")])
+        main(
+            [
+                "scenes",
+                "sample",
+                "--scale",
+                "coarse",
+                "--indices",
+                "0",
+                "--out",
+                str(tmp_path / "file"),
+            ]
+        )
     assert capsys.readouterr().err == ""
 
 
 def test_sample_follows_the_settings(tmp_path, capsys):
     out = str(tmp_path / "scenes")
-    command = ["sample", "--scale", "large", "--indices", "0-1", "--out", out, "--quiet"]
+    command = ["scenes", "sample", "--scale", "large", "--indices", "0-1", "--out", out, "--quiet"]
     main(command)
     main([*command, "--set", "geometry.seed=5"])
     assert "2 written, 0 already there" in capsys.readouterr().out.splitlines()[-1]
@@ -54,7 +75,7 @@ def test_check(tmp_path, capsys, case_folder):
     out = capsys.readouterr().out
     assert "lower_san_fernando" in out and "6242" in out and "99.92 %" in out
     folder = str(tmp_path / "scenes")
-    main(["sample", "--scale", "large", "--indices", "0-9", "--out", folder, "--quiet"])
+    main(["scenes", "sample", "--scale", "large", "--indices", "0-9", "--out", folder, "--quiet"])
     main(["check", folder, "--quiet"])
     assert "10 valid" in capsys.readouterr().out
 
@@ -86,10 +107,16 @@ def test_indices():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["sample", "--scale", "huge", "--out", "x"], "scale 'huge' is unknown: allowed are large"),
-        (["sample", "--scale", "large", "--indices", "2500", "--out", "x"], "scenes 0 to 2499"),
         (
-            ["sample", "--scale", "large", "--out", "x", "--set", "geometry.sed=1"],
+            ["scenes", "sample", "--scale", "huge", "--out", "x"],
+            "scale 'huge' is unknown: allowed are large",
+        ),
+        (
+            ["scenes", "sample", "--scale", "large", "--indices", "2500", "--out", "x"],
+            "scenes 0 to 2499",
+        ),
+        (
+            ["scenes", "sample", "--scale", "large", "--out", "x", "--set", "geometry.sed=1"],
             "did you mean seed",
         ),
         (["check", "none.yaml"], "none.yaml: no such file"),
@@ -114,7 +141,7 @@ def test_bad_scene_ends_with_one_line_and_code_2(run_module, tmp_path, case_fold
     text = (case_folder / "scene.yaml").read_text()
     bad = tmp_path / "bad.yaml"
     bad.write_text(text.replace("cohesion_kpa: 21.5", "cohesion_kpa: -21.5"))
-    done = run_module("geometry", "check", case_folder, bad)
+    done = run_module("flowslide", "check", case_folder, bad)
     assert done.returncode == 2
     assert done.stderr == (
         f"error: {bad}: materials.liquefied_hydraulic_fill.cohesion_kpa: "
@@ -123,6 +150,6 @@ def test_bad_scene_ends_with_one_line_and_code_2(run_module, tmp_path, case_fold
 
 
 def test_unknown_option_ends_with_code_2(run_module):
-    done = run_module("geometry", "sample", "--scales", "large")
+    done = run_module("flowslide", "scenes", "sample", "--scales", "large")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1

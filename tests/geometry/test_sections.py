@@ -261,7 +261,7 @@ def test_two_values_for_one_material(tmp_path):
 def test_command(dam, tmp_path, run_module):
     as_csv(dam, tmp_path / "dam.csv")
     out = tmp_path / "scene.yaml"
-    done = run_module("geometry", "import", tmp_path / "dam.csv", "--out", out)
+    done = run_module("flowslide", "import", tmp_path / "dam.csv", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "7 zones, 6242 points" in done.stdout
     check_same(load_scene(out), dam)

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gns.__main__ import main
 from gns.data.dataset import Windows
 from gns.data.scene_facts import start_of
 from gns.data.scene_features import NAMES, SideView, side_view, sliding_block
@@ -27,6 +26,7 @@ from gns.evaluation.baselines import (
 )
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
+from tests.commands import gns as main
 from tests.mpm_taichi.ballistic import make_scene
 
 SETTINGS = SimulationSettings()

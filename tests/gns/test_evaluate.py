@@ -13,7 +13,6 @@ import pytest
 import torch
 
 from geometry.scenes.scene import save_scene
-from gns.__main__ import main
 from gns.data.dataset import Windows
 from gns.data.distance import described
 from gns.evaluation.card import accuracy, known_failures, read_card, schema_text
@@ -26,6 +25,7 @@ from gns.training.train import train
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import TrainSettings
 from pipeline.files import read_yaml
+from tests.commands import gns as main
 from tests.gns.scenes import small_scene
 
 SETTINGS = TrainSettings(

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gns.__main__ import main
 from gns.data.dataset import Windows
 from gns.data.geoelements import ground_points, write_geoelements
 from gns.data.metadata import read_metadata
@@ -18,6 +17,7 @@ from gns.data.pack import plan_packing
 from gns.data.scene_facts import start_of
 from pipeline.cli import InputError
 from pipeline.config import PackSettings, SimulationSettings
+from tests.commands import gns as main
 from tests.gns.conftest import SETTINGS
 from tests.gns.runs import write_batch
 from tests.mpm_taichi.ballistic import make_scene

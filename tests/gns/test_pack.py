@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import gns
-from gns.__main__ import main
 from gns.data.metadata import read_metadata
 from gns.data.pack import pack, plan_packing
 from gns.data.scene_facts import NUMBERS, PROPERTIES, start_of
@@ -24,6 +23,7 @@ from gns.training.train import simulator_config
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import PackSettings, SimulationSettings, TrainSettings
+from tests.commands import gns as main
 from tests.gns.conftest import SETTINGS
 from tests.gns.runs import scene_of, write_batch
 
@@ -277,7 +277,7 @@ def test_a_wrong_trajectory_is_one_line(change, message, tmp_path):
 def test_a_truncated_file_is_one_line(tmp_path, run_module):
     batch = write_batch(tmp_path / "batch_000.h5", range(6))
     batch.write_bytes(batch.read_bytes()[: batch.stat().st_size // 2])
-    done = run_module("gns", "pack", batch, "--out", tmp_path / "out")
+    done = run_module("flowslide", "gns", "pack", batch, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr.startswith(f"error: {batch}: cannot be read, damaged")
     assert len(done.stderr.splitlines()) == 1
@@ -370,8 +370,8 @@ def test_a_list_that_is_no_list(tmp_path):
 def test_the_command_says_what_there_is(batches, tmp_path, run_module):
     (tmp_path / "failed.txt").write_text("3\tcoarse_00003, seed 3, at 1 s: bad\n")
     done = run_module(
-        "gns", "pack", *batches, "--out", tmp_path / "out", "--leave-out", tmp_path / "failed.txt",
-        "--scale", "coarse", "--quiet",
+        "flowslide", "gns", "pack", *batches, "--out", tmp_path / "out",
+        "--leave-out", tmp_path / "failed.txt", "--scale", "coarse", "--quiet",
     )  # fmt: skip
     assert done.returncode == 0 and done.stderr == ""
     assert "left out: run 3: coarse_00003, seed 3, at 1 s: bad" in done.stdout

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from gns.__main__ import main
 from gns.data.metadata import read_metadata
 from gns.data.shard import Shard
 from pipeline.cli import InputError
 from report.pictures import packed_data
+from tests.commands import gns as main
 
 
 def test_a_run(packed, tmp_path, capsys):

@@ -447,7 +447,7 @@ def command(packed, folder, *more: str) -> list[str]:
     for name, value in SETTINGS.model_dump(mode="json").items():
         options += ["--set", f"gns.train.{name}={json.dumps(value)}"]
     places = ["--data", str(packed), "--out", str(folder), "--threads", "1"]
-    return ["gns", "train", *places, *options, *more]
+    return ["flowslide", "gns", "train", *places, *options, *more]
 
 
 def start(arguments: list[str], root) -> subprocess.Popen:
@@ -702,7 +702,7 @@ def test_weeks_without_a_gpu_have_to_be_meant(monkeypatch):
     ],
 )
 def test_wrong_input_is_one_line(arguments, message, capsys):
-    from gns.__main__ import main
+    from tests.commands import gns as main
 
     with pytest.raises(InputError, match=message):
         main(["train", *arguments])

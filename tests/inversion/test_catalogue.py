@@ -8,8 +8,8 @@ import shutil
 import numpy as np
 import pytest
 
+from flowslide.command_line import main
 from geometry.scenes.scene import load_scene
-from inversion.__main__ import main
 from inversion.catalogue.catalogue import (
     FOLDER,
     OurAnswer,

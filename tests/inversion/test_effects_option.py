@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from inversion.__main__ import main
+from flowslide.command_line import main
 from mpm_taichi.effects.framework import registry
 from pipeline.cli import InputError
 

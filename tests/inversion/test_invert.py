@@ -196,14 +196,14 @@ def test_a_damaged_run_is_computed_again(solved, tmp_path):
     ],
 )
 def test_bad_input_is_a_line_and_exit_2(lsfd, run_module, more, message):
-    done = run_module("inversion", "invert", lsfd, *more)
+    done = run_module("flowslide", "invert", lsfd, *more)
     assert done.returncode == 2, done.stderr
     assert message in done.stderr and "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 
 def test_no_such_case(run_module, tmp_path):
-    done = run_module("inversion", "invert", tmp_path / "nothing")
+    done = run_module("flowslide", "invert", tmp_path / "nothing")
     assert done.returncode == 2 and "no such folder; a case has scene.yaml" in done.stderr
 
 
@@ -212,7 +212,7 @@ def test_work_that_fails_is_exit_1(lsfd, run_module):
     path = lsfd / "inversion.yaml"
     path.write_text(path.read_text().replace("start: 30, low: 5, high: 90",
                                              "start: 900, low: 700, high: 990"))  # fmt: skip
-    done = run_module("inversion", "invert", lsfd, "--quick", "--quiet", "--out", lsfd / "out")
+    done = run_module("flowslide", "invert", lsfd, "--quick", "--quiet", "--out", lsfd / "out")
     assert done.returncode == 1, done.stderr
     assert "nothing moves by 8 m, not even at residual_strength_1 700" in done.stderr
     assert "Traceback" not in done.stderr

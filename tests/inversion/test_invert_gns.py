@@ -172,7 +172,7 @@ def test_the_command_asked_again_costs_no_rollout(block, solved, tmp_path, run_m
     kept = {path: path.stat().st_mtime_ns for path in folder.glob("r*s/*.npz")}
     line = ["--engine", "gns", "--model", model, "--threads", 1, "--report", "page"]
     line += [word for setting in QUICK for word in ("--set", setting)]
-    done = run_module("inversion", "invert", case, "--out", folder, *line)
+    done = run_module("flowslide", "invert", case, "--out", folder, *line)
     assert done.returncode == 0, done.stderr
     assert {path: path.stat().st_mtime_ns for path in folder.glob("r*s/*.npz")} == kept
     assert timeless(folder / "result.json") == timeless(solved[1] / "result.json")
@@ -257,7 +257,7 @@ def test_command_line_question_and_settings_choose_the_engine(tmp_path, monkeypa
 @pytest.mark.slow
 def test_bad_input_is_a_line_and_exit_2(tmp_path, run_module, more, message):
     case = write_case(tmp_path / "case")
-    done = run_module("inversion", "invert", case, "--out", tmp_path / "out", *more)
+    done = run_module("flowslide", "invert", case, "--out", tmp_path / "out", *more)
     assert done.returncode == 2, done.stderr
     assert message in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
@@ -267,7 +267,7 @@ def test_bad_input_is_a_line_and_exit_2(tmp_path, run_module, more, message):
 def test_a_wrong_file_is_a_line_and_exit_2(tmp_path, run_module):
     case = write_case(tmp_path / "case")
     (tmp_path / "model.pt").write_text("weights")
-    done = run_module("inversion", "invert", case, "--engine", "gns", "--model", tmp_path)
+    done = run_module("flowslide", "invert", case, "--engine", "gns", "--model", tmp_path)
     assert done.returncode == 2
     assert "is damaged or not a model" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

@@ -1,4 +1,4 @@
-"""`python -m inversion new`: what it makes works as it is, and what it cannot make it refuses."""
+"""`flowslide new`: what it makes works as it is, and what it cannot make it refuses."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.__main__ import main as geometry
+from flowslide.command_line import main
 from geometry.case import load_case
 from geometry.scenes.drawings import read_section
 from geometry.scenes.scene import load_scene
 from geometry.survey.measured import single_lengths
 from geometry.survey.measurements import load_measurements
-from inversion.__main__ import main
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.result import load_result
 from pipeline.cli import InputError
@@ -61,7 +60,7 @@ def test_the_folder_is_whole_and_checks(made, capsys):
         "scene.yaml", "measurements.yaml", "inversion.yaml", "README.md",
         "post_failure_profile.csv",
     }  # fmt: skip
-    geometry(["check", str(made)])
+    main(["check", str(made)])
     assert "measurements 'field': 22 values, 0 held out, 0 constructed" in capsys.readouterr().out
     case = inversion_case(load_case(made))
     assert case.setup.targets.roles[:2] == ["fitted", "compared"]
@@ -231,5 +230,5 @@ def test_ground_that_was_drawn_as_a_zone_is_remarked(dry, tmp_path, capsys):
     new(tmp_path / "dam", "--liquefied", "base", "--runout", "left=5", section=dry)
     said = capsys.readouterr().out
     assert "ends on the left in a face of 4 m at x = -40 m" in said
-    geometry(["check", str(tmp_path / "dam")])
+    main(["check", str(tmp_path / "dam")])
     assert said.count("in a face of") == 2 == capsys.readouterr().out.count("in a face of")

@@ -295,7 +295,7 @@ def test_the_envelope_lies_where_the_fronts_are():
 
 def command(root, *arguments):
     return subprocess.run(
-        [sys.executable, "-m", "inversion", "predict", *map(str, arguments)],
+        [sys.executable, "-m", "flowslide", "predict", *map(str, arguments)],
         cwd=root, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False,
     )  # fmt: skip
 

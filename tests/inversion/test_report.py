@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flowslide.command_line import main
 from flowslide.commands.report import folders
-from inversion.__main__ import main
 from inversion.back_analysis.result import Result, save_result
 from pipeline.cli import InputError
 from report.back_analysis import PAGE, write_report
@@ -251,12 +251,12 @@ def test_a_long_search_is_thinned_and_keeps_its_ends():
 def test_show_prints_the_table_and_writes_the_page(tmp_path, capsys):
     folder = tmp_path / "results" / "dam" / "inversion"
     save_result(least(), folder)
-    assert main(["show", "dam", "--set", f"results_folder={tmp_path / 'results'}"]) == 0
+    assert main(["report", "dam", "--set", f"results_folder={tmp_path / 'results'}"]) == 0
     told = capsys.readouterr().out
     assert "27.5 kPa" in told and PAGE in told
     assert (folder / PAGE).is_file()
     (folder / PAGE).unlink()
-    assert main(["show", str(folder), "--report", "none"]) == 0
+    assert main(["report", str(folder), "--report", "none"]) == 0
     assert not (folder / PAGE).exists()
 
 
@@ -275,10 +275,10 @@ def test_show_refuses_the_folder_of_another_case(tmp_path, capsys):
         if name != "x":
             (tmp_path / name).mkdir()
         with pytest.raises(InputError, match=rf"--case .*{name}: {words}"):
-            main(["show", str(folder), "--case", str(tmp_path / name)])
+            main(["report", str(folder), "--case", str(tmp_path / name)])
     assert capsys.readouterr().out == "" and not (folder / PAGE).exists()
     (tmp_path / "no_such_case").mkdir()
-    assert main(["show", str(folder), "--case", str(tmp_path / "no_such_case")]) == 0
+    assert main(["report", str(folder), "--case", str(tmp_path / "no_such_case")]) == 0
 
 
 def test_damaged_sections_are_named(tmp_path):

@@ -8,8 +8,8 @@ import types
 import h5py
 import pytest
 
+from flowslide.command_line import main
 from geometry.scenes.scene import save_scene
-from mpm_taichi.__main__ import main
 from mpm_taichi.trajectory import list_runs, read_run, write_runs
 from pipeline.cli import InputError, WorkFailed
 from tests.mpm_taichi import ballistic
@@ -39,7 +39,16 @@ def file(tmp_path):
 
 def test_run_a_scene_file(tmp_path, capsys):
     save_scene(make_scene(3), tmp_path / "my.yaml")
-    main(["run", str(tmp_path / "my.yaml"), "--out", str(tmp_path / "out"), *FAST_SETTINGS])
+    main(
+        [
+            "scenes",
+            "simulate",
+            str(tmp_path / "my.yaml"),
+            "--out",
+            str(tmp_path / "out"),
+            *FAST_SETTINGS,
+        ]
+    )
     run = read_run(tmp_path / "out" / "block_3.h5", 0)
     assert run.settings.duration_s == 1.0
     assert "1 runs, 0 failed" in capsys.readouterr().out
@@ -50,19 +59,19 @@ def test_run_scene_folders(tmp_path):
         (tmp_path / str(number)).mkdir()
         save_scene(make_scene(number), tmp_path / str(number) / "scene.yaml")
     folders = [str(tmp_path / "1"), str(tmp_path / "2")]
-    main(["run", *folders, "--out", str(tmp_path), *FAST_SETTINGS])
+    main(["scenes", "simulate", *folders, "--out", str(tmp_path), *FAST_SETTINGS])
     assert [run.scene for run in list_runs(tmp_path / "runs.h5")] == ["block_1", "block_2"]
 
 
 def test_run_a_batch_with_failures(tmp_path, capsys):
     options = ["--set", "scales.coarse.runs_per_batch=4", "--out", str(tmp_path)]
-    main(["run", "--scale", "coarse", "--batch", "3", *options, *FAST_SETTINGS])
+    main(["scenes", "simulate", "--scale", "coarse", "--batch", "3", *options, *FAST_SETTINGS])
     runs = list_runs(tmp_path / "batch_003.h5")
     assert [run.index for run in runs] == [12, 13, 14, 15]
     out, err = capsys.readouterr()
     assert "failed: run 13 (block_13, seed 13) at 1.25 s: energy balance off by 7 %\n" in err
     assert "4 runs, 1 failed" in out
-    main(["run", "--scale", "coarse", "--batch", "3", *options, *FAST_SETTINGS])
+    main(["scenes", "simulate", "--scale", "coarse", "--batch", "3", *options, *FAST_SETTINGS])
     assert "4 of the runs were there already" in capsys.readouterr().out
 
 
@@ -70,7 +79,7 @@ def test_run_one_scene_of_a_scale_from_its_file(tmp_path):
     (tmp_path / "scenes").mkdir()
     save_scene(make_scene(41), tmp_path / "scenes" / "00007.json")
     choice = ["--scale", "coarse", "--index", "7", "--scenes", str(tmp_path / "scenes")]
-    main(["run", *choice, "--out", str(tmp_path), "--quiet", *FAST_SETTINGS])
+    main(["scenes", "simulate", *choice, "--out", str(tmp_path), "--quiet", *FAST_SETTINGS])
     (run,) = list_runs(tmp_path / "coarse_00007.h5")
     assert (run.index, run.scene) == (7, "block_41")
     settings = read_run(tmp_path / "coarse_00007.h5", 7, fields=[]).settings
@@ -80,7 +89,7 @@ def test_run_one_scene_of_a_scale_from_its_file(tmp_path):
 def test_a_batch_in_which_all_fail_is_an_error(tmp_path):
     save_scene(make_scene(13), tmp_path / "my.yaml")
     with pytest.raises(WorkFailed, match="every run failed; the first: energy balance"):
-        main(["run", str(tmp_path / "my.yaml"), "--out", str(tmp_path)])
+        main(["scenes", "simulate", str(tmp_path / "my.yaml"), "--out", str(tmp_path)])
     assert list_runs(tmp_path / "block_13.h5")[0].status == "failed"
 
 
@@ -100,57 +109,67 @@ def test_a_batch_in_which_all_fail_is_an_error(tmp_path):
 )
 def test_bad_choices_are_one_line(tmp_path, arguments, complaint):
     with pytest.raises(InputError, match=complaint):
-        main(["run", *arguments, "--out", str(tmp_path)])
+        main(["scenes", "simulate", *arguments, "--out", str(tmp_path)])
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "two"])
 def test_threads_must_be_positive(tmp_path, value, capsys):
     with pytest.raises((InputError, SystemExit)) as caught:
-        main(["run", "x.yaml", "--out", str(tmp_path), f"--threads={value}"])
+        main(["scenes", "simulate", "x.yaml", "--out", str(tmp_path), f"--threads={value}"])
     said = capsys.readouterr().err or str(caught.value)
     assert said.count("--threads") == 1 and ("at least 1" in said or "'two'" in said)
 
 
 def test_show(file, tmp_path):
-    main(["show", f"{file}:12", "--out", str(tmp_path / "x.png"), "--colour", "material"])
-    main(["show", f"{file}:12", "--out", str(tmp_path / "y.png"), "--times", "0,1"])
-    main(["show", f"{file}:run_00012", "--out", str(tmp_path / "x.gif"), "--frames", "3"])
+    main(["runs", "show", f"{file}:12", "--out", str(tmp_path / "x.png"), "--colour", "material"])
+    main(["runs", "show", f"{file}:12", "--out", str(tmp_path / "y.png"), "--times", "0,1"])
+    main(["runs", "show", f"{file}:run_00012", "--out", str(tmp_path / "x.gif"), "--frames", "3"])
     assert {path.name for path in tmp_path.glob("*.*")} >= {"x.png", "y.png", "x.gif"}
     with pytest.raises(InputError, match="holds 2 runs; name one of 12 to 13, for instance"):
-        main(["show", str(file), "--out", str(tmp_path / "z.png")])
+        main(["runs", "show", str(file), "--out", str(tmp_path / "z.png")])
     for time in ("nan", "99", "inf"):
         with pytest.raises(InputError, match=rf"no frame at {time} s; allowed are 0 to [\d.]+ s"):
-            main(["show", f"{file}:12", "--out", str(tmp_path / "w.png"), "--times", f"0,{time}"])
+            main(
+                [
+                    "runs",
+                    "show",
+                    f"{file}:12",
+                    "--out",
+                    str(tmp_path / "w.png"),
+                    "--times",
+                    f"0,{time}",
+                ]
+            )
         with pytest.raises(InputError, match=f"no frame at {time} s"):
-            main(["export", str(file), "--format", "csv", "--out", str(tmp_path / "all"),
+            main(["runs", "export", str(file), "--format", "csv", "--out", str(tmp_path / "all"),
                   "--times", time])  # fmt: skip
     assert not (tmp_path / "w.png").exists() and not (tmp_path / "all").exists()
     with pytest.raises(InputError, match="--times: is for pictures"):
-        main(["show", f"{file}:12", "--out", str(tmp_path / "x.gif"), "--times", "1"])
+        main(["runs", "show", f"{file}:12", "--out", str(tmp_path / "x.gif"), "--times", "1"])
 
 
 def test_export(file, tmp_path):
-    main(["export", f"{file}:12", "--format", "csv", "--out", str(tmp_path / "x.csv")])
+    main(["runs", "export", f"{file}:12", "--format", "csv", "--out", str(tmp_path / "x.csv")])
     assert (tmp_path / "x.csv").read_text().startswith("point,zone,material,x_initial_m")
-    main(["export", str(file), "--format", "vtkhdf", "--out", str(tmp_path / "all")])
+    main(["runs", "export", str(file), "--format", "vtkhdf", "--out", str(tmp_path / "all")])
     names = sorted(path.name for path in (tmp_path / "all").iterdir())
     assert names == ["run_00012.vtkhdf", "run_00013.vtkhdf"]
     with h5py.File(tmp_path / "all" / names[0]) as exported:
         assert exported["VTKHDF"].attrs["Type"] == b"UnstructuredGrid"
     with pytest.raises(InputError, match="--times: is for --format csv"):
-        main(["export", str(file), "--format", "vtkhdf", "--out", "x", "--times", "1"])
+        main(["runs", "export", str(file), "--format", "vtkhdf", "--out", "x", "--times", "1"])
 
 
 def test_status_prints_and_writes_a_table(file, tmp_path, capsys):
-    main(["status", str(file)])
+    main(["runs", "status", str(file)])
     out = capsys.readouterr().out.splitlines()
     assert out[0].split()[:4] == ["run", "scene", "points", "steps"]
     assert out[2].split()[:2] == ["13", "block_13"] and "failed (wall right)" in out[2]
     assert out[-2].startswith("failed: run 13 (block_13, seed 13) at 1.25 s: energy balance")
     assert out[-1].startswith("2 runs, 1 failed")
 
-    main(["status", str(file), "--csv", str(tmp_path / "runs.csv")])
+    main(["runs", "status", str(file), "--csv", str(tmp_path / "runs.csv")])
     with (tmp_path / "runs.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["index"] for row in rows] == ["12", "13"]
@@ -163,11 +182,21 @@ def test_a_run_that_failed_at_once_can_be_listed_but_not_drawn(tmp_path):
     save_scene(make_scene(666), tmp_path / "bad.yaml")
     save_scene(make_scene(1), tmp_path / "good.yaml")
     scenes = [str(tmp_path / "bad.yaml"), str(tmp_path / "good.yaml")]
-    main(["run", *scenes, "--out", str(tmp_path), *FAST_SETTINGS])
-    main(["status", str(tmp_path / "runs.h5")])
+    main(["scenes", "simulate", *scenes, "--out", str(tmp_path), *FAST_SETTINGS])
+    main(["runs", "status", str(tmp_path / "runs.h5")])
     with pytest.raises(InputError, match="no frames to draw .the solver raised RuntimeError"):
-        main(["show", f"{tmp_path / 'runs.h5'}:0", "--out", str(tmp_path / "x.png")])
-    main(["export", str(tmp_path / "runs.h5"), "--format", "csv", "--out", str(tmp_path / "all")])
+        main(["runs", "show", f"{tmp_path / 'runs.h5'}:0", "--out", str(tmp_path / "x.png")])
+    main(
+        [
+            "runs",
+            "export",
+            str(tmp_path / "runs.h5"),
+            "--format",
+            "csv",
+            "--out",
+            str(tmp_path / "all"),
+        ]
+    )
     assert [path.name for path in (tmp_path / "all").iterdir()] == ["run_00001.csv"]
 
 

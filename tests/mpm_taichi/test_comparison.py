@@ -12,9 +12,9 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
+from flowslide.command_line import main
 from geometry.case import load_case
 from mpm_taichi import comparison
-from mpm_taichi.__main__ import main
 from pipeline.cli import InputError, WorkFailed
 from report.pictures.case_history import distances, line_overlay
 from tests.dams import dam_with_pool
@@ -76,7 +76,7 @@ def test_the_energy_adds_up(simulated):
 
 
 def test_the_command_writes_all(folder, tmp_path, capsys):
-    main(["case", str(folder), "--out", str(tmp_path), "--spacing", "4", *SHORT])
+    main(["simulate", str(folder), "--out", str(tmp_path), "--spacing", "4", *SHORT])
     out = capsys.readouterr().out
     assert out.startswith(
         "Lower San Fernando Paper: liquefied hydraulic fill S_r 21.5 kPa; water at"
@@ -113,13 +113,13 @@ def test_results_that_cannot_be_written_are_not_simulated(folder, tmp_path, monk
     (tmp_path / "out" / "observables.csv").mkdir(parents=True)
     for out, complaint in (("file", "cannot be written"), ("out", "observables.csv: is a folder")):
         with pytest.raises(InputError, match=complaint):
-            main(["case", str(folder), "--out", str(tmp_path / out), "--spacing", "4", *SHORT])
+            main(["simulate", str(folder), "--out", str(tmp_path / out), "--spacing", "4", *SHORT])
 
 
 def test_options_change_the_scene(folder, tmp_path, capsys):
     dry = ["--no-water", "--strength", f"{LIQUEFIED}=40", "--strength", "clay_core=25"]
     options = ["--spacing", "4", "--film", "gif", *dry, *SHORT]
-    main(["case", str(folder), "--out", str(tmp_path), *options])
+    main(["simulate", str(folder), "--out", str(tmp_path), *options])
     assert "liquefied hydraulic fill S_r 40 kPa; no water" in capsys.readouterr().out
     assert (tmp_path / "runout.gif").exists() and not (tmp_path / "runout.mp4").exists()
     case = load_case(folder).changed(water=False, strengths={"clay_core": 25.0})
@@ -138,7 +138,7 @@ def test_options_change_the_scene(folder, tmp_path, capsys):
 )
 def test_bad_choices_are_one_line_and_leave_nothing(folder, tmp_path, options, complaint):
     with pytest.raises(InputError, match=complaint):
-        main(["case", str(folder), "--out", str(tmp_path / "out"), *options])
+        main(["simulate", str(folder), "--out", str(tmp_path / "out"), *options])
     assert not list(tmp_path.iterdir())
 
 
@@ -147,23 +147,23 @@ def test_bad_choices_are_one_line_and_leave_nothing(folder, tmp_path, options, c
 )
 def test_a_strength_is_material_and_number(folder, tmp_path, value, capsys):
     with pytest.raises(SystemExit) as caught:
-        main(["case", str(folder), "--out", str(tmp_path), "--strength", value])
+        main(["simulate", str(folder), "--out", str(tmp_path), "--strength", value])
     assert caught.value.code == 2
     assert "is not MATERIAL=KPA" in capsys.readouterr().err
 
 
 def test_folders_that_are_no_case(folder, tmp_path):
     with pytest.raises(InputError, match="no such folder; a case has scene.yaml, and meas"):
-        main(["case", str(tmp_path / "nowhere"), "--out", str(tmp_path)])
+        main(["simulate", str(tmp_path / "nowhere"), "--out", str(tmp_path)])
     shutil.copy(folder / "scene.yaml", tmp_path)
     with pytest.raises(InputError, match="measurements.yaml: no such file"):
-        main(["case", str(tmp_path), "--out", str(tmp_path)])
+        main(["simulate", str(tmp_path), "--out", str(tmp_path)])
 
 
 def test_a_run_that_a_guard_stops_is_failed_work(folder, tmp_path):
     options = ["--spacing", "4", "--set", "simulation.time_step_s=0.5", *SHORT]
     with pytest.raises(WorkFailed, match="lower_san_fernando_paper: stopped at .* s: "):
-        main(["case", str(folder), "--out", str(tmp_path), *options])
+        main(["simulate", str(folder), "--out", str(tmp_path), *options])
     assert not list(tmp_path.iterdir())
 
 
@@ -198,7 +198,7 @@ def test_a_case_of_another_shape(folder, tmp_path):
     path.write_text(yaml.safe_dump(document))
     out = tmp_path / "out"
     options = ["--no-water", "--spacing", "4", "--film", "none", *SHORT]
-    main(["case", str(tmp_path / "case"), "--out", str(out), *options])
+    main(["simulate", str(tmp_path / "case"), "--out", str(out), *options])
     assert {path.name for path in out.iterdir()} == {"runout.png", "observables.csv"}
 
 

@@ -212,7 +212,16 @@ def test_what_does_not_know_other_laws_refuses_them():
 @pytest.mark.slow
 def test_a_scene_of_a_users_law_runs_from_the_command_line(tmp_path, run_module):
     save_scene(slump(law=LAW), tmp_path / "scene.yaml")
-    run = ["mpm_taichi", "run", tmp_path / "scene.yaml", "--out", tmp_path, "--threads", "1"]
+    run = [
+        "flowslide",
+        "scenes",
+        "simulate",
+        tmp_path / "scene.yaml",
+        "--out",
+        tmp_path,
+        "--threads",
+        "1",
+    ]
     run += ["--quiet", "--set", "simulation.duration_s=0.5"]
     assert "no material law 'hardening_von_mises'" in run_module(*run).stderr
     done = run_module(*run, "--effects", EXAMPLE)

@@ -14,9 +14,9 @@ import h5py
 import numpy as np
 import pytest
 
+from flowslide.command_line import main
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import Scene, save_scene, scene_from_mapping
-from mpm_taichi.__main__ import main
 from mpm_taichi.batch import parts_folder, run_batch
 from mpm_taichi.simulate import simulate
 from mpm_taichi.trajectory import Run, list_runs, read_run
@@ -166,7 +166,19 @@ def test_a_batch_records_its_failures_and_goes_on(mixed, tmp_path, capsys):
         save_scene(scene, tmp_path / f"{index}.json")
     files = [str(tmp_path / f"{index}.json") for index in mixed]
     settings = ["--set", "simulation.duration_s=2.0", "--set", "simulation.time_step_s=0.02"]
-    code = main(["run", *files, "--out", str(tmp_path), "--threads", "1", "--quiet", *settings])
+    code = main(
+        [
+            "scenes",
+            "simulate",
+            *files,
+            "--out",
+            str(tmp_path),
+            "--threads",
+            "1",
+            "--quiet",
+            *settings,
+        ]
+    )
     assert not code, "failed runs are a result, not an error"
     errors = capsys.readouterr().err
     listed = {run.index: run for run in list_runs(tmp_path / "runs.h5")}
@@ -177,7 +189,7 @@ def test_a_batch_records_its_failures_and_goes_on(mixed, tmp_path, capsys):
         assert line + listed[index].reason in errors
         assert read_run(tmp_path / "runs.h5", index).reason == listed[index].reason
     assert [run.status for run in listed.values()].count("finished") == len(GOOD)
-    main(["status", str(tmp_path / "runs.h5")])
+    main(["runs", "status", str(tmp_path / "runs.h5")])
     assert "6 runs, 4 failed" in capsys.readouterr().out
 
 
@@ -207,7 +219,17 @@ SETTINGS = {
 def start_job(folder: Path) -> subprocess.Popen:
     settings = [part for key, value in SETTINGS.items() for part in ("--set", f"{key}={value}")]
     return subprocess.Popen(
-        [sys.executable, "-m", "mpm_taichi", "run", *JOB, *settings, "--out", str(folder)],
+        [
+            sys.executable,
+            "-m",
+            "flowslide",
+            "scenes",
+            "simulate",
+            *JOB,
+            *settings,
+            "--out",
+            str(folder),
+        ],
         cwd=ROOT,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

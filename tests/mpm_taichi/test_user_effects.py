@@ -171,7 +171,7 @@ def test_a_hook_that_fails_is_named_in_one_line(users, tmp_path, kind):
 
 def command(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "mpm_taichi", *map(str, arguments)],
+        [sys.executable, "-m", "flowslide", *map(str, arguments)],
         cwd=ROOT, capture_output=True, text=True,
     )  # fmt: skip
 
@@ -179,7 +179,16 @@ def command(*arguments):
 @pytest.mark.slow
 def test_the_option_of_the_command_line(tmp_path):
     save_scene(slump({"strength_regain": 1.0}), tmp_path / "scene.yaml")
-    run = ["run", tmp_path / "scene.yaml", "--out", tmp_path, "--threads", "1", "--quiet"]
+    run = [
+        "scenes",
+        "simulate",
+        tmp_path / "scene.yaml",
+        "--out",
+        tmp_path,
+        "--threads",
+        "1",
+        "--quiet",
+    ]
     run += ["--set", "simulation.duration_s=0.5"]
     without = command(*run)
     assert without.returncode == 2

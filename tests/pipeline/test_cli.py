@@ -75,7 +75,7 @@ def test_a_name_that_is_too_long_is_reported_as_it_was_given(capsys, tmp_path, l
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
 def test_output_to_a_full_disk_is_one_line(root):
     done = subprocess.run(
-        f"{sys.executable} -m pipeline check > /dev/full", shell=True, cwd=root,
+        f"{sys.executable} -m flowslide settings check > /dev/full", shell=True, cwd=root,
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert done.returncode == 2
@@ -109,29 +109,29 @@ def test_options_are_not_abbreviated_even_in_sub_commands(capsys):
     ],
 )
 def test_bad_input_ends_with_2_and_one_line(run_module, arguments):
-    done = run_module("pipeline", *arguments)
+    done = run_module("flowslide", "settings", *arguments)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1 and "Traceback" not in done.stderr
     assert done.stdout == ""
 
 
 def test_check_prints_the_whole_configuration(run_module, tmp_path):
-    done = run_module("pipeline", "check", "--set", "simulation.courant=0.25")
+    done = run_module("flowslide", "settings", "check", "--set", "simulation.courant=0.25")
     assert done.returncode == 0 and "courant: 0.25" in done.stdout
     (tmp_path / "again.yaml").write_text(done.stdout)
-    again = run_module("pipeline", "check", "--config", tmp_path / "again.yaml")
+    again = run_module("flowslide", "settings", "check", "--config", tmp_path / "again.yaml")
     assert again.stdout == done.stdout
 
 
 def test_schema_is_written(run_module, tmp_path, root):
     (tmp_path / "config").mkdir()
-    assert run_module("pipeline", "schema", "--write", cwd=tmp_path).returncode == 0
+    assert run_module("flowslide", "schema", "--write", cwd=tmp_path).returncode == 0
     written = (tmp_path / "config" / "config.schema.json").read_text()
     assert json.loads(written)["properties"]["simulation"]
 
 
 def test_a_reader_that_goes_away_is_no_traceback(root):
-    script = f"{sys.executable} -m pipeline schema | head -1"
+    script = f"{sys.executable} -m flowslide schema | head -1"
     done = subprocess.run(
         script, shell=True, cwd=root, env=dict(os.environ), capture_output=True, text=True
     )

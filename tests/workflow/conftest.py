@@ -105,6 +105,24 @@ else:
     print("S_r 26 kPa")
 '''
 
+FLOWSLIDE = """
+'Stand-in for flowslide: the stand-in of the package whose command it is.'
+import runpy
+import sys
+DOORS = {
+    ("scenes", "sample"): ("geometry", "sample"), ("show",): ("geometry", "show"),
+    ("scenes", "simulate"): ("mpm_taichi", "run"), ("simulate",): ("mpm_taichi", "case"),
+    ("runs", "status"): ("mpm_taichi", "status"), ("gns",): ("gns",),
+    ("classical",): ("inversion", "classical"), ("invert",): ("inversion", "invert"),
+    ("posterior",): ("inversion", "posterior"), ("diagnose",): ("diagnosis",),
+}
+words = sys.argv[1:]
+typed = next(one for one in DOORS if tuple(words[: len(one)]) == one)
+package, *command = DOORS[typed]
+sys.argv = [package, *command, *words[len(typed) :]]
+runpy.run_path(f"{package}/commands.py", run_name="__main__")
+"""
+
 # Rules that only collect what others make.
 COLLECTING = (
     r"everything$|all$|(geometry|simulate|pack|train|evaluate|invert|diagnose)_"
@@ -198,9 +216,12 @@ class Workbench:
             "inversion": INVERSION,
             "diagnosis": DIAGNOSIS,
         }
+        (folder / "flowslide").mkdir()
+        (folder / "flowslide" / "__init__.py").touch()
+        (folder / "flowslide" / "__main__.py").write_text(FLOWSLIDE)
         for package, program in programs.items():
             (folder / package).mkdir()
-            (folder / package / "__main__.py").write_text(program)
+            self.stand_in(package).write_text(program)
             self.set_physics(package, 1)
         (folder / "mpm_taichi" / "effects").mkdir()
         self.set_physics("mpm_taichi/effects", 1)
@@ -212,6 +233,10 @@ class Workbench:
         (case / "measurements.yaml").write_text("sets: {field: [{type: surface_profile}]}\n")
         self.settings = yaml.safe_load((ROOT / "config" / "test.yaml").read_text())
         self.settings["results_folder"] = "results"
+
+    def stand_in(self, package: str) -> Path:
+        """What stands in for the commands of a package."""
+        return self.folder / package / "commands.py"
 
     def set_physics(self, package: str, version: int, docstring: str = "") -> None:
         path = self.folder / package / "__init__.py"

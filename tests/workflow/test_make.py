@@ -122,14 +122,14 @@ def test_results_that_cannot_be_written(made):
 
 
 def test_a_job_that_refuses_its_case(made):
-    (made.folder / "inversion" / "__main__.py").write_text(FAILING)
+    made.stand_in("inversion").write_text(FAILING)
     line = failed(made)
     assert "scene.yaml: spacing: -1: more than 0 (log: results/logs/classical_" in line
 
 
 def test_a_job_that_is_killed_without_a_word(made):
     program = "import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n"
-    (made.folder / "inversion" / "__main__.py").write_text(program)
+    made.stand_in("inversion").write_text(program)
     assert "it was ended and said nothing (log: results/logs/classical_" in failed(made)
 
 
@@ -145,7 +145,7 @@ def test_another_workflow_at_work(made):
 
 
 def test_progress_is_in_a_log_while_the_work_goes_on(made):
-    (made.folder / "inversion" / "__main__.py").write_text(SLOW)
+    made.stand_in("inversion").write_text(SLOW)
     process = start(made)
     seen = []
     for line in process.stdout:
@@ -160,7 +160,7 @@ def test_progress_is_in_a_log_while_the_work_goes_on(made):
 
 
 def test_what_is_killed_takes_its_jobs_with_it_and_is_gone_on_with(made):
-    (made.folder / "inversion" / "__main__.py").write_text(SLOW)
+    made.stand_in("inversion").write_text(SLOW)
     process = start(made, start_new_session=True)
     until((made.folder / "started").exists, "the job works")
     job = int((made.folder / "started").read_text() or 0)

@@ -1,4 +1,4 @@
-"""A folder made by `python -m inversion new` is a target like those that ship."""
+"""A folder made by `flowslide new` is a target like those that ship."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from inversion.__main__ import main
+from flowslide.command_line import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 

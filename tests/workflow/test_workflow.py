@@ -95,7 +95,7 @@ def test_what_is_made_again(bench):
     scenes = {"sample_scenes": 2, "draw_gallery": 1, **simulation}
 
     bench.set_physics("mpm_taichi", 1, docstring="Better words.")
-    (bench.folder / "mpm_taichi" / "__main__.py").touch()
+    bench.stand_in("mpm_taichi").touch()
     assert bench.planned(*targets) == {}, "edits to programs make nothing again"
 
     bench.set_physics("mpm_taichi", 2)

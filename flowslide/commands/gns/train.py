@@ -1,7 +1,7 @@
 """`flowslide gns train`: learn from packed data, alone or under torchrun, in any number of pieces.
 
     flowslide gns train --scale coarse
-    torchrun --nproc_per_node 3 -m gns train --scale large
+    torchrun --nproc_per_node 3 -m flowslide gns train --scale large
 
 Started again, it goes on where it was stopped. It stops by itself on SIGTERM, after `--minutes`,
 and two minutes before the end of a Slurm job.
@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         while arguments.joint_batch and settings.batch_size % processes:
             processes -= 1
         if processes > 1:
-            return in_processes(processes, ["gns", *sys.argv[sys.argv.index("train") :]])
+            return in_processes(processes, ["flowslide", *sys.argv[sys.argv.index("gns") :]])
 
     from gns.training.checkpoints import ModelFolder
     from gns.training.distributed import group

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import yaml
 
+from flowslide.command_line import main
 from geometry.case import load_case
 from geometry.survey.measurements import load_measurements
-from inversion.__main__ import main
 from inversion.classical.analysis import options_of
 from inversion.classical.judgement import Judgement, default_judgements, load_judgements
 from inversion.classical.sections_of_case import case_sections, head_of
@@ -185,7 +185,7 @@ def test_a_simulated_deposit_may_be_the_section_after(lsfd, tmp_path):
 )
 def test_bad_judgements_are_refused_in_one_line(lsfd, run_module, fields, words):
     change(lsfd, **fields)
-    done = run_module("inversion", "classical", lsfd, "--out", lsfd / "out")
+    done = run_module("flowslide", "classical", lsfd, "--out", lsfd / "out")
     assert done.returncode == 2, done.stderr
     assert words in done.stderr and done.stderr.count("\n") == 1
     assert not (lsfd / "out").exists()
