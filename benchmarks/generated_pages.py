@@ -310,6 +310,7 @@ def effects_part() -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Renew every page whose figures are kept."""
     from benchmarks.back_analysis.study import Validation
+    from benchmarks.hidden_effects.scoring import sets
     from benchmarks.verification.study import Verification
 
     base_parser("python -m benchmarks.generated_pages", "Renew the generated pages.").parse_args(
@@ -318,6 +319,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for study in (Verification(), Validation()):
         study.write_pages(study.read())
     renew(EFFECTS_PAGE, table=effects_part())
+    renew(sets.PAGE, sets=sets.sets_table())
     return 0
 
 

@@ -11,11 +11,11 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.generated_pages import around, renew, table
+from benchmarks.generated_pages import table
 from benchmarks.hidden_effects.run import METHOD, VARIANTS, Part
 from pipeline.cli import InputError, WorkFailed, add_common, base_parser, main_exit
 from pipeline.config import Config, load_config
-from pipeline.files import content_hash, read_json, write_json
+from pipeline.files import content_hash, read_json, write_json, write_text
 from pipeline.progress import Progress
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 FOLDER = "benchmarks/hidden_effects"
 RESULTS = "hidden_effects"
 RECORD = "results.json"
+#: What a score leaves: a page, and the folder of its pictures.
+PAGE, PICTURES = "score.md", "score"
 #: What truths, and what verdicts, follow from.
 MADE_FROM, JUDGED_BY = "made_from.json", "judged_by.json"
 
@@ -50,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
         "step",
         choices=("plan", "make", "run", "score"),
         help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
-        "run: diagnose them; score: open the seals",
+        "run: diagnose them; score: open the seals, write score.md",
     )
     parser.add_argument(
         "--benchmark",
@@ -71,11 +73,6 @@ def _parser() -> argparse.ArgumentParser:
         "--variants",
         metavar="NAME,...",
         help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}",
-    )
-    parser.add_argument(
-        "--page",
-        metavar="FILE",
-        help="score: the page between whose markers the score is written, next to its pictures",
     )
     parser.add_argument(
         "--record",
@@ -255,6 +252,7 @@ def _verdicts(places: Places) -> Iterable[Path]:
 def _score(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
     from benchmarks.hidden_effects.scoring.asked import ASKED
+    from benchmarks.hidden_effects.scoring.draw import draw_all
     from benchmarks.hidden_effects.scoring.opened import (
         judged,
         load_rows,
@@ -262,7 +260,7 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         save_rows,
         shared,
     )
-    from benchmarks.hidden_effects.scoring.page import SCORE, generated
+    from benchmarks.hidden_effects.scoring.page import generated
     from benchmarks.hidden_effects.scoring.score import broken, score
 
     out = _out(arguments, config)
@@ -274,29 +272,21 @@ def _score(arguments: argparse.Namespace, config: Config) -> int:
         raise InputError(f"{out}: no case has been diagnosed; `blind run` does that")
     benchmark = load_benchmark(arguments.benchmark)
     if benchmark.plan.sources:
-        page = None if arguments.page is None else Path(arguments.page)
-        return _score_by_codes(rows, benchmark, out, record if fresh else None, page)
+        return _score_by_codes(rows, benchmark, out, record if fresh else None)
     by_variant = {name: judged(rows, benchmark, name) for name in VARIANTS}
     scores = {name: score(cases) for name, cases in by_variant.items() if cases}
-    if arguments.page is not None:
-        around(Path(arguments.page), SCORE)
     if fresh:
         save_rows(rows, record)
-    write_json(out / "score.json", {name: one.document for name, one in scores.items()})
     method = scores[METHOD]
+    draw_all(out / PICTURES, method, by_variant[METHOD])
+    ablations = {name: score(cases) for name, cases in shared(by_variant).items() if cases}
+    page = generated(method, ablations, by_variant[METHOD], PICTURES)
+    write_text(out / PAGE, f"# Score\n\n{page}")
+    write_json(out / "score.json", {name: one.document for name, one in scores.items()})
     lines = [(one.words, method.shares[one.name].words, one.bound) for one in ASKED]
     print(table(("figure", "measured", "asked"), lines))
     if failed := broken(benchmark.plan.promises, method):
         raise WorkFailed(f"{arguments.benchmark}: not as promised: {'; '.join(failed)}")
-    if arguments.page is not None:
-        from benchmarks.hidden_effects.scoring.draw import draw_all
-
-        page = Path(arguments.page)
-        pictures = page.parent.parent / "images" / page.stem
-        draw_all(pictures, method, by_variant[METHOD])
-        ablations = {name: score(cases) for name, cases in shared(by_variant).items() if cases}
-        text = generated(method, ablations, by_variant[METHOD], f"../images/{page.stem}")
-        renew(page, **{SCORE: text})
     return 0
 
 
@@ -305,9 +295,8 @@ def _score_by_codes(
     benchmark: Benchmark,
     out: Path,
     record: Path | None,
-    page: Path | None,
 ) -> int:
-    """Score a set by other codes; write the record where it is new, and the page."""
+    """Score a set by other codes; write the record where it is new."""
     from benchmarks.hidden_effects.scoring.by_other_codes import (
         ASKED,
         ByCode,
@@ -315,21 +304,16 @@ def _score_by_codes(
         shares_of,
     )
     from benchmarks.hidden_effects.scoring.opened import judged, save_rows
-    from benchmarks.hidden_effects.scoring.page_by_codes import (
-        FOREIGN,
-        draw_all,
-        generated,
-    )
-    from pipeline.files import write_json
+    from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 
     cases = judged(rows, benchmark, METHOD)
-    if page is not None:
-        around(page, FOREIGN)
     if record is not None:
         save_rows(rows, record)
     document = score_by_codes(cases)
-    write_json(out / "score.json", document)
     by_code = [ByCode(one) for one in cases]
+    draw_all(out / PICTURES, by_code)
+    write_text(out / PAGE, f"# Score\n\n{generated(by_code, document, PICTURES)}")
+    write_json(out / "score.json", document)
     shares = shares_of(by_code)
     print(table(("figure", "measured", "asked"),
                 [(one.words, shares[one.name].words, one.bound) for one in ASKED]))  # fmt: skip
@@ -337,9 +321,6 @@ def _score_by_codes(
     print(table(("family", "right", "of"),
                 [(name, str(share["hits"]), str(share["n"]))
                  for name, share in document["families"].items()]))  # fmt: skip
-    if page is not None:
-        draw_all(page.parent.parent / "images" / page.stem, by_code)
-        renew(page, **{FOREIGN: generated(by_code, document, f"../images/{page.stem}")})
     return 0
 
 

@@ -10,7 +10,7 @@ from benchmarks.hidden_effects.scoring.asked import ASKED, MISSED, Asked
 from benchmarks.hidden_effects.scoring.draw import draw_all
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.opened import shared
-from benchmarks.hidden_effects.scoring.page import SCORE, generated
+from benchmarks.hidden_effects.scoring.page import generated
 from benchmarks.hidden_effects.scoring.score import Judged, score
 from pipeline.cli import InputError
 from tests.hidden_effects.judges import digest, perfect, truths
@@ -113,7 +113,7 @@ def test_pictures_of_few_cases_are_drawn(tmp_path, method):
 def test_a_page_keeps_what_is_written_by_hand(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- score: begin -->\nold\n<!-- score: end -->\nafter\n")
-    renew(page, **{SCORE: "new\n"})
+    renew(page, score="new\n")
     assert page.read_text() == "before\n<!-- score: begin -->\nnew\n<!-- score: end -->\nafter\n"
     with pytest.raises(InputError, match="other"):
         renew(page, other="new")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 
 import pytest
 
@@ -11,6 +12,7 @@ from benchmarks.hidden_effects.__main__ import main
 from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
 from benchmarks.hidden_effects.making.make import reach_of, sealed_cases
 from benchmarks.hidden_effects.making.seal import seal
+from benchmarks.hidden_effects.scoring import sets
 from benchmarks.hidden_effects.scoring.opened import judged, load_rows, open_truths
 from pipeline.cli import InputError
 
@@ -75,26 +77,16 @@ def test_a_record_that_is_none_is_reported_before_the_score(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("page", "complaint"),
-    [
-        (None, "page.md: no such file"),
-        (b"no markers\n", "the lines <!-- score: begin --> and"),
-        (b"<!-- score: end --><!-- score: begin -->", "are missing"),
-        (b"\xff\xfe", "page.md: not a UTF-8 text file"),
-    ],
-)
-def test_a_page_that_cannot_be_written_is_reported_before_the_score(
-    root, rows, tmp_path, page, complaint
-):
-    path = tmp_path / "records" / "page.md"
-    path.parent.mkdir()
-    if page is not None:
-        path.write_bytes(page)
-    record = kept(rows, tmp_path)
-    with pytest.raises(InputError, match=complaint):
-        score(root, tmp_path, "--record", str(record), "--page", str(path))
-    assert not (tmp_path / "out").exists() and not (tmp_path / "images").exists()
+def test_a_score_leaves_its_page_and_its_pictures(root, rows, tmp_path):
+    assert score(root, tmp_path, "--record", str(kept(rows, tmp_path))) == 0
+    page = (tmp_path / "out" / "score.md").read_text()
+    shown = re.findall(r"!\[[^]]+\]\((score/[^)]+)\)", page)
+    assert shown and all((tmp_path / "out" / one).is_file() for one in shown)
+    assert "### Every miss" in page
+
+
+def test_the_table_of_all_sets_is_that_of_the_records():
+    assert sets.sets_table() in sets.PAGE.read_text("utf-8"), "python -m benchmarks.generated_pages"
 
 
 def test_a_section_of_another_benchmark(root, rows):

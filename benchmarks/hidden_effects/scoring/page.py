@@ -1,6 +1,6 @@
-"""The generated page of a benchmark: what was asked, what was reached, every miss.
+"""The page of a score: what was asked, what was reached, every miss.
 
-In: the record's rows. Out: Markdown between two markers of `docs/records/hidden-effects.md`.
+In: the record's rows. Out: Markdown.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from benchmarks.hidden_effects.scoring.calibration import (
 from benchmarks.hidden_effects.scoring.intervals import Share
 from benchmarks.hidden_effects.scoring.score import Judged, Score
 
-SCORE = "score"
-"""Name of the generated part of the page."""
 ENDS = [f"{low:g}-{high:g}" for low, high in zip(BINS, BINS[1:], strict=False)]
 """The bins of lambda, in words."""
 NONE_QUOTED = (

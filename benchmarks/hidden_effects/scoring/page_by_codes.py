@@ -1,4 +1,4 @@
-"""The generated part of docs/records/foreign-truth.md: the score of a set by other codes.
+"""The page of the score of a set by other codes.
 
 In: the judged cases and their score. Out: Markdown, and two pictures: every figure with what is
 asked of it, and S_r over its truth before and after, case by case.
@@ -25,7 +25,6 @@ from report.style import (
     save_figure,
 )
 
-FOREIGN = "score"
 KINDS = {"null": "nothing", "single": "one thing", "outside": "a stranger"}
 
 
