@@ -1,1 +1,3 @@
-"""Speed and memory, each as a ratio within one run."""
+"""Speed and memory, each as a ratio within one run: `python -m benchmarks.performance NAME`."""
+
+PROGRAM = "python -m benchmarks.performance"

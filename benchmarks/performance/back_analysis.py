@@ -1,6 +1,6 @@
 """The back-analysis of Lower San Fernando: in several processes against one with as many threads.
 
-    python -m benchmarks.performance.back_analysis [--rounds 3] [--threads 2]
+    python -m benchmarks.performance back_analysis [--rounds 3] [--threads 2]
 
 The two ways alternate, each from nothing but compiled kernels. Times are those of `result.json`, in
 all, without the page and its film; the results must be the same but for these times.
@@ -11,12 +11,14 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 
 import flowslide
+from benchmarks.performance import PROGRAM
 from inversion.back_analysis.result import Result
 from inversion.engines import run_store
 
@@ -40,14 +42,12 @@ def without_times(result: Result) -> dict:
     return document
 
 
-def main() -> None:
+def main(argv: Sequence[str]) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.performance.back_analysis", description=__doc__
-    )
+    parser = argparse.ArgumentParser(prog=f"{PROGRAM} back_analysis", description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--threads", type=int, default=len(os.sched_getaffinity(0)))
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     ratios = []
     for _ in range(options.rounds):
         one, several = (
@@ -59,7 +59,3 @@ def main() -> None:
         print(f"one process {pair[0]:.1f} s, {options.threads} processes {pair[1]:.1f} s, "
               f"ratio {ratios[-1]:.2f}; {several.timings}, {several.runs} simulations")  # fmt: skip
     print(f"median ratio {np.median(ratios):.2f}")
-
-
-if __name__ == "__main__":
-    main()

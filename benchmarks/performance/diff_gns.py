@@ -1,6 +1,6 @@
 """Derivatives of a back-analysis by both engines: time for 1, 3 and 10 parameters; memory.
 
-    python -m benchmarks.performance.diff_gns --model DIR [--spacing 1] [--frames 20] [--threads 2]
+    python -m benchmarks.performance diff_gns --model DIR [--spacing 1] [--frames 20] [--threads 2]
 
 The Lower San Fernando section. Learned simulator: one rollout, and one with its derivative, by the
 way the engine chooses; the frames given stand for all, since each frame costs the same, and the
@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.performance import PROGRAM
 from benchmarks.performance.resident import highest_resident
 from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
@@ -30,7 +31,7 @@ from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
-from pipeline.cli import CommandParser, base_parser, main_exit
+from pipeline.cli import CommandParser, base_parser
 from pipeline.table import aligned
 
 CASE = Path("case_histories/lower_san_fernando")
@@ -39,7 +40,7 @@ FRAMES = (10, 20, 40)
 WAYS = ("forward", "reverse")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str]) -> int:
     """Print the tables."""
     parser = _parser()
     arguments = parser.parse_args(argv)
@@ -129,7 +130,7 @@ def _seconds(work: Callable[[], object]) -> float:
 def _memory(arguments, frames: int, way: str) -> float:
     """Of a fresh process [MiB]."""
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.performance.diff_gns", "--model", arguments.model,
+        [sys.executable, "-m", "benchmarks.performance", "diff_gns", "--model", arguments.model,
          "--spacing",
          str(arguments.spacing), "--threads", str(arguments.threads), "--memory-of", way,
          "--frames", str(frames)],
@@ -150,9 +151,7 @@ def _memory_here(arguments) -> float:
 
 
 def _parser() -> CommandParser:
-    parser = base_parser(
-        "python -m benchmarks.performance.diff_gns", "Time and memory of derivatives."
-    )
+    parser = base_parser(f"{PROGRAM} diff_gns", "Time and memory of derivatives.")
     parser.add_argument("--model", required=True, metavar="DIR", help="folder of a model")
     parser.add_argument("--spacing", type=float, default=1.0, help="m; default: 1")
     parser.add_argument("--frames", type=int, default=20, help="that are timed; default: 20")
@@ -160,7 +159,3 @@ def _parser() -> CommandParser:
     parser.add_argument("--whole", action="store_true", help="memory of a whole rollout too")
     parser.add_argument("--memory-of", choices=WAYS, help=argparse.SUPPRESS)
     return parser
-
-
-if __name__ == "__main__":
-    main_exit(main)

@@ -1,6 +1,6 @@
 """Time of a whole prediction by the direct model: Lower San Fernando at 2 m on one core.
 
-    python -m benchmarks.performance.direct_request
+    python -m benchmarks.performance direct_request
 
 A first request cuts the section into columns, fills it and reads the measurements on it; those
 that differ from it in strengths alone take that over. Both in turn, medians.
@@ -8,12 +8,15 @@ that differ from it in strengths alone take that over. Both in turn, medians.
 
 from __future__ import annotations
 
+import argparse
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from benchmarks.performance import PROGRAM
 from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.direct_engine import DirectEngine, shipped
@@ -48,12 +51,9 @@ def medians() -> tuple[float, float, float]:
     return tuple(1000.0 * np.median(found, axis=0))
 
 
-def main() -> None:
+def main(argv: Sequence[str]) -> None:
     """Print the medians and their ratio."""
+    argparse.ArgumentParser(prog=f"{PROGRAM} direct_request", description=__doc__).parse_args(argv)
     first, later, network = medians()
     print(f"first {first:.1f} ms, later {later:.1f} ms, of it the network {network:.1f} ms")
     print(f"ratio {first / later:.2f}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """What an effect costs: processor time of a run with it, over that of the base model.
 
-    python -m benchmarks.performance.effects_cost [--spacing M] [--seconds S] [--repeats N]
+    python -m benchmarks.performance effects_cost [--spacing M] [--seconds S] [--repeats N]
 
 The Lower San Fernando section, one thread, processor time per step of a point (so that other work
 on the machine counts little), the best of some repeats in turn. Compiling is not counted; it is
@@ -15,9 +15,11 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.dam_section import dam_section
+from benchmarks.performance import PROGRAM
 from geometry.scenes.scene import Scene
 from mpm_taichi.effects import effects
 from pipeline.config import SimulationSettings
@@ -39,13 +41,15 @@ for effects in ((), tuple(one for one in library() if one.on_device)):
 """
 
 
-def main() -> None:
+def main(argv: Sequence[str]) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog=f"{PROGRAM} effects_cost", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--spacing", type=float, default=2.0, help="of points [m]; default: 2")
     parser.add_argument("--seconds", type=float, default=8.0, help="of motion; default: 8")
     parser.add_argument("--repeats", type=int, default=5)
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     for cache, words in (("0", "compiled again"), ("1", "from the disk")):
         base, with_effects = compile_times(cache)
         print(f"kernels {words}: {base:.1f} s without effects, {with_effects:.1f} s with")
@@ -85,7 +89,3 @@ def time_of_a_step(scene: Scene, settings: SimulationSettings) -> float:
     began = time.process_time()
     (run,) = simulate([scene], settings, threads=1)
     return (time.process_time() - began) / (run.points * run.steps)
-
-
-if __name__ == "__main__":
-    main()

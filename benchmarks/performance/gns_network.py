@@ -1,6 +1,6 @@
 """The learned simulator's network against the textbook's form: time, memory, neighbour search.
 
-    python -m benchmarks.performance.gns_network [--threads 2] [--rounds 5] [--sizes paper shipped]
+    python -m benchmarks.performance gns_network [--threads 2] [--rounds 5] [--sizes paper shipped]
 
 `paper`: 6,000 points on a lattice, a radius of 3 spacings (161,000 edges), width 128, 10 steps of
 message passing. `shipped`: 900 points, a radius of 2 spacings, width 48 and 4 steps, as the model
@@ -22,13 +22,14 @@ from dataclasses import dataclass
 
 import torch
 
+from benchmarks.performance import PROGRAM
 from benchmarks.performance.gns_textbook import TextbookNetwork, textbook_of
 from benchmarks.performance.resident import highest_resident
 from gns.network.edge_gradient import KEEP_BYTES
 from gns.network.features import EDGE_FEATURES, point_feature_names
 from gns.network.graph import Graph, radius_graph
 from gns.network.network import Network
-from pipeline.cli import CommandParser, base_parser, main_exit
+from pipeline.cli import CommandParser, base_parser
 
 POINT_FEATURES = len(point_feature_names(6))
 
@@ -65,7 +66,7 @@ class Case:
 
 def parser() -> CommandParser:
     """The command line."""
-    result = base_parser("python -m benchmarks.performance.gns_network", __doc__.splitlines()[0])
+    result = base_parser(f"{PROGRAM} gns_network", __doc__.splitlines()[0])
     result.add_argument("--threads", type=int, default=2, help="CPU threads; default 2")
     result.add_argument("--rounds", type=int, default=5, help="rounds; default 5")
     result.add_argument(
@@ -75,7 +76,7 @@ def parser() -> CommandParser:
     return result
 
 
-def main(argv: Sequence[str] | None = None) -> None:
+def main(argv: Sequence[str]) -> None:
     """Measure and print."""
     options = parser().parse_args(argv)
     torch.set_num_threads(options.threads)
@@ -231,12 +232,8 @@ def training_memory(size: Size, kind: str) -> float:
 
 def in_fresh_process(name: str, kind: str) -> float:
     """`training_memory` in a process of its own."""
-    command = [sys.executable, "-m", "benchmarks.performance.gns_network", "--sizes", name]
+    command = [sys.executable, "-m", "benchmarks.performance", "gns_network", "--sizes", name]
     done = subprocess.run(
         [*command, "--memory-of", kind], capture_output=True, text=True, check=True
     )
     return float(done.stdout)
-
-
-if __name__ == "__main__":
-    main_exit(main)

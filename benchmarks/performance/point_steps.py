@@ -1,6 +1,6 @@
 """Material point-steps per second of the solver, and its ratio to a plain kernel with atomics.
 
-    python -m benchmarks.performance.point_steps [--threads 2] [--rounds 15]
+    python -m benchmarks.performance point_steps [--threads 2] [--rounds 15]
 
 The scene: 6,000 Mohr-Coulomb points in three zones, in full collapse. Measured in turn, round by
 round, in one process, so that a busy machine slows all of them alike; the ratios are medians of the
@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
+from benchmarks.performance import PROGRAM
 from geometry.scenes.scene import Scene, scene_from_mapping
 from pipeline.config import SimulationSettings
 
@@ -99,14 +101,12 @@ def measure(threads: int, rounds: int, names: tuple[str, ...]) -> dict[str, np.n
     return {name: np.array(values) for name, values in found.items()}
 
 
-def main() -> None:
+def main(argv: Sequence[str]) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.performance.point_steps", description=__doc__
-    )
+    parser = argparse.ArgumentParser(prog=f"{PROGRAM} point_steps", description=__doc__)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=15)
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     one = measure(1, options.rounds, ("plain", "one scene", "batch"))
     print("one thread, 6,000 points      best    median   [M point-steps/s]")
     for name, values in one.items():
@@ -121,7 +121,3 @@ def main() -> None:
             f"{options.threads} threads: batch {many['batch'].max():.1f} best; batch / one scene, "
             f"which one thread runs: {best:.2f} of the best, {median:.2f} median"
         )
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,7 @@
 """Point-steps per second of the three-dimensional solver, and its distance to the processor.
 
-    python -m benchmarks.performance.point_steps_3d [--spacing 0.5] [--rounds 8]
-    python -m benchmarks.performance.point_steps_3d --dam 4
+    python -m benchmarks.performance point_steps_3d [--spacing 0.5] [--rounds 8]
+    python -m benchmarks.performance point_steps_3d --dam 4
 
 The first form: a bank of clay in full collapse on one thread; the best round counts, by the time
 that the process had a core (a busy machine takes that away, too). Bytes and flops per point-step
@@ -18,10 +18,12 @@ from __future__ import annotations
 import argparse
 import resource
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.performance import PROGRAM
 from benchmarks.verification.three_dimensions import slab_scene
 from geometry.scenes.scene import Scene, load_scene
 from mpm_taichi.simulate3d import Flight3d, simulate_3d
@@ -121,13 +123,15 @@ def state_bytes(problem: Problem3d) -> int:
     return sum(getattr(flight.state, name).nbytes for name in layout.ARRAYS)
 
 
-def main() -> None:
+def main(argv: Sequence[str]) -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog=f"{PROGRAM} point_steps_3d", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--spacing", type=float, default=0.5, help="of the bank [m]")
     parser.add_argument("--rounds", type=int, default=8, help="frames measured")
     parser.add_argument("--dam", type=float, help="simulate the dam at this spacing [m] instead")
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     if options.dam:
         run_dam(options.dam)
         return
@@ -141,7 +145,3 @@ def main() -> None:
         f"{counted} flops per point-step: {counted * speed / 1e9:.1f} of {flops / 1e9:.1f} Gflop/s,"
     )
     print(f"  limit {flops / counted / 1e6:.1f} M/s")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Before it moves, nothing moves: the start of drawn scenes.
 
-    python -m benchmarks.performance.start [--scenes 100] [--scales large small coarse]
+    python -m benchmarks.performance start [--scenes 100] [--scales large small coarse]
 
 For each scene three figures: how far the points of the first frame are from the filling (they must
 be there exactly), the unbalanced force left by settling as a share of the weight, and how far any
@@ -11,9 +11,11 @@ is the start's own fault, and must stay under 0.1 spacing.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 import numpy as np
 
+from benchmarks.performance import PROGRAM
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
@@ -69,14 +71,12 @@ def measure(config: Config, scale: str, number: int, threads: int | None = None)
     }
 
 
-def main() -> None:
+def main(argv: Sequence[str]) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.performance.start", description=__doc__
-    )
+    parser = argparse.ArgumentParser(prog=f"{PROGRAM} start", description=__doc__)
     parser.add_argument("--scenes", type=int, default=100)
     parser.add_argument("--scales", nargs="+", default=["large", "small", "coarse"])
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     config = load_config(None)
     print("scale    scenes  at rest  largest shift at t = 0  and later      unbalanced force")
     for scale in options.scales:
@@ -87,7 +87,3 @@ def main() -> None:
             f"{found['seconds']:.1f} s  {found['unbalanced']:9.1e} of the weight",
             flush=True,
         )
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """What whole jobs take: the Lower San Fernando section, and samples of the scales.
 
-    python -m benchmarks.performance.throughput [--scales NAME ...] [--sample 50] [--threads 2]
+    python -m benchmarks.performance throughput [--scales NAME ...] [--sample 50] [--threads 2]
 
 `lsfd`: 40 s of motion at 1 m spacing on one thread, without early stop. A sample spreads evenly
 over the scenes of a scale and goes through `mpm_taichi.batch`, files included; the whole scale is
@@ -14,11 +14,13 @@ import argparse
 import resource
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.dam_section import dam_section
+from benchmarks.performance import PROGRAM
 from geometry.random_scenes.templates import draw_scene
 from pipeline.config import Config, SimulationSettings, load_config
 
@@ -68,15 +70,13 @@ def sample_of(config: Config, scale: str, wanted: int, threads: int) -> dict:
     }
 
 
-def main() -> None:
+def main(argv: Sequence[str]) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.performance.throughput", description=__doc__
-    )
+    parser = argparse.ArgumentParser(prog=f"{PROGRAM} throughput", description=__doc__)
     parser.add_argument("--scales", nargs="*", default=["coarse", "large", "small"])
     parser.add_argument("--sample", type=int, default=50)
     parser.add_argument("--threads", type=int, default=2)
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     config = load_config(None)
     seconds, points, steps = lsfd_seconds()
     print(
@@ -96,7 +96,3 @@ def main() -> None:
         )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"peak memory {peak:.0f} MiB")
-
-
-if __name__ == "__main__":
-    main()

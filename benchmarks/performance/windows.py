@@ -1,6 +1,6 @@
 """Reading windows of packed data at random: memory and time.
 
-    python -m benchmarks.performance.windows results/coarse/dataset [WINDOWS]
+    python -m benchmarks.performance windows results/coarse/dataset [WINDOWS]
 
 Prints the number of runs, their size on the disk, the memory of the process before and at its
 highest while it reads, and the processor time a window takes.
@@ -8,7 +8,6 @@ highest while it reads, and the processor time a window takes.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,7 +39,3 @@ def main(arguments: Sequence[str]) -> None:
         f"{len(windows.runs)} runs, {size:.1f} MB on the disk: {before:.1f} MB in memory, at most "
         f"{most:.1f} MB; {each:.2f} ms a window"
     )
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -126,7 +126,7 @@ def _request() -> str:
     return (
         f"A whole prediction of Lower San Fernando at 2 m takes {first:.0f} ms of one core the "
         f"first time and {later:.0f} ms where strengths alone differ from the one before, of which "
-        f"the network takes {network:.0f} (`python -m benchmarks.performance.direct_request`)."
+        f"the network takes {network:.0f} (`python -m benchmarks.performance direct_request`)."
     )
 
 

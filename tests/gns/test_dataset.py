@@ -130,7 +130,7 @@ def test_memory_is_flat_in_the_number_of_runs(tmp_path, root):
         size = sum(path.stat().st_size for path in folder.glob("train*.npz")) / 1e6
         assert size > 0.4 * count, "MB on the disk"
         done = subprocess.run(
-            [sys.executable, "-m", "benchmarks.performance.windows", str(folder), "300"],
+            [sys.executable, "-m", "benchmarks.performance", "windows", str(folder), "300"],
             cwd=root, capture_output=True, text=True, check=True,
         )  # fmt: skip
         runs, _, _, most, _ = map(float, re.findall(r"[\d.]+", done.stdout))

@@ -38,9 +38,7 @@ def test_a_survey_holds_all_of_the_one_before(name):
 @pytest.mark.parametrize("name", SECTIONS)
 def test_values_go_to_their_measurements(name):
     section = load_section(FOLDER / name)
-    places = surveys.profile_places(
-        section, "history", 60.0 if section.survey.side == "left" else 150.0
-    )
+    places = surveys.profile_places(section, 60.0 if section.survey.side == "left" else 150.0)
     entries = surveys.entries_of(section, "history", 50.0)
     values = np.arange(sum(len(entry.values) for entry in entries), dtype=float)
     filled = surveys.with_values(section, "history", places, values)
