@@ -23,7 +23,7 @@ from benchmarks.gpu.stages import Context, Measurement
 from benchmarks.gpu.torch_timing import seconds
 from flowslide.commands.gns.train import open_windows
 from gns.direct import network as direct
-from gns.direct.train import TrainingPlan, _optimiser, loss_of
+from gns.direct.train import TrainingPlan, loss_of, optimiser_of
 from gns.training.checkpoints import ModelFolder
 from gns.training.distributed import Group
 from gns.training.train import train
@@ -129,18 +129,18 @@ def train_direct(context: Context) -> Iterator[dict[str, Any]]:
     widths = (8, 8, 8, 8) if context.rehearse else direct.DirectConfig().widths
     config, plan = direct.DirectConfig(widths=widths), TrainingPlan()
     network = direct.DirectNetwork(config).to(context.device).train()
-    optimiser = _optimiser(network, plan)
+    optimiser = optimiser_of(network, plan)
     channels = direct.PER_COLUMN + direct.LAYERS * direct.PER_LAYER
     columns, batch = len(direct.places()), 2 if context.rehearse else plan.batch
 
     def drawn(*shape: int) -> torch.Tensor:
         return torch.rand(batch, *shape, device=context.device)
 
-    seen, start = drawn(channels, columns), drawn(2)
+    seen = drawn(channels, columns)
     truth = drawn(2), drawn(columns), 0.1 + drawn(3, len(direct.SHARES))
 
     def step() -> None:
-        loss = loss_of(network(seen, start), *truth)
+        loss = loss_of(network(seen), *truth)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

@@ -266,7 +266,7 @@ def _network(
     if kept is not None:
         network.load_state_dict(kept["weights"])
         return network.eval()
-    optimiser = _optimiser(network, plan)
+    optimiser = optimiser_of(network, plan)
     average = {name: value.clone() for name, value in network.state_dict().items()}
     folder.mkdir(parents=True, exist_ok=True)
     first, kept = 0, _kept(state, key)
@@ -279,7 +279,7 @@ def _network(
     for step in range(first, plan.steps):
         if step == plan.first_cycle:
             network.load_state_dict(average)
-            optimiser = _optimiser(network, plan)
+            optimiser = optimiser_of(network, plan)
         numbers = torch.Generator().manual_seed(plan.seed * 1_000_003 + step)
         drawn = torch.randint(len(lessons), (plan.batch,), generator=numbers)
         torch.manual_seed(plan.seed * 1_000_003 + step)  # of what is dropped, also after a kill
@@ -316,7 +316,8 @@ def _network(
     return network.eval()
 
 
-def _optimiser(network: DirectNetwork, plan: TrainingPlan) -> Optimizers:
+def optimiser_of(network: DirectNetwork, plan: TrainingPlan) -> Optimizers:
+    """Of a network, as the training begins with it."""
     return Optimizers(
         list(network.parameters()),
         rate=plan.rate,

@@ -211,7 +211,7 @@ def test_the_shipped_model_is_found(run):
         "import flowslide; from inversion.back_analysis.by_engine import chosen_engine; "
         "from inversion.back_analysis.case import inversion_case; "
         "case = inversion_case(flowslide.load_case('lower_san_fernando')); "
-        "print(chosen_engine(case, 'gns', 'coarse').model / 'model.pt')"
+        "print(chosen_engine(case, 'gns', 'thrust').model / 'model.pt')"
     )
     assert Path(run("python", "-c", script).strip()).is_file()
 
