@@ -263,8 +263,3 @@ def test_the_commands_end_as_they_should(run_module, tmp_path):
     listed = run_module("flowslide", "diagnose", "--help")
     for name in ("run", "compare", "explain", "extend", "track", "suggest"):
         assert name in listed.stdout
-
-
-def test_the_schema_is_that_of_a_verdict(capsys):
-    main(["schema"])
-    assert json.loads(capsys.readouterr().out)["properties"]["verdict"]
