@@ -28,7 +28,7 @@ SMALL = ("--set", "inversion.noise_seeds=2", "--set", "inversion.starts=2",
 
 
 def arguments(case: Path, out: Path) -> list[str]:
-    return ["inversion", "invert", str(case), "--out", str(out), *SMALL]
+    return ["flowslide", "invert", str(case), "--out", str(out), *SMALL]
 
 
 @pytest.fixture(scope="module")
