@@ -76,7 +76,9 @@ rule train_direct_network:
 rule judge_direct_model:
     input:
         runs=direct_runs,
-        networks=[f"{RESULTS}/direct/direct/network_{number + 1}.pt" for number in range(DIRECT_NETWORKS)],
+        networks=[
+            f"{RESULTS}/direct/direct/network_{number + 1}.pt" for number in range(DIRECT_NETWORKS)
+        ],
     output:
         model=f"{RESULTS}/direct/direct/direct.pt",
         card=f"{RESULTS}/direct/direct/card.yaml",
