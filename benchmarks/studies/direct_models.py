@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot as plt
 
+from benchmarks.generated_pages import renew
 from benchmarks.performance import direct_request
 from benchmarks.studies import learned_on_dams
 from gns.direct.judge import FAR, judged_run
@@ -24,10 +25,10 @@ from gns.direct.sections import outcome_of, places
 from gns.direct.train import Sample, answers, read_samples
 from mpm_taichi.simulate import simulate_each
 from pipeline.config import load_config
-from pipeline.files import read_yaml, write_text
+from pipeline.files import read_yaml
 from pipeline.places import MODELS, resolve
 
-PAGE = Path("docs/records/direct-models.md")
+PAGE = Path("docs/method/direct.md")
 PICTURES = Path("docs/images/direct")
 ELSEWHERE = 240
 """Test scenes that are simulated with their points elsewhere."""
@@ -53,7 +54,7 @@ def main() -> None:
     pictures.mkdir(parents=True, exist_ok=True)
     _draw_runouts(samples, predictor, pictures / "runout.png")
     _draw_deposits(samples, predictor, pictures / "deposits.png")
-    write_text(Path(arguments.page), page(card, solver_noise(samples[:ELSEWHERE])))
+    renew(Path(arguments.page), record=page(card, solver_noise(samples[:ELSEWHERE])))
 
 
 def solver_noise(samples: list[Sample]) -> dict[str, float]:
@@ -78,9 +79,7 @@ def page(card: dict, noise: dict[str, float]) -> str:
         "the solver itself, its points elsewhere": {**noise, "covered, %": np.nan},
     }
     lines = [
-        "# The direct model",
-        "",
-        "The learned model without steps ([method](../method/direct.md)) on the test scenes of its "
+        "On the test scenes of its "
         "runs: random dams and slopes at 2 m spacing that it has not seen. d is the spacing; the "
         "runout is that of the side that ran farther; far are runouts beyond "
         f"{FAR:g} d. Medians, but where a column says otherwise.",
@@ -104,18 +103,18 @@ def page(card: dict, noise: dict[str, float]) -> str:
         "elsewhere: there is more to learn. "
         f"{_request()} No case history was learned from; but that there are dams of hydraulic fill "
         "comes from the error at Lower San Fernando without them ([what "
-        "decided](../method/direct.md#training)).",
+        "decided](#training)).",
         "",
         "![Deposits](../images/direct/deposits.png)",
         "",
-        "## By template",
+        "### By template",
         "",
         "(a) to (d) are the paper's; `dam` are free-standing dams with shells of two layers, "
         "`hydraulic` those of hydraulic fill.",
         "",
     ]
     lines += [_table({k: row for k, row in accuracy.items() if k != "all"}, "template"), ""]
-    lines += ["## Dams of the case histories", "", learned_on_dams.WORDS, ""]
+    lines += ["### Dams of the case histories", "", learned_on_dams.WORDS, ""]
     lines += [learned_on_dams.dams(), "", learned_on_dams.ANSWERS, "", learned_on_dams.answers()]
     lines += ["", learned_on_dams.VARIANTS_WORDS, "", learned_on_dams.variants(), ""]
     return "\n".join(lines)

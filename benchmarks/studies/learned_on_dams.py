@@ -39,7 +39,7 @@ ANSWERS = (
     "What each finds from the toes alone (`flowslide invert DAM --quick --spacing S --engine "
     "direct`): by itself, with its own error in the ±, and corrected by five runs of the solver "
     "around its first answer (`--set inversion.paired_runs=5`, "
-    "[how](../method/direct.md#how-sure-it-is)). At 1 m Lower San Fernando is 42 spacings high, "
+    "[how](#how-sure-it-is)). At 1 m Lower San Fernando is 42 spacings high, "
     "which the model has not learned. The last column is what the solver makes of the corrected "
     "answer; the measured runouts are in brackets."
 )

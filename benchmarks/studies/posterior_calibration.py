@@ -8,7 +8,7 @@ of other runs, with the sampler of `flowslide posterior`, and the truth is ranke
 Of prior and posterior alike only sections count that can be drawn at that spacing.
 Everything found is kept in `posterior_calibration.json`, twin by twin, so that the study resumes
 where it stopped and parts may run side by side. At the end it writes the table between the markers
-of `docs/records/posterior-calibration.md` and the picture next to it.
+of `docs/method/posterior.md` and the picture next to it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.generated_pages import RECORDS, ROOT, renew
+from benchmarks.generated_pages import ROOT, renew
 from flowslide import load_case
 from inversion.back_analysis.case import InversionCase, inversion_case
 from inversion.engines.run_store import RunStore
@@ -33,7 +33,7 @@ from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import read_json, write_json
 
 RECORD = Path(__file__).with_suffix(".json")
-PAGE = RECORDS / "posterior-calibration.md"
+PAGE = ROOT / "docs" / "method" / "posterior.md"
 PICTURE = ROOT / "docs/images/posterior/calibration.png"
 CASE = "lower_san_fernando"
 TWINS, DESIGN, SEED = 208, 256, 11

@@ -15,7 +15,7 @@ if it is what was sealed.
 
 What is done is kept in `slide_widths.json`, slide by slide, and runs in
 `results/benchmarks/slide_widths`, so that a study that was stopped resumes. At the end the page
-`docs/records/slide-widths.md` and its picture are renewed; `--page` does only that.
+`docs/records/numerical-choices.md` and its picture are renewed; `--page` does only that.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from pipeline.random_numbers import Stream, number_of
 from report import style
 
 RECORD = Path(__file__).with_suffix(".json")
-PAGE = RECORDS / "slide-widths.md"
+PAGE = RECORDS / "numerical-choices.md"
 PICTURE = ROOT / "docs/images/slide-widths.png"
 FOLDER = ROOT / "results/benchmarks/slide_widths"
 SECTIONS = ("embankment", "tailings_dam", "reservoir_dam")

@@ -7,7 +7,7 @@ every run at the spacing of the answer. Every number of the fast result is compa
 slow one, in its standard deviations. Then the strength of the first case is found at several
 spacings, with and without the extrapolation to small cells. Runs are kept in
 `results/benchmarks/two_spacings`, so a study that was stopped resumes; what is found is kept in
-`two_spacings.json` and shown on `docs/records/two-spacings.md`. `--page` only renews that page.
+`two_spacings.json` and shown on `docs/records/numerical-choices.md`. `--page` only renews that page.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from pipeline.files import read_json, write_json
 from pipeline.manifest import code_version
 
 RECORD = Path(__file__).with_suffix(".json")
-PAGE = RECORDS / "two-spacings.md"
+PAGE = RECORDS / "numerical-choices.md"
 FOLDER = ROOT / "results/benchmarks/two_spacings"
 CASES = ("lower_san_fernando", "la_marquesa")
 #: Spacings at which the strength of the first case is found, over its own.

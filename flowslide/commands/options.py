@@ -91,7 +91,7 @@ def add_effects(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         dest="effect_files",
         help="Python file with your own effects or material law; it is executed "
-        "(docs/how-to/your-own-effect.md)",
+        "(docs/how-to/extend.md)",
     )
 
 
@@ -104,7 +104,7 @@ def add_measurements_code(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         dest="measurement_files",
         help="Python file with your own types of measurement; it is executed "
-        "(docs/how-to/your-own-measurement.md)",
+        "(docs/how-to/extend.md)",
     )
 
 

@@ -3,7 +3,7 @@
 In: `blow_counts.yaml` of a case folder, which a case may have. Out: one `BlowCount` for each zone
 that it names. The relations of `inversion.catalogue.correlations` turn them into strengths. Kinds:
 N1,60, corrected to one atmosphere and 60 % of the energy; N1,60cs, the clean-sand equivalent for
-residual strengths. File format: docs/method/blow-counts.md.
+residual strengths. File format: docs/method/measurements.md.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def load_blow_counts(folder: str | Path, scene: Scene) -> dict[str, BlowCount]:
     path = Path(folder) / FILE_NAME
     if not path.is_file():
         return {}
-    counts = checked_document(BlowCounts, read_yaml(path), path, "docs/method/blow-counts.md")
+    counts = checked_document(BlowCounts, read_yaml(path), path, "docs/method/measurements.md")
     known = [zone.name for zone in scene.zones]
     for layer in counts.layers:
         for zone in layer.zones:

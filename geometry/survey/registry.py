@@ -119,9 +119,7 @@ def load_measurements_code(path: str | Path) -> list[type[Measured]]:
         and value.__module__ == module.__name__
     ]
     if not kinds:
-        raise InputError(
-            f"{path}: defines no type of measurement; see docs/how-to/your-own-measurement.md"
-        )
+        raise InputError(f"{path}: defines no type of measurement; see docs/how-to/extend.md")
     found: dict[str, type[Measured]] = {}
     for kind in kinds:
         try:

@@ -71,7 +71,7 @@ def test_the_key_holds_the_content_of_the_file(users, tmp_path):
 
 
 BROKEN = {
-    "nothing": ("x = 1\n", "no MaterialLaw; see docs/how-to/your-own-effect.md"),
+    "nothing": ("x = 1\n", "no MaterialLaw; see docs/how-to/extend.md"),
     "syntax": ("def (:\n", "does not load: SyntaxError"),
     "import": ("import nothing_of_that_name\n", "does not load: ModuleNotFoundError"),
     "taken": (

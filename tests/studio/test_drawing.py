@@ -1,6 +1,6 @@
 """Somebody draws a dam in the page, in a real Chromium.
 
-With STUDIO_PICTURES=docs/images/studio the walk of docs/start/draw-your-dam.md leaves its pictures
+With STUDIO_PICTURES=docs/images/studio the walk of docs/start/studio.md leaves its pictures
 there.
 """
 

@@ -4,7 +4,7 @@ An effect is one file with one `Effect`. Everything here is plain data, so that 
 listed, ranked and described without starting Taichi. The hooks that act on points and nodes are
 plain functions written in Taichi's part of Python (`ti.exp`, `ti.min`, ...; no `import` inside);
 the solver compiles them (`effects.hooks`). The hooks on the host are ordinary functions of a scene.
-`docs/how-to/your-own-effect.md` shows how to write one.
+`docs/how-to/extend.md` shows how to write one.
 """
 
 from __future__ import annotations

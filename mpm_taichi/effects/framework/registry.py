@@ -217,9 +217,7 @@ def load_effects_file(path: str | Path) -> list[Effect]:
     own = [one for one in dict.fromkeys(found) if id(one) not in mine]
     own_laws = laws.laws_in(module)
     if not own and not own_laws:
-        raise InputError(
-            f"{path}: defines no Effect and no MaterialLaw; see docs/how-to/your-own-effect.md"
-        )
+        raise InputError(f"{path}: defines no Effect and no MaterialLaw; see docs/how-to/extend.md")
     taken, names = [one.name for one in library()], [one.name for one in own]
     for one in own:
         reason = faults(one)
