@@ -6,8 +6,8 @@ Each case is solved with the default settings (what changes the answer by coarse
 every run at the spacing of the answer. Every number of the fast result is compared with that of the
 slow one, in its standard deviations. Then the strength of the first case is found at several
 spacings, with and without the extrapolation to small cells. Runs are kept in
-`results/benchmarks/two_spacings`, so a study that was stopped resumes; what is found is kept in
-`two_spacings.json` and shown on `docs/records/numerical-choices.md`. `--page` only renews that page.
+`results/benchmarks/two_spacings`, so a study that was stopped resumes; the figures are kept in
+`two_spacings.json` and shown on `docs/records/numerical-choices.md`, which `--page` alone renews.
 """
 
 from __future__ import annotations

@@ -125,8 +125,8 @@ def limit_of_cells(solved: Solved, here: Here, factor: float) -> Mapping[str, fl
     """The answer with ever smaller cells, by Richardson's extrapolation, by parameter.
 
     Slip between bodies of soil spreads over about two cells, so the error falls with the first
-    power of the cell (docs/records/numerical-choices.md): from h and r h to 0 the scaled answer moves by
-    (x(h) - x(r h)) / (r - 1).
+    power of the cell (docs/records/numerical-choices.md): from h and r h to 0 the scaled answer
+    moves by (x(h) - x(r h)) / (r - 1).
     """
     parameters = solved.best.objective.parameters
     fine, coarse = (parameters.to_fitted(v) for v in (here.values, solved.best.refined))
