@@ -25,7 +25,7 @@ from geometry.survey.measurements import Measurements, check_places
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
 from inversion.estimation.data import Role, Targets, make_targets
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.estimation.hold_out import split
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.layers import with_relation_priors
@@ -51,7 +51,7 @@ class DiagnosisCase(Case):
 
     inversion: Question
     question: DiagnosisQuestion
-    setup: Setup
+    setup: SectionSetup
     validation_case: DiagnosisCase | None = None
 
     @property
@@ -181,7 +181,7 @@ def diagnosis_case(
     targets = _targets(measurements, question, folder)
     parameters = Parameters(inversion.parameters)
     _check_freedom(targets, parameters, question, folder)
-    setup = Setup(case.scene, case.simulation, parameters, targets, case.feet)
+    setup = SectionSetup(case.scene, case.simulation, parameters, targets, case.feet)
     if hypothesis is not None:
         amplitudes = {name: one.amplitude for name, one in hypothesis.effects.items()}
         setup = assumed_otherwise(setup, inversion.sensitivities, amplitudes, source)

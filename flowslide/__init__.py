@@ -16,60 +16,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flowslide.api import (
-        Cancelled,
-        InputError,
-        Simulation,
-        Simulation3d,
-        WorkFailed,
-        back_analyse,
-        back_analyse_3d,
-        classical,
-        compare,
-        diagnose,
-        explain,
-        load_case,
-        load_settings,
-        posterior,
-        predict,
-        predict_3d,
-        predict_from_blow_counts,
-        simulate,
-        simulate_3d,
-        write_pdf,
-        write_report,
-    )
-
-__all__ = [
-    "Cancelled",
-    "InputError",
-    "Simulation",
-    "Simulation3d",
-    "WorkFailed",
-    "back_analyse",
-    "back_analyse_3d",
-    "classical",
-    "compare",
-    "diagnose",
-    "explain",
-    "load_case",
-    "load_settings",
-    "posterior",
-    "predict",
-    "predict_3d",
-    "predict_from_blow_counts",
-    "simulate",
-    "simulate_3d",
-    "write_pdf",
-    "write_report",
-]
+    from flowslide.api import *  # noqa: F403
 
 
 def __getattr__(name: str) -> Any:
-    if name in __all__:
-        return getattr(import_module("flowslide.api"), name)
-    raise AttributeError(f"module 'flowslide' has no attribute {name!r}")
+    api = import_module("flowslide.api")
+    if name == "__all__" or name in api.__all__:
+        return getattr(api, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return list(import_module("flowslide.api").__all__)

@@ -53,12 +53,13 @@ if TYPE_CHECKING:
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
     from geometry.case import Case
     from geometry.scenes3d.scene3d import Scene3d
+    from inversion.back_analysis.asked import Asked
+    from inversion.back_analysis.back_analysis import BackAnalysis
     from inversion.back_analysis.by_engine import Choice
-    from inversion.back_analysis.case import InversionCase
     from inversion.back_analysis.result import Result
     from inversion.posterior.document import PosteriorDocument
+    from inversion.prediction.in_plan import BodyPrediction
     from inversion.prediction.known_strength import KnownStrength
-    from inversion.prediction.on_ground import GroundPrediction
     from mpm_taichi.comparison import Reading
     from mpm_taichi.readings3d import Maps
     from mpm_taichi.trajectory import Run
@@ -71,7 +72,6 @@ __all__ = [
     "Simulation3d",
     "WorkFailed",
     "back_analyse",
-    "back_analyse_3d",
     "classical",
     "compare",
     "diagnose",
@@ -328,6 +328,7 @@ def back_analyse(
     spacing_m: float | None = None,
     measurement_set: str | None = None,
     use_constructed: bool = False,
+    report: Literal["film", "page", "none"] = "none",
     settings: Config | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     threads: int | None = None,
@@ -340,15 +341,18 @@ def back_analyse(
     """Find the strengths that the question of a case asks for, and how certain they are.
 
     Args:
-        case: with a section, measurements and a question (`inversion.yaml`).
-        out: `result.json`, `history.csv`, `sections.npz` and `run.h5` are written there.
-        engine: "mpm", the material point method, "gns", a learned simulator, or "mpm3d", the
-            material point method over the width of the case's `scene3d.yaml`; None: the question's,
-            else the settings'.
+        case: with a section, measurements and a question (`inversion.yaml`); or a body in three
+            dimensions: `scene3d.yaml` or its folder, with `measurements3d.yaml`.
+        out: `result.json`, `history.csv`, of a section `sections.npz` and `run.h5`, of a body
+            rasters, and the report are written there.
+        engine: "mpm", the material point method, "gns", a learned simulator, "direct", a learned
+            model in one pass, or "mpm3d", the material point method over the width of the case's
+            `scene3d.yaml`; None: the question's, else the settings'. Of a body "mpm3d" alone.
         model: of the engine "gns": a folder, or the name of a model that ships.
         method: of the search; None: the settings'.
         quick: the answer alone: one start, no variants, no seeds, no sensitivities,
             no waterfall.
+        report: `report.html` with pictures and a film, without a new film, or none.
         evaluated: called as `evaluated(simulations, values, loss)` with the values by name that
             the search for the answer has tried, in outside units, after each of them.
 
@@ -360,27 +364,41 @@ def back_analyse(
         WorkFailed: no simulation of the case can be read.
         Cancelled: the caller asked for it.
     """
-    from inversion.back_analysis.by_engine import chosen_engine
-    from inversion.back_analysis.case import inversion_case
-
     watch = Watch(progress, cancel, evaluated)
     with own_code(effect_files, measurement_files), _folder(out) as folder:
-        asked = inversion_case(
-            with_choices(load_case(case, settings=settings), method, quick),
+        asked = load_question(
+            case,
+            settings=settings,
+            method=method,
+            quick=quick,
             measurement_set=measurement_set,
             spacing_m=spacing_m,
             use_constructed=use_constructed,
         )
-        choice = chosen_engine(asked, engine, None if model is None else os.fspath(model))
-        return answer(asked, choice, folder, watch, device=device, threads=threads)
+        choice = choose_engine(asked, engine, model)
+        return answer(asked, choice, folder, watch, report=report, device=device, threads=threads)
+
+
+def choose_engine(
+    asked: Asked, engine: str | None = None, model: str | os.PathLike[str] | None = None
+) -> Choice:
+    """What answers a question; arguments as of `back_analyse`.
+
+    Raises:
+        InputError: no such engine or model, one that is not installed or cannot simulate the case.
+    """
+    from inversion.back_analysis.by_engine import chosen_engine
+
+    return chosen_engine(asked, engine, None if model is None else os.fspath(model))
 
 
 def answer(
-    asked: InversionCase,
+    asked: Asked,
     choice: Choice,
     folder: Path,
     watch: Watch,
     *,
+    report: Literal["film", "page", "none"] = "none",
     device: str = "cpu",
     threads: int | None = None,
 ) -> Result:
@@ -389,77 +407,67 @@ def answer(
     from inversion.back_analysis.result_files import answered
     from inversion.engines.run_store import RunStore
 
-    store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-    analysis = back_analysis_by(choice.engine, asked, store, watch, choice.model, folder)
-    with working_in(folder), store.workers():
-        return answered(analysis, folder)
+    plain = RunStore(folder / "runs", device=device, threads=threads, **_reports(watch))
+    with working_in(folder):
+        analysis = back_analysis_by(choice.engine, asked, plain, watch, choice.model, folder)
+        with analysis.store.workers():
+            result = answered(analysis, folder)
+        if report != "none":
+            watch.say("writing the report")
+            _write_back_analysis(analysis, result, folder, film=report == "film")
+    return result
 
 
-def back_analyse_3d(
-    scene: str | os.PathLike[str],
+def load_question(
+    case: str | os.PathLike[str] | Case,
     *,
-    out: str | os.PathLike[str] | None = None,
-    method: Literal["gauss_newton", "lbfgsb"] | None = None,
-    quick: bool = False,
-    spacing_m: float | None = None,
-    measurement_set: str | None = None,
-    use_constructed: bool = False,
-    report: bool = True,
     settings: Config | None = None,
-    threads: int | None = None,
-    progress: Report | None = None,
-    evaluated: Evaluated | None = None,
-    cancel: Cancel | None = None,
-) -> Result:
-    """Find the strengths with which a slide in three dimensions leaves what was measured in plan.
+    method: str | None = None,
+    quick: bool = False,
+    measurement_set: str | None = None,
+    spacing_m: float | None = None,
+    use_constructed: bool = False,
+) -> Asked:
+    """A case, on a section or on a body, and the question of its `inversion.yaml`.
 
-    Args:
-        scene: `scene3d.yaml` or its folder, with `measurements3d.yaml` and `inversion.yaml` in it.
-        out: see above; `result.json`, `history.csv`, pictures, rasters and page are written there.
-        method: see `back_analyse`.
-        quick: see `back_analyse`.
-        spacing_m: see above.
-        measurement_set: see `back_analyse`.
-        use_constructed: see `back_analyse`.
-        report: write page, pictures and rasters to `out`.
-        settings: see above.
-        threads: see above.
-        progress: see above.
-        evaluated: see `back_analyse`.
-        cancel: asked at every frame.
-
-    Returns:
-        what `result.json` holds; strengths in kPa.
+    Arguments as of `back_analyse`.
 
     Raises:
-        InputError: bad input.
-        WorkFailed: no simulation of the scene can be read.
-        Cancelled: the caller asked for it.
+        InputError: file, field, value and what is allowed.
     """
-    from inversion.back_analysis.ground_case import ground_case
-    from inversion.back_analysis.on_ground import answered_on_ground, on_ground
-    from report.back_analysis3d import write_report as write_page
+    from geometry.case import Case
+    from geometry.scenes3d.scene3d import is_body
+    from inversion.back_analysis.body_case import body_case
+    from inversion.back_analysis.case import inversion_case
 
-    watch = Watch(progress, cancel, evaluated)
-    with _folder(out) as folder, ExitStack() as held:
-        asked = ground_case(
-            os.fspath(scene),
-            _chosen(settings or load_settings(None), method, quick),
-            measurement_set=measurement_set,
-            spacing_m=spacing_m,
-            use_constructed=use_constructed,
-        )
-        held.enter_context(working_in(folder))
-        analysis = on_ground(asked, folder, watch, threads=threads)
-        result = answered_on_ground(analysis, folder)
-        if report:
-            write_page(analysis, result, folder)
-        return result
+    chosen: dict[str, Any] = {
+        "measurement_set": measurement_set,
+        "spacing_m": spacing_m,
+        "use_constructed": use_constructed,
+    }
+    if not isinstance(case, Case) and is_body(case):
+        config = _chosen(settings or load_settings(None), method, quick)
+        return body_case(os.fspath(case), config, **chosen)
+    found = load_case(case, settings=settings)
+    return inversion_case(replace(found, config=_chosen(found.config, method, quick)), **chosen)
 
 
-def with_choices(case: Case, method: str | None, quick: bool) -> Case:
-    """The case with the settings of a back-analysis that arguments replace."""
-    return replace(case, config=_chosen(case.config, method, quick))
+def _reports(watch: Watch) -> dict[str, Any]:
+    """How a store of runs reports to a watch."""
+    return {"on_run": watch.run_done, "on_frame": watch.frame_done}
+
+
+def _write_back_analysis(
+    analysis: BackAnalysis, result: Result, folder: Path, *, film: bool
+) -> None:
+    from inversion.back_analysis.body_case import BodyCase
+    from report import back_analysis, back_analysis3d
+    from report.data.back_analysis import load_back_analysis
+
+    if isinstance(analysis.case, BodyCase):
+        back_analysis3d.write_report(analysis, result, folder)
+    else:
+        back_analysis.write_report(load_back_analysis(folder, analysis.case, result), film=film)
 
 
 def _chosen(config: Config, method: str | None, quick: bool) -> Config:
@@ -472,10 +480,10 @@ def _chosen(config: Config, method: str | None, quick: bool) -> Config:
 
 
 def posterior(
-    case: str | os.PathLike[str] | Case,
+    case: str | os.PathLike[str] | Case | Asked,
     *,
     out: str | os.PathLike[str] | None = None,
-    engine: str = "mpm",
+    engine: str | None = None,
     spacing_m: float | None = None,
     measurement_set: str | None = None,
     use_constructed: bool = False,
@@ -490,11 +498,13 @@ def posterior(
     """Everything unknown of a case, before and after its measurements.
 
     Args:
-        case: with a section, measurements and a question (`inversion.yaml`).
+        case: with a section or a body, measurements and a question, as of `back_analyse`; or what
+            `load_question` returns, which has been asked everything else already.
         out: `posterior.json`, the draws `posterior.nc` (ArviZ) and `report.html` are
             written there.
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model;
-            "mpm3d": over the width of the case's `scene3d.yaml`.
+            None: "mpm", of a body "mpm3d". "mpm3d" of a section: over the width of the case's
+            `scene3d.yaml`.
         settings: see above; the group `posterior` says how many runs and draws.
 
     Returns:
@@ -505,30 +515,32 @@ def posterior(
         WorkFailed: most of the simulations fail.
         Cancelled: the caller asked for it.
     """
-    from inversion.back_analysis.case import inversion_case
-    from inversion.engines.registry import untrained
+    from inversion.back_analysis.asked import Asked as Question
+    from inversion.back_analysis.by_engine import untrained_engine
     from inversion.engines.run_store import RunStore
     from inversion.posterior.infer import Inference
-    from inversion.posterior.runs import SectionModel
+    from inversion.posterior.runs import CaseModel
     from inversion.posterior.summary import save_all
-    from inversion.posterior.unknown import section_of
+    from inversion.posterior.unknown import varied_case
     from report.posterior import write_report as write_posterior
 
     require("posterior", "a posterior")
     watch = Watch(progress, cancel)
     with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
-        asked = inversion_case(
-            load_case(case, settings=settings),
-            measurement_set=measurement_set,
-            spacing_m=spacing_m,
-            use_constructed=use_constructed,
-        )
-        chosen = untrained(engine)
-        plain = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
+        if not isinstance(case, Question):
+            case = load_question(
+                case,
+                settings=settings,
+                measurement_set=measurement_set,
+                spacing_m=spacing_m,
+                use_constructed=use_constructed,
+            )
+        asked = case
+        chosen = untrained_engine(asked, engine)
+        plain = RunStore(folder / "runs", device=device, threads=threads, **_reports(watch))
         store = chosen.store_of(asked.folder, asked.setup, plain)
-        section = section_of(asked, store.refused)
         inference = Inference(
-            SectionModel(section, store, chosen),
+            CaseModel(varied_case(asked, store.refused), store, chosen),
             asked.setup.targets,
             asked.config.posterior,
             watch,
@@ -601,7 +613,7 @@ def predict(
         known = placed(read, list(zones) or section.default_zones, section.scene)
         chosen = untrained(engine)
         plain = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        forward = chosen.forward(chosen.store_of(section.folder, section.setup(known), plain))
+        forward = chosen.made(chosen.store_of(section.folder, section.setup(known), plain))
         watch.plan({"simulating": (1 + seeds) * 7})
         held.enter_context(working_in(folder))
         with watch.stage("simulating"):
@@ -634,7 +646,7 @@ def predict_3d(
     threads: int | None = None,
     progress: Report | None = None,
     cancel: Cancel | None = None,
-) -> GroundPrediction:
+) -> BodyPrediction:
     """How far a slide would run in three dimensions, and where it would come to lie.
 
     Args:
@@ -655,9 +667,10 @@ def predict_3d(
         Cancelled: the caller asked for it.
     """
     from geometry.scenes3d.scene3d import load_scene_3d
-    from inversion.engines.ground_engine import GroundEngine, GroundSetup
+    from inversion.engines.body_engine import BodyEngine, body_store
+    from inversion.engines.run_store import RunStore
+    from inversion.prediction.in_plan import predict_in_plan, prediction_setup
     from inversion.prediction.known_strength import placed
-    from inversion.prediction.on_ground import predict_on_ground
     from inversion.prediction.response import design
     from pipeline.files import write_json
     from report.prediction3d import write_report as write_page
@@ -676,14 +689,13 @@ def predict_3d(
         simulation = (settings or load_settings(None)).simulation
         if described.document.duration_s is not None:
             simulation = simulation.model_copy(update={"duration_s": described.document.duration_s})
-        setup = GroundSetup(described, simulation, tuple(one.zones for one in known))
-        engine = GroundEngine(
-            folder / "runs", threads=threads, on_run=watch.run_done, on_frame=watch.frame_done
-        )
+        setup = prediction_setup(described, simulation, known)
+        plain = RunStore(folder / "runs", threads=threads, **_reports(watch))
+        engine = BodyEngine(body_store(setup, plain))
         watch.plan({"simulating": len(design(len(known)))})
         held.enter_context(working_in(folder))
         with watch.stage("simulating"):
-            found = predict_on_ground(
+            found = predict_in_plan(
                 engine,
                 setup,
                 known,

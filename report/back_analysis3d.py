@@ -12,8 +12,10 @@ import numpy as np
 from geometry.survey3d.deposit_edge import DepositEdge
 from geometry.survey3d.surface_after import SurfaceAfter
 from geometry.terrain.raster import write_raster
-from inversion.back_analysis.on_ground import AnalysisOnGround
+from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.result import Result
+from inversion.engines.body_engine import BodyStore
+from inversion.engines.body_setup import BodySetup
 from mpm_taichi.readings3d import Maps, paths_of
 from pipeline.extras import has
 from report import back_analysis
@@ -24,17 +26,17 @@ from report.pictures.measured_map import save_measured_map
 RASTERS = ("thickness_after.tif", "surface_after.tif")
 
 
-def write_report(analysis: AnalysisOnGround, result: Result, folder: Path) -> Path:
+def write_report(analysis: BackAnalysis, result: Result, folder: Path) -> Path:
     """Write page and pictures, and rasters where the extra `terrain` is installed."""
     draw_maps(analysis, folder)
     return back_analysis.write_report(BackAnalysisData(folder, result), film=False)
 
 
-def draw_maps(analysis: AnalysisOnGround, folder: Path) -> None:
+def draw_maps(analysis: BackAnalysis, folder: Path) -> None:
     """The run of the answer in plan, next to what was measured: two pictures, and GeoTIFFs."""
-    setup, values = analysis.case.setup, analysis.found.values
-    kept = analysis.engine_of().kept_maps(setup.at(values))
-    deposit, scene = setup.deposit_map(values, kept), setup.scene
+    setup, values, store = analysis.case.setup, analysis.found.values, analysis.store
+    assert isinstance(setup, BodySetup) and isinstance(store, BodyStore)
+    deposit, scene = setup.deposit_map(values, store.fetch(setup, values)), setup.scene
     entries = setup.targets.entries
     surfaces = [one.raster for one in entries if isinstance(one, SurfaceAfter)]
     measured = surfaces[0] if surfaces else None

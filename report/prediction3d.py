@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from geometry.terrain.raster import write_raster
-from inversion.prediction.on_ground import GroundPrediction
+from inversion.prediction.in_plan import BodyPrediction
 from mpm_taichi.readings3d import paths_of
 from pipeline.extras import has
 from report import page, style
@@ -38,7 +38,7 @@ def summary(document: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def write_report(found: GroundPrediction, folder: Path) -> Path:
+def write_report(found: BodyPrediction, folder: Path) -> Path:
     """Write page, pictures, and a GeoTIFF for each thickness where the extra `terrain` is there."""
     document, scene, maps = found.document, found.setup.scene, found.setup.before
     lines = {name: np.asarray(line) for name, line in scene.document.lines.items()}

@@ -28,7 +28,7 @@ from geometry.case import load_case
 from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 from pipeline.cli import CommandParser, base_parser
@@ -60,7 +60,7 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def setup_of(arguments, count: int, frames: int | None = None) -> Setup:
+def setup_of(arguments, count: int, frames: int | None = None) -> SectionSetup:
     """The question with this many parameters; the fit is of the toe alone, as asked."""
     case = inversion_case(load_case(CASE), spacing_m=arguments.spacing)
     setup = dataclasses.replace(case.setup, parameters=Parameters(_specs(case, count)))

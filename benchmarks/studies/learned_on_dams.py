@@ -27,7 +27,7 @@ from inversion.engines.registry import MPM, engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
 from inversion.engines.trained_model import Model, load_model
-from inversion.estimation.forward import Prediction, Setup
+from inversion.estimation.forward import Prediction, SectionSetup
 from inversion.estimation.unknowns import Parameters
 from pipeline.config import load_config
 
@@ -102,7 +102,9 @@ VARIANTS_HEAD = (
 )
 
 
-def compared(asked: Asked, setup: Setup, found: Sequence[list[Prediction]]) -> list[list[str]]:
+def compared(
+    asked: Asked, setup: SectionSetup, found: Sequence[list[Prediction]]
+) -> list[list[str]]:
     """Cells of the rows of a dam: every toe, and the crest where it was measured.
 
     Args:
@@ -139,7 +141,7 @@ def simulator_lines(asked: Asked, model: Model) -> list[list[str]]:
 
 
 def both(
-    setup: Setup, strengths: Sequence[Sequence[float]], store: RunStore
+    setup: SectionSetup, strengths: Sequence[Sequence[float]], store: RunStore
 ) -> list[list[Prediction]]:
     """What the solver and the direct model predict at strengths [kPa]."""
     requests = [setup.at(np.array(values)) for values in strengths]

@@ -27,8 +27,8 @@ from inversion.posterior.calibration import Coverage, band, coverage, rank_of
 from inversion.posterior.emulator import make_emulator
 from inversion.posterior.infer import at_shares, sample, warps
 from inversion.posterior.likelihood import Likelihood
-from inversion.posterior.runs import SectionModel
-from inversion.posterior.unknown import section_of
+from inversion.posterior.runs import CaseModel
+from inversion.posterior.unknown import varied_case
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import read_json, write_json
 
@@ -44,13 +44,13 @@ BINS = 16
 SAVED_EVERY = 16
 
 
-def twin_model(runs: Path) -> tuple[InversionCase, SectionModel]:
+def twin_model(runs: Path) -> tuple[InversionCase, CaseModel]:
     """The case, and its runs."""
     case = inversion_case(load_case(CASE))
-    return case, SectionModel(section_of(case), RunStore(runs, threads=1))
+    return case, CaseModel(varied_case(case), RunStore(runs, threads=1))
 
 
-def truths_of(model: SectionModel, number: int) -> np.ndarray:
+def truths_of(model: CaseModel, number: int) -> np.ndarray:
     """The first draws of the prior (number, q) whose section can be drawn."""
     random = np.random.default_rng(SEED)
     found = np.zeros((0, len(model.unknowns)))
@@ -60,7 +60,7 @@ def truths_of(model: SectionModel, number: int) -> np.ndarray:
     return found[:number]
 
 
-def simulated(record: dict, name: str, model: SectionModel, values: np.ndarray) -> None:
+def simulated(record: dict, name: str, model: CaseModel, values: np.ndarray) -> None:
     """Simulate what is not on record yet at values (n, q): the numbers of coarse runs."""
     kept = record.setdefault(name, [])
     while len(kept) < len(values):
@@ -74,7 +74,7 @@ def simulated(record: dict, name: str, model: SectionModel, values: np.ndarray) 
         print(name, len(kept), flush=True)
 
 
-def infer_twin(record: dict, number: int, model: SectionModel, case: InversionCase) -> list[float]:
+def infer_twin(record: dict, number: int, model: CaseModel, case: InversionCase) -> list[float]:
     """Ranks of the truth of a twin among the draws of its posterior, (q,)."""
     truth = record["truths"][number]
     targets = case.setup.targets

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.hypotheses.model import Candidate
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.problem.question import Sensitivity
 from pipeline.cli import InputError
 
@@ -34,19 +34,19 @@ class Assumption:
     """
 
     candidate: Candidate
-    change: Callable[[Setup, float], Setup]
+    change: Callable[[SectionSetup, float], SectionSetup]
 
 
 Found = tuple[list[Assumption], dict[str, str]]
 """Assumptions of a family, and why others can do nothing here."""
 
 
-def with_setting(setup: Setup, **changes: object) -> Setup:
+def with_setting(setup: SectionSetup, **changes: object) -> SectionSetup:
     """The setup with other settings of the simulation."""
     return replace(setup, settings=setup.settings.model_copy(update=changes))
 
 
-def possible(assumption: Assumption, setup: Setup, amplitude: float) -> bool:
+def possible(assumption: Assumption, setup: SectionSetup, amplitude: float) -> bool:
     """There is a section with it."""
     try:
         assumption.change(setup, amplitude)

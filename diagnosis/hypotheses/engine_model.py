@@ -26,7 +26,7 @@ from inversion.engines.finite_width import FiniteWidth
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.forward import Prediction, Request, Setup
+from inversion.estimation.forward import Prediction, Request, SectionSetup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Sensitivity
 from inversion.problem.state import State, simulated
@@ -77,7 +77,7 @@ class EngineModel:
 
     def __init__(
         self,
-        setup: Setup,
+        setup: SectionSetup,
         store: RunStore,
         *,
         engine: Engine = MPM,
@@ -303,7 +303,7 @@ class EngineModel:
         kept = tuple(pair for pair in state.effects if pair[0] not in self._errors)
         return replace(state, effects=kept)
 
-    def setup_of(self, state: State) -> Setup:
+    def setup_of(self, state: State) -> SectionSetup:
         """What a run of the state is made of and read with: section, settings, its foot.
 
         Raises:
@@ -408,7 +408,7 @@ class EngineModel:
         return moved
 
 
-def strength_curves(setup: Setup, run: KeptRun, zones: Sequence[str]) -> list[Curve]:
+def strength_curves(setup: SectionSetup, run: KeptRun, zones: Sequence[str]) -> list[Curve]:
     """Unknown curves over the range that the liquefied zones of a section have.
 
     Args:

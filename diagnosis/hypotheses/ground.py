@@ -25,7 +25,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 
 Side = Literal["left", "right"]
 
@@ -60,7 +60,7 @@ _BUMP = re.compile(rf"{BUMP}_(\d+(?:\.\d+)?)_m_before_the_(left|right)_foot")
 ON_BASE_M = 1e-3
 
 
-def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """What the ground may have been."""
     scene = setup.scene
     found = [*_contacts(scene), *_below(scene)]
@@ -128,7 +128,7 @@ def _coefficient(own: float) -> Assumption:
     return Assumption(candidate, lambda s, a: _touching(s, "coulomb", max(own + a, 0.0)))
 
 
-def _touching(setup: Setup, contact: str, coefficient: float | None = None) -> Setup:
+def _touching(setup: SectionSetup, contact: str, coefficient: float | None = None) -> SectionSetup:
     changes = {"contact": contact, "friction_coefficient": coefficient}
     scene = setup.scene.changed(ground=setup.scene.ground.model_dump() | changes)
     return setup.with_scene(scene)
@@ -161,10 +161,12 @@ def _below(scene: Scene) -> list[Assumption]:
     return found
 
 
-def _moved_base(name: str, ends: tuple[float, float]) -> Callable[[Setup, float], Setup]:
+def _moved_base(
+    name: str, ends: tuple[float, float]
+) -> Callable[[SectionSetup, float], SectionSetup]:
     """The base between the feet moved by the amplitude times `ends`, from left to right [m]."""
 
-    def change(setup: Setup, amplitude: float) -> Setup:
+    def change(setup: SectionSetup, amplitude: float) -> SectionSetup:
         left, right = setup.scene.foot("left"), setup.scene.foot("right")
         fade = FADE * (right - left)
         knots = [
@@ -185,7 +187,7 @@ def _beyond(scene: Scene, side: Side) -> list[Assumption]:
     height = scene.extent[1] - scene.extent[0]
     foot, outward = scene.foot(side), -1.0 if side == "left" else 1.0
 
-    def sloped(setup: Setup, slope: float) -> Setup:
+    def sloped(setup: SectionSetup, slope: float) -> SectionSetup:
         length = FORELAND_LENGTH * height
         knots = [(foot, 0.0), (foot + outward * length, slope * length)]
         return setup.with_scene(with_base(setup.scene, sorted(knots), FORELAND))
@@ -218,7 +220,7 @@ def _bump(scene: Scene, side: Side, distance: float, name: str) -> Assumption:
     height = scene.extent[1] - scene.extent[0]
     top = scene.foot(side) + (-distance if side == "left" else distance)
 
-    def raised(setup: Setup, rise: float) -> Setup:
+    def raised(setup: SectionSetup, rise: float) -> SectionSetup:
         half = BUMP_FACE * rise
         knots = [(top - half, 0.0), (top, rise), (top + half, 0.0)]
         return setup.with_scene(with_base(setup.scene, knots, BUMP))
@@ -264,7 +266,7 @@ def neighbours(scene: Scene, name: str) -> list[str]:
     ]
 
 
-def _sides(setup: Setup) -> tuple[Side, ...]:
+def _sides(setup: SectionSetup) -> tuple[Side, ...]:
     """Sides to which the slide ran, as far as the measurements say; else both."""
     named = {getattr(entry, "side", None) for entry in setup.targets.entries}
     sides = tuple(side for side in ("left", "right") if side in named)

@@ -12,16 +12,16 @@ from diagnosis.hypotheses.model import Proposal
 from geometry.survey.measured import Measured
 from geometry.survey.registry import measurement_types
 from geometry.survey.site import Site
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 
 
-def site_of(setup: Setup) -> Site:
+def site_of(setup: SectionSetup) -> Site:
     """The section and the measurements that were made on it, without constructed ones."""
     made = [entry for entry in setup.targets.entries if not entry.constructed]
     return Site(setup.scene, setup.foot, made, setup.settings.gravity_m_per_s2)
 
 
-def possible_measurements(setup: Setup) -> list[Measured]:
+def possible_measurements(setup: SectionSetup) -> list[Measured]:
     """Measurements that could still be made on a section."""
     site = site_of(setup)
     return [entry for kind in measurement_types().values() for entry in kind.could_be_made(site)]

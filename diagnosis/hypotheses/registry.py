@@ -15,7 +15,7 @@ from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import Scene
 from inversion.engines.registry import Engine
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effects
 from pipeline.cli import InputError
 
@@ -48,7 +48,7 @@ FAMILIES = (
 
 
 def assumptions_of(
-    setup: Setup, sensitivities: Sensitivities, engine: Engine, *, dear: bool = False
+    setup: SectionSetup, sensitivities: Sensitivities, engine: Engine, *, dear: bool = False
 ) -> Found:
     """All assumptions that can be otherwise, and why others cannot; `dear` ones if asked for."""
     found, left_out = [], {}
@@ -65,7 +65,7 @@ def assumptions_of(
     return found, left_out
 
 
-def unseen_by(engine: Engine, assumption: Assumption, setup: Setup) -> str:
+def unseen_by(engine: Engine, assumption: Assumption, setup: SectionSetup) -> str:
     """Why an engine cannot say what an assumption does; empty: it can."""
     if engine.effects:
         return ""
@@ -89,8 +89,8 @@ def placed_at(scene: Scene, name: str) -> Assumption | None:
 
 
 def assumed_otherwise(
-    setup: Setup, sensitivities: Sensitivities, amplitudes: Mapping[str, float], source: str
-) -> Setup:
+    setup: SectionSetup, sensitivities: Sensitivities, amplitudes: Mapping[str, float], source: str
+) -> SectionSetup:
     """The setup of a hypothesis that doubts assumptions; effects of the solver are in its scene.
 
     Raises:

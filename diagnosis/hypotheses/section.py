@@ -21,7 +21,7 @@ from diagnosis.hypotheses.model import Candidate
 from diagnosis.hypotheses.strength import liquefied_soil
 from geometry.scenes.scene import Scene
 from inversion.back_analysis.deviations import deviating
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.problem.question import MovedVertex, ZoneBoundary
 from mpm_taichi.effects import liquefied_zones
 
@@ -36,7 +36,7 @@ ON_LINE = 0.01
 RUNGS = (0.5, 1.0, 2.0)
 
 
-def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """Boundaries that may lie elsewhere, with the amplitudes for which there is a section.
 
     Raises:

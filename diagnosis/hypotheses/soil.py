@@ -18,7 +18,7 @@ from diagnosis.hypotheses.assumption import (
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Material, Scene
 from inversion.back_analysis.deviations import property_changes, with_changes
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.problem.question import FixedProperty, material_key
 
 #: One standard deviation where nothing is known: as shares of the value, and as it is.
@@ -38,7 +38,7 @@ WORDS = {
 """Property -> what it is called, and the unit of the amplitude: stiffness as a logarithm."""
 
 
-def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """Properties that are not calibrated, by material, and by what the sensitivities list."""
     scene = setup.scene
     calibrated = {
@@ -103,7 +103,7 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
         screened=True,
     )
 
-    def change(setup: Setup, amplitude: float) -> Setup:
+    def change(setup: SectionSetup, amplitude: float) -> SectionSetup:
         changes = property_changes(setup.scene, zones, key, amplitude)
         return setup.with_scene(with_changes(setup.scene, changes, candidate.name))
 

@@ -16,7 +16,7 @@ from diagnosis.hypotheses.assumption import (
     with_setting,
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import liquefied_zones
 from pipeline.cli import InputError
 
@@ -32,7 +32,7 @@ LOWEST_K0, HIGHEST_K0 = 0.2, 1.5
 DELAYS, HOLD = (2.0, 6.0, 20.0), 0.8
 
 
-def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """What the start may have been."""
     own = setup.settings.initial_stress
     found, left_out = [], {}
@@ -60,7 +60,7 @@ def _start(name: str, words: str, initial_stress: str) -> Assumption:
     )
 
 
-def _ratio(setup: Setup) -> Assumption:
+def _ratio(setup: SectionSetup) -> Assumption:
     """Another K0 at the start; the amplitude is the difference from the base model's."""
     own = k0_of(setup)
     ladder = sorted(
@@ -81,7 +81,7 @@ def _ratio(setup: Setup) -> Assumption:
     return Assumption(candidate, lambda s, change: with_setting(s, k0=own + change))
 
 
-def k0_of(setup: Setup) -> float:
+def k0_of(setup: SectionSetup) -> float:
     """K0 that the base model starts from: the setting, else the mean over its materials."""
     if setup.settings.k0 is not None:
         return setup.settings.k0
@@ -89,7 +89,7 @@ def k0_of(setup: Setup) -> float:
     return sum(nu / (1.0 - nu) for nu in ratios) / len(ratios)
 
 
-def _late(setup: Setup, zone: str) -> Assumption:
+def _late(setup: SectionSetup, zone: str) -> Assumption:
     """A zone that liquefied after the rest, by the amplitude."""
     name = f"{LATE}_{slug(zone)}"
     number = 1 + [one.name for one in setup.scene.zones].index(zone)
@@ -104,7 +104,7 @@ def _late(setup: Setup, zone: str) -> Assumption:
         screened=True,
     )
 
-    def change(setup: Setup, delay: float) -> Setup:
+    def change(setup: SectionSetup, delay: float) -> SectionSetup:
         effects = setup.scene.effects
         if LATENESS in effects:
             raise InputError(f"{name}: another zone liquefied late already")

@@ -20,7 +20,7 @@ from shapely.ops import unary_union
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Scene
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effect, liquefied_zones
 from pipeline.cli import InputError
 
@@ -42,7 +42,7 @@ _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _PART = re.compile(rf"{PART}(?:_x_{_NUMBER}_to_{_NUMBER})?(?:_y_{_NUMBER}_to_{_NUMBER})?")
 
 
-def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """Layers, stretches and blocks of the liquefied zones."""
     if not liquefied_zones(setup.scene) or CONTRAST in setup.scene.effects:
         return [], {}
@@ -179,7 +179,7 @@ def _part(
         placed=PLACES,
     )
 
-    def change(setup: Setup, size: float) -> Setup:
+    def change(setup: SectionSetup, size: float) -> SectionSetup:
         effects = setup.scene.effects
         if CONTRAST in effects:
             raise InputError(f"{name}: another part has its own strength already")

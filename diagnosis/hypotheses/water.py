@@ -21,7 +21,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Scene, scene_from_mapping
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.problem.scene_changes import SAME_PLACE_M
 from pipeline.cli import InputError
 
@@ -34,7 +34,7 @@ POOL, DRAWDOWN, FACE = "pool", "drawdown", "other_water_face"
 DEPTHS, DEEPEST = (0.2, 0.4, 0.7), 0.95
 
 
-def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """What the water may have been."""
     scene = setup.scene
     if any(spec.property == "water_level" for spec in setup.parameters.specs):
@@ -64,7 +64,7 @@ def _pool(scene: Scene, side: Side | None) -> Assumption:
         ladder=tuple(share * height for share in DEPTHS),
     )
 
-    def change(setup: Setup, depth: float) -> Setup:
+    def change(setup: SectionSetup, depth: float) -> SectionSetup:
         own = setup.scene
         level = own.extent[0] + depth
         line = None if side is None else _falling(own, level, side)
@@ -96,7 +96,7 @@ def _shores(scene: Scene, level: float) -> tuple[float, float] | None:
     return None if cut.is_empty else (cut.bounds[0], cut.bounds[2])
 
 
-def _forms(setup: Setup) -> Found:
+def _forms(setup: SectionSetup) -> Found:
     """Other forms of the water that the section has."""
     scene, settings = setup.scene, setup.settings
     left_out = {POOL: "the section has water; pool_level moves it"}
@@ -152,7 +152,7 @@ def _drawdown(scene: Scene) -> Assumption | None:
         ladder=tuple(share * deepest for share in DEPTHS),
     )
 
-    def change(setup: Setup, fall: float) -> Setup:
+    def change(setup: SectionSetup, fall: float) -> SectionSetup:
         own = setup.scene
         if own.water_level is None:
             raise InputError(f"{DRAWDOWN}: there is no pool that could have fallen")

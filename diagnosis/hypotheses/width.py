@@ -12,12 +12,12 @@ from dataclasses import replace
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
 from diagnosis.hypotheses.model import Candidate
 from inversion.engines.finite_width import RATIOS, refused
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 
 WIDTH = "finite_width"
 
 
-def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """The slide is three-dimensional."""
     if reason := refused(setup):
         return [], {WIDTH: reason}
@@ -32,7 +32,7 @@ def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
         screened=True,
     )
 
-    def change(setup: Setup, ratio: float) -> Setup:
+    def change(setup: SectionSetup, ratio: float) -> SectionSetup:
         return replace(setup, height_over_width=ratio)
 
     return [Assumption(candidate, change)], {}

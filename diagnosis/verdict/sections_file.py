@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry.survey.surface_profile import ground_elevation, surface_profile
-from inversion.engines.run_store import write_arrays
+from inversion.engines.content_store import write_arrays
 from pipeline.cli import InputError
 
 FILE_NAME = "sections.npz"

@@ -19,8 +19,8 @@ import numpy as np
 
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.terrain.raster import Raster, write_raster
-from inversion.engines.ground_engine import GroundEngine
-from inversion.engines.measured_ground import MeasuredGround
+from inversion.engines.body_engine import BodyStore
+from inversion.engines.body_setup import BodySetup
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import load_question
@@ -49,9 +49,9 @@ def write_survey(folder: Path) -> None:
         update={"duration_s": scene.document.duration_s}
     )
     nothing = Targets([], [], np.zeros(0), np.zeros((0, 0)), [])
-    setup = MeasuredGround(scene, settings, parameters, nothing, jitter=0.5, seed=SEED)
+    setup = BodySetup(scene, settings, parameters, nothing, jitter=0.5, jitter_seed=SEED)
     values = np.array([TRUE_KPA])
-    kept = GroundEngine(folder / "truth").kept_maps(setup.at(values))
+    kept = BodyStore(folder / "truth").fetch(setup, values)
     deposit = setup.deposit_map(values, kept)
     (x, y), pixel = deposit.before.axes, deposit.before.spacing
     places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)

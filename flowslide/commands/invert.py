@@ -58,72 +58,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Find the answer, write it, print it."""
     from flowslide import api
-    from inversion.back_analysis.case import inversion_case
     from pipeline.config import load_config
     from pipeline.progress import Progress, Watch
 
-    # A section next to its scene3d.yaml is a section, unless the file is named.
-    if options.is_3d(arguments.case) and not (Path(arguments.case) / "scene.yaml").is_file():
-        _run_3d(arguments)
-        return
     settings = load_config(arguments.config, arguments.overrides)
-    case = inversion_case(
-        api.with_choices(
-            api.load_case(arguments.case, settings=settings), arguments.method, arguments.quick
-        ),
+    asked = api.load_question(
+        arguments.case,
+        settings=settings,
+        method=arguments.method,
+        quick=arguments.quick,
         measurement_set=arguments.set_of_measurements,
         spacing_m=arguments.spacing,
         use_constructed=arguments.use_constructed,
     )
     # What takes a second to import waits: a fault of the question is reported at once.
-    from inversion.back_analysis.by_engine import chosen_engine
-    from report.back_analysis import summary, write_report
+    from report.back_analysis import summary
     from report.data.back_analysis import load_back_analysis
 
-    choice = chosen_engine(case, arguments.engine, arguments.model)
-    results = Path(case.config.results_folder) / case.name
-    folder = Path(arguments.out or results / choice.engine.folder)
-    with Progress(0, case.title, quiet=arguments.quiet) as bar:
+    choice = api.choose_engine(asked, arguments.engine, arguments.model)
+    own = "inversion_on_maps" if asked.dimensions == 3 else choice.engine.folder
+    folder = Path(arguments.out or Path(settings.results_folder) / asked.name / own)
+    with Progress(0, asked.title, quiet=arguments.quiet) as bar:
         result = api.answer(
-            case, choice, folder, Watch(bar.report),
+            asked, choice, folder, Watch(bar.report), report=arguments.report,
             device=arguments.device, threads=arguments.threads,
         )  # fmt: skip
-        data = load_back_analysis(folder, case, result)
-        if arguments.report != "none":
-            bar.report(bar.done, bar.total, "writing the report")
-            write_report(data, film=arguments.report == "film")
         bar.say(f"wrote {folder}")
-    print(summary(data))
-
-
-def _run_3d(arguments: argparse.Namespace) -> None:
-    from flowslide import api
-    from pipeline.config import load_config
-    from pipeline.progress import Progress
-    from report.back_analysis import summary
-    from report.data.back_analysis import BackAnalysisData
-
-    refused = {
-        f"--engine {arguments.engine}": arguments.engine not in (None, "mpm3d"),
-        "--model": arguments.model is not None,
-    }
-    options.refuse_in_3d(arguments, refused)
-    settings = load_config(arguments.config, arguments.overrides)
-    name = options.name_3d(arguments.case)
-    folder = Path(arguments.out or Path(settings.results_folder) / name / "inversion_on_maps")
-    with Progress(0, name, quiet=arguments.quiet) as bar:
-        result = api.back_analyse_3d(
-            arguments.case,
-            out=folder,
-            method=arguments.method,
-            quick=arguments.quick,
-            spacing_m=arguments.spacing,
-            measurement_set=arguments.set_of_measurements,
-            use_constructed=arguments.use_constructed,
-            report=arguments.report != "none",
-            settings=settings,
-            threads=arguments.threads,
-            progress=bar.report,
-        )
-        bar.say(f"wrote {folder}")
-    print(summary(BackAnalysisData(folder, result)))
+    print(summary(load_back_analysis(folder, asked, result)))

@@ -44,15 +44,16 @@ def add_threads(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
 
 
-def add_engine(parser: argparse.ArgumentParser) -> None:
-    """Add `--engine`: one without a trained model."""
-    from inversion.engines.registry import MPM, engines
+def add_engine(parser: argparse.ArgumentParser, *, default: str | None = "mpm") -> None:
+    """Add `--engine`: one without a trained model; no `default`: the case decides."""
+    from inversion.engines.registry import engines
 
     parser.add_argument(
         "--engine",
         choices=[name for name, engine in engines().items() if not engine.trained],
-        default=MPM.name,
-        help="mpm3d: over the width of CASE/scene3d.yaml; default: mpm",
+        default=default,
+        help="mpm3d: over the width of CASE/scene3d.yaml; default: mpm"
+        + ("" if default else ", of a scene3d.yaml mpm3d"),
     )
 
 

@@ -18,9 +18,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     options.add_case(parser)
     options.add_out(
-        parser, "default: results/<case>/posterior, of another engine posterior_direct, ..."
+        parser,
+        "default: results/<case>/posterior, of another engine posterior_direct, ..., of a "
+        "scene3d.yaml posterior_on_maps",
     )
-    options.add_engine(parser)
+    options.add_engine(parser, default=None)
     options.add_set_of_measurements(parser)
     options.add_spacing(parser)
     parser.add_argument(
@@ -32,23 +34,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Find the posterior, write it, print it."""
     from flowslide import api
-    from inversion.engines.registry import engine_named
+    from inversion.engines.registry import MPM, engine_named
     from pipeline.config import load_config
     from pipeline.progress import Progress
     from report.posterior import summary
 
     settings = load_config(arguments.config, arguments.overrides)
-    case = api.load_case(arguments.case, settings=settings)
-    own = f"posterior{engine_named(arguments.engine).suffix}"
-    folder = Path(arguments.out or Path(settings.results_folder) / case.name / own)
-    with Progress(0, case.title, quiet=arguments.quiet) as bar:
+    asked = api.load_question(
+        arguments.case,
+        settings=settings,
+        measurement_set=arguments.set_of_measurements,
+        spacing_m=arguments.spacing,
+        use_constructed=arguments.use_constructed,
+    )
+    own = f"posterior{engine_named(arguments.engine or MPM.name).suffix}"
+    own = "posterior_on_maps" if asked.dimensions == 3 else own
+    folder = Path(arguments.out or Path(settings.results_folder) / asked.name / own)
+    with Progress(0, asked.title, quiet=arguments.quiet) as bar:
         document = api.posterior(
-            case,
+            asked,
             out=folder,
             engine=arguments.engine,
-            spacing_m=arguments.spacing,
-            measurement_set=arguments.set_of_measurements,
-            use_constructed=arguments.use_constructed,
             device=arguments.device,
             threads=arguments.threads,
             progress=bar.report,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
@@ -284,3 +285,11 @@ def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
             f"{scene.name}: surface and base raster do not overlap by a cell of {cell:g} m"
         )
     return float(x_min), float(x_min + along * cell), float(y_min), float(y_min + across * cell)
+
+
+def is_body(place: str | PathLike[str]) -> bool:
+    """True for a `scene3d.yaml`, and for a folder with one that has no section of its own."""
+    path = Path(place)
+    return path.name == FILE_NAME or (
+        (path / FILE_NAME).is_file() and not (path / "scene.yaml").is_file()
+    )

@@ -8,7 +8,7 @@ slide in three dimensions by `geometry.survey3d.measured`. What fits a model to 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -31,6 +31,8 @@ class Quantity(Document):
     censored: ClassVar[bool] = False
     """The values are upper limits that were not exceeded; how far below them is not known."""
 
+    if TYPE_CHECKING:
+        type: str  # of each type its own literal
     name: str = Field(min_length=1, description="unique in its set")
     std_is: Literal["published", "assumed"] = Field(
         "assumed", description="where the standard deviation comes from"

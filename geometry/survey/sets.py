@@ -17,6 +17,7 @@ class Sets(Document):
         case: str
         default_set: str
         sets: dict[str, list[Any]]
+        strength_published_kpa: dict[str, dict[str, Any]]
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

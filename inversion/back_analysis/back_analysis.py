@@ -22,6 +22,7 @@ import geometry
 import mpm_taichi
 from inversion import PHYSICS_VERSION
 from inversion.back_analysis import result_builder
+from inversion.back_analysis.asked import Asked, Sides
 from inversion.back_analysis.case import InversionCase, Reading, of_waterfall
 from inversion.back_analysis.changed_answers import (
     Here,
@@ -46,11 +47,11 @@ from inversion.back_analysis.result import (
     Start,
     VariantAnswer,
     WaterfallAnswer,
+    WaterfallBar,
 )
 from inversion.back_analysis.result_builder import compared_relations
-from inversion.back_analysis.variants import Changed
-from inversion.engines.registry import REFERENCE, engine_named
-from inversion.engines.run_store import RunStore
+from inversion.engines.registry import REFERENCE, Engine, engine_named
+from inversion.engines.run_store import Store
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.engines.workers import Job
 from inversion.estimation.calibrate import calibrate, further_starts, refine
@@ -58,7 +59,7 @@ from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, Posterior, posterior
 from inversion.estimation.search import Evaluation, Search, SearchResult
-from inversion.problem.question import Sensitivity, Variant
+from inversion.problem.question import Variant
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest
 from pipeline.progress import Watch
@@ -81,17 +82,18 @@ class BackAnalysis:
         store: where runs of the material point method are kept.
         say: called with a line on each step of the work.
         watch: called for each stage.
+        found: the answer, once it is.
+        spread: its uncertainty by the survey's errors.
         engine_name: of the engine that predicts, as in the registry.
-        move: from coarse runs to those at the spacing of the answer; None: there are no coarse
-            runs, or no answer yet.
+        move: from coarse runs to those at the spacing of the answer.
     """
 
-    case: InversionCase
-    store: RunStore
+    case: Asked
+    store: Store
     say: Callable[[str], None] = lambda line: None
     watch: Watch = field(default_factory=Watch)
-    found: SearchResult | None = None
-    spread: Posterior | None = None
+    found: SearchResult = field(init=False)
+    spread: Posterior = field(init=False)
     stops: list[EquivalentAnswer] = field(default_factory=list)
     starts: list[Start] = field(default_factory=list)
     variants: list[VariantAnswer] = field(default_factory=list)
@@ -103,7 +105,7 @@ class BackAnalysis:
     remarks: dict[str, list[str]] = field(default_factory=dict)  # by stage
     timings: dict[str, float] = field(default_factory=dict)
     runs: int = 0
-    move: Move | None = None
+    move: Move = field(default_factory=Move.none)
     engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
@@ -146,13 +148,14 @@ class BackAnalysis:
             stages.append(("variants", self.solve_variants))
         if settings.sensitivities:
             stages.append(("sensitivities", self.solve_sensitivities))
-        if (
-            settings.waterfall
-            and self.case.waterfall
-            and not engine_named(self.engine_name).trained
-        ):
+        if settings.waterfall and self._waterfall and self.described.waterfall:
             stages.append(("waterfall", self.solve_waterfall))
         return stages
+
+    @property
+    def _waterfall(self) -> list[Reading]:
+        """The readings on the way to the question; empty: none asked for, as of a body."""
+        return self.case.waterfall if isinstance(self.case, InversionCase) else []
 
     def _expected_runs(self, stage: str) -> int:
         """About how many simulations a stage takes, for the progress alone."""
@@ -166,19 +169,24 @@ class BackAnalysis:
             "seeds": 2 * settings.noise_seeds,
             "variants": 3 * evaluation * len(question.variants),
             "sensitivities": 4 * changes,
-            "waterfall": 6 * len(self.case.waterfall),
+            "waterfall": 6 * len(self._waterfall),
         }.get(stage, 2 * evaluation)
 
     # --- what an engine decides ---
 
+    @property
+    def described(self) -> Engine:
+        """The engine, as the registry describes it."""
+        return engine_named(self.engine_name)
+
     def engine_of(self) -> Forward:
         """The forward engine, with no runs counted."""
-        return engine_named(self.engine_name).forward(self.store)
+        return self.described.made(self.store)
 
     @property
     def coarse_spacing_m(self) -> float | None:
         """Spacing of the coarse runs [m]; None: there are none."""
-        return None if engine_named(self.engine_name).trained else self.case.coarse_spacing_m
+        return None if self.described.trained else self.case.coarse_spacing_m
 
     def engine_of_changes(self) -> Forward:
         """The engine that says how a reading of the question changes the answer.
@@ -200,19 +208,21 @@ class BackAnalysis:
 
     def known_variants(self) -> tuple[list[Variant], list[str]]:
         """The variants that the engine can evaluate, and lines about those left out."""
-        return list(self.case.question.variants), []
+        return self.case.variants_of(self.store.refused)
 
-    def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
+    def known_sensitivities(self) -> tuple[Sides, list[str]]:
         """The sensitivities that the engine can evaluate, and lines about those left out."""
-        return self.case.sensitivities
+        return self.case.sensitivities_of(self.store.refused)
 
     # --- stages ---
 
     def search(self) -> None:
         """Find the answer from the question's first guess."""
-        self.found = self._search_fine(self._search_coarse()) if self.coarse_spacing_m else (
-            self._searched(self.engine, self.case.setup)
-        )  # fmt: skip
+        coarse = self.case.coarsened(self.case.setup) if self.coarse_spacing_m else None
+        if coarse is None:
+            self.found = self._searched(self.engine, self.case.setup)
+        else:
+            self.found = self._search_fine(self._search_coarse(coarse))
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
         self._learn_noise(self.found.values)
@@ -235,11 +245,11 @@ class BackAnalysis:
         """The whole search, from the question's first guess, by one engine."""
         search = self._search(engine, setup, self.steps, seeds=self._jittered(setup), tell=True)
         start, method = self.case.parameters.start, self.case.config.inversion.method
-        return calibrate(search, start, method=method, least_m=self._least_m(setup))
+        return calibrate(search, start, method=method, least_m=setup.least_move_m)
 
-    def _search_coarse(self) -> SearchResult:
+    def _search_coarse(self, setup: Setup) -> SearchResult:
         """The same by coarse runs alone."""
-        found = self._searched(self.engine_of(), self.case.coarsened(self.case.setup))
+        found = self._searched(self.engine_of(), setup)
         self.say(f"at {self.coarse_spacing_m:g} m: {self._described(found)}")
         return found
 
@@ -290,7 +300,9 @@ class BackAnalysis:
 
     def tell_doubts(self) -> None:
         """Remarks on the answer."""
-        for line in result_builder.doubts(self.found.best.prediction, self.case.setup.settings):
+        prediction = self.found.best.prediction
+        for line in (*result_builder.doubts(prediction, self.case.setup.settings),
+                     *prediction.remarks):  # fmt: skip
             self.remark(line)
         for line in result_builder.unknown_derivatives(
             self.case.parameters, self.found.best.derivative
@@ -434,10 +446,14 @@ class BackAnalysis:
 
     def solve_waterfall(self) -> None:
         """Solve the readings on the way to the question, each from the answer before it."""
-        name = self.case.parameters.names[of_waterfall(self.case)]
-        asked, bars, start, slope = self.case.question.waterfall, [], None, None
-        for reading in self.case.waterfall:
-            own = reading.case is self.case
+        case, asked = self.case, self.case.question.waterfall
+        if asked is None or not isinstance(case, InversionCase):
+            return
+        name = case.parameters.names[of_waterfall(case)]
+        bars: list[WaterfallBar] = []
+        start = slope = None
+        for reading in case.waterfall:
+            own = reading.case is case
             setup = reading.alone(self.found.values if own else reading.setup.parameters.start)
             begin = setup.parameters.start if start is None else setup.parameters.clipped(start)
             problem = self._solved_reading(reading, setup, begin, slope)
@@ -446,7 +462,7 @@ class BackAnalysis:
             start, slope = problem.values, problem.slope
             self.say(f"{reading.name}: {name} {start[0]:.4g}: {problem.words}")
             bars.append(result_builder.waterfall_bar(reading, setup, problem))
-        bars.append(result_builder.last_bar(self.case, self.found, self.case.waterfall[-1]))
+        bars.append(result_builder.last_bar(case, self.found, case.waterfall[-1]))
         self.waterfall = WaterfallAnswer(parameter=name, stated=asked.stated, bars=bars)
 
     def _solved_reading(
@@ -492,7 +508,7 @@ class BackAnalysis:
             title=case.title,
             measurement_set=case.measurement_set,
             engine=self.engine_name,
-            spacing_m=case.scene.spacing,
+            spacing_m=case.spacing_m,
             coarse_spacing_m=self.coarse_spacing_m,
             manifest=self._manifest(),
             question=case.question,
@@ -508,7 +524,7 @@ class BackAnalysis:
             noise=self.noise,
             classical=[],
             waterfall=self.waterfall,
-            relations=compared_relations(case),
+            relations=compared_relations(case) if isinstance(case, InversionCase) else [],
             remarks=[line for lines in self.remarks.values() for line in lines],
             published=case.measurements.strength_published_kpa,
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},
@@ -537,11 +553,11 @@ class BackAnalysis:
     def _refined(self) -> np.ndarray:
         """The answer with the next linear step; changes are measured from it, (p,)."""
         own = self._problem(self.case.setup)
-        own.prediction = self.found.best.prediction
+        own.ran = self.found.best.prediction
         return own.refined
 
     def _seeds(self) -> dict[str, int]:
-        return {"jitter_of_the_answer": self.case.scene.seed}
+        return {"jitter_of_the_answer": self.case.setup.seed}
 
     def _manifest(self) -> dict[str, Any]:
         made = manifest(self.case.config, self._seeds())
@@ -558,6 +574,7 @@ class BackAnalysis:
             noise,
             self.case.config.inversion.step_to_noise,
             whitener=objective.survey_whitener if objective.loss == "misfit" else None,
+            widest_log=self.case.setup.widest_log,
         )
 
     def _search(
@@ -599,7 +616,7 @@ class BackAnalysis:
                 search,
                 start,
                 method=self.case.config.inversion.method,
-                least_m=self._least_m(setup),
+                least_m=setup.least_move_m,
             )
         except WorkFailed as error:
             self.remark(f"{name}: no answer: {error}")
@@ -616,8 +633,8 @@ class BackAnalysis:
             objective,
             best.values,
             objective.fitted_derivative(best.derivative, best.values),
-            prediction=None if found is None else best.prediction,
-            before=None if found is None else found.evaluations[0].prediction,
+            ran=None if found is None else best.prediction,
+            began=None if found is None else found.evaluations[0].prediction,
         )
 
     def _again_fine(self, solved: Sequence[Solved]) -> None:
@@ -652,17 +669,12 @@ class BackAnalysis:
         slope[targets.fitted] = problem.slope
         prediction = problem.prediction
         there = replace(prediction, values=prediction.values + slope @ change)
-        return replace(problem, values=problem.refined, prediction=there, settled=True)
+        return replace(problem, values=problem.refined, ran=there, settled=True)
 
     def _short(self, problem: Problem) -> bool:
         """The linear step that is left is short against what the data know."""
         left = np.abs(problem.refined - problem.values)
         return bool(np.all(left < SHORT * self.spread.std))
-
-    @staticmethod
-    def _least_m(setup: Setup) -> float:
-        """What must move for a search to begin [m]."""
-        return 2.0 * setup.scene.spacing
 
     def _resolve(
         self, problems: list[Problem], engine: Forward | None = None, *, linear: bool = False

@@ -1,19 +1,17 @@
-"""Which engine answers, and the back-analysis by it: most have the usual one, a few their own.
-
-An engine whose back-analysis is not the usual one registers it here by its name. Nothing heavy is
-imported before it is used.
-"""
+"""Which engine answers, and the back-analysis by it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 
+from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.back_analysis import BackAnalysis
-from inversion.back_analysis.case import InversionCase
-from inversion.engines.registry import Engine, engine_named
-from inversion.engines.run_store import RunStore
+from inversion.back_analysis.body_case import ENGINE as OF_BODIES
+from inversion.back_analysis.body_case import BodyCase
+from inversion.engines.registry import REFERENCE, Engine, engine_named, untrained
+from inversion.engines.run_store import Store
 from pipeline.cli import InputError
 from pipeline.places import MODELS, names_of, resolve
 from pipeline.progress import Watch
@@ -27,7 +25,7 @@ class Choice:
     model: Path | None = None
 
 
-def chosen_engine(case: InversionCase, engine: str | None, model: str | None) -> Choice:
+def chosen_engine(case: Asked, engine: str | None, model: str | None) -> Choice:
     """The engine of a back-analysis: the command line's, else the question's, else the settings'.
 
     Args:
@@ -36,10 +34,16 @@ def chosen_engine(case: InversionCase, engine: str | None, model: str | None) ->
         model: the same.
 
     Raises:
-        InputError: no such engine, one that is not installed, a model for an engine without one,
-            or a trained engine without a model.
+        InputError: no such engine, one that is not installed or does not simulate bodies, a model
+            for an engine without one, or a trained engine without a model.
     """
     settings = case.config.inversion
+    if isinstance(case, BodyCase):
+        if engine not in (None, OF_BODIES):
+            raise InputError(f"--engine {engine}: not in three dimensions ({case.folder})")
+        if model is not None:
+            raise InputError(f"--model: not in three dimensions ({case.folder})")
+        return Choice(engine_named(OF_BODIES))
     chosen = engine_named(engine or case.question.engine or settings.engine, case.source)
     chosen.check_installed()
     if not chosen.trained:
@@ -58,68 +62,10 @@ def chosen_engine(case: InversionCase, engine: str | None, model: str | None) ->
     return Choice(chosen, resolve(text, MODELS))
 
 
-Make = Callable[[InversionCase, RunStore, Watch, Path | None, Path], BackAnalysis]
-"""From a case, a store of runs, a watch, the model's folder and that of the results."""
-
-
-def _with_learned_simulator(
-    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
-) -> BackAnalysis:
-    from gns.data.scene_facts import with_known_water
-    from inversion.back_analysis.with_learned_simulator import SurrogateAnalysis
-    from inversion.engines.gns_engine import prepare
-    from inversion.engines.rollout_store import RolloutStore
-    from inversion.engines.trained_model import load_model
-
-    prepare(store.device, store.threads)
-    chosen = load_model(model, store.device)
-    known, left_out = with_known_water(
-        case.scene, case.setup.settings, thrust=chosen.simulator.config.thrust
-    )
-    return SurrogateAnalysis(
-        replace(case, setup=replace(case.setup, settings=known)),
-        store,
-        watch.say,
-        watch,
-        model=chosen,
-        rollouts=RolloutStore(folder / "rollouts"),
-        on_frame=watch.frame_done,
-        left_out=left_out,
-    )
-
-
-def _in_three_dimensions(
-    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
-) -> BackAnalysis:
-    from inversion.back_analysis.in_three_dimensions import in_three_dimensions
-
-    return in_three_dimensions(case, store, watch)
-
-
-def _with_direct_model(
-    case: InversionCase, store: RunStore, watch: Watch, model: Path | None, folder: Path
-) -> BackAnalysis:
-    from inversion.back_analysis.with_direct_model import DirectAnalysis
-
-    return DirectAnalysis(case, store, watch.say, watch, engine_name="direct")
-
-
-_own: dict[str, Make] = {
-    "gns": _with_learned_simulator,
-    "mpm3d": _in_three_dimensions,
-    "direct": _with_direct_model,
-}
-
-
-def register_back_analysis(name: str, make: Make) -> None:
-    """Give an engine a back-analysis of its own."""
-    _own[name] = make
-
-
 def back_analysis_by(
     engine: Engine,
-    case: InversionCase,
-    store: RunStore,
+    case: Asked,
+    plain: Store,
     watch: Watch,
     model: Path | None = None,
     folder: Path = Path(),
@@ -129,12 +75,31 @@ def back_analysis_by(
     Args:
         engine: what predicts.
         case: with its question.
-        store: of runs.
-        watch: told of progress.
+        plain: store of runs, from which the engine makes its own.
+        watch: called with the progress.
         model: folder of the model of an engine that was trained.
         folder: of the results.
+
+    Raises:
+        InputError: the case lacks what the engine needs.
     """
-    make = _own.get(engine.name)
-    if make is not None:
-        return make(case, store, watch, model, folder)
+    store = engine.store_of(case.folder, case.setup, plain)
+    if engine.analysis:
+        return resolve_name(engine.analysis)(case, store, watch, model, folder)
     return BackAnalysis(case, store, watch.say, watch, engine_name=engine.name)
+
+
+def untrained_engine(case: Asked, engine: str | None) -> Engine:
+    """The engine of what is more than a back-analysis.
+
+    Args:
+        case: with its question.
+        engine: its name; None: the one that judges the others.
+
+    Raises:
+        InputError: no such engine, one that needs a trained model, is not installed or does not
+            simulate such a case.
+    """
+    if isinstance(case, BodyCase):
+        return chosen_engine(case, engine, None).engine
+    return untrained(engine or REFERENCE)

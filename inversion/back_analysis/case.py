@@ -7,34 +7,28 @@ of one line.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometry.case import Case, load_case
 from geometry.scenes.fill import fill
-from geometry.scenes.scene import scene_from_mapping
-from geometry.survey.measurements import Measurements
-from inversion.back_analysis.variants import Changed, apply_changes, sides, vary
+from inversion.back_analysis.asked import Asked, fit_of
+from inversion.back_analysis.variants import apply_changes
 from inversion.engines.registry import engine_named
-from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.forward import Setup
-from inversion.estimation.misfit import Objective
+from inversion.estimation.data import make_targets
+from inversion.estimation.forward import SectionSetup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import Changes, on_top
 from inversion.problem.layers import with_relation_priors
-from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant, load_question
+from inversion.problem.question import FILE_NAME, Question, load_question
 from pipeline.cli import InputError
-
-if TYPE_CHECKING:
-    from geometry.survey3d.survey import Survey3d
 
 
 @dataclass(frozen=True)
-class InversionCase(Case):
+class InversionCase(Case, Asked):
     """A case and the question asked of it.
 
     Attributes:
@@ -44,111 +38,15 @@ class InversionCase(Case):
     """
 
     question: Question
-    setup: Setup
+    setup: SectionSetup
     use_constructed: bool
 
-    @property
-    def source(self) -> str:
-        """File of the question, for messages."""
-        return str(self.folder / FILE_NAME)
+    dimensions = 2
 
     @property
-    def parameters(self) -> Parameters:
-        """The unknown parameters."""
-        return self.setup.parameters
-
-    def objective(self, setup: Setup | None = None) -> Objective:
-        """The objective to minimise, for the question or another reading of it."""
-        settings, loss = self.config.inversion, self.question.loss
-        chosen = self.setup if setup is None else setup
-        targets = chosen.targets
-        if limit := targets.limits_alone:
-            loss = "runout"  # the limit is to be met, however well the movement is known
-        tolerance = settings.tolerance_misfit if loss == "misfit" else settings.tolerance_m2
-        return Objective(chosen.parameters, targets, loss, tolerance, limit=limit)
-
-    def variant(self, variant: Variant) -> Changed:
-        """The setup of a variant."""
-        targets = self.setup.targets
-        if variant.measurements is not None or variant.fit is not None:
-            name = variant.measurements or self.measurement_set
-            fit = variant.fit
-            if fit is None:
-                fit = fit_of(self.question, self.measurements, name)
-            targets = self._targets(name, fit)
-        return vary(self.setup, variant, targets, self.source)
-
-    def sides(self, sensitivity: Sensitivity) -> list[Changed]:
-        """The setups of a sensitivity."""
-        return sides(self.setup, sensitivity, self.source)
-
-    @cached_property
-    def sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
-        """The sensitivities with their setups, and lines about those that are not available.
-
-        At a coarser spacing than the case asks for, a change may leave a zone thinner than a
-        spacing; that is not a mistake in the question, so the sensitivity is left out and reported.
-        """
-        found, left_out = [], []
-        for sensitivity in self.question.sensitivities:
-            try:
-                found.append((sensitivity, self.sides(sensitivity)))
-            except InputError as error:
-                if self.scene.spacing <= self.own_spacing_m:
-                    raise
-                reason = str(error).removeprefix(f"{self.source}: sensitivities: ")
-                left_out.append(f"left out at {self.scene.spacing:g} m spacing: {reason}")
-        return found, left_out
-
-    def sensitivities_of(
-        self, refused: Callable[[Setup], str]
-    ) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
-        """The sensitivities without those that are refused, and lines about what is left out.
-
-        Args:
-            refused: why a setup cannot be simulated; empty: it can.
-        """
-        entries, left_out = self.sensitivities
-        kept, reasons = [], list(left_out)
-        for entry, changed in entries:
-            reason = next(filter(None, (refused(side.setup) for side in changed)), "")
-            if reason:
-                reasons.append(f"{entry.name}: left out: {reason}")
-            else:
-                kept.append((entry, changed))
-        return kept, reasons
-
-    @cached_property
-    def coarse_spacing_m(self) -> float | None:
-        """Spacing of coarse runs [m]; None: every run is at the spacing in force.
-
-        So it is where the settings ask for no coarser spacing, where the section would have few
-        points at it, or a zone that is too thin.
-        """
-        settings = self.config.inversion
-        spacing = settings.coarse_factor * self.own_spacing_m
-        points = len(fill(self.scene)) * (self.scene.spacing / spacing) ** 2
-        if spacing <= self.scene.spacing or points < settings.coarse_points:
-            return None
-        return spacing if self.at_spacing(spacing, self.setup) is not None else None
-
-    def coarsened(self, setup: Setup) -> Setup | None:
-        """The same setup at the coarse spacing.
-
-        None: there is no such spacing, the setup asks for a spacing of its own, or one of its zones
-        would be too thin.
-        """
-        if self.coarse_spacing_m is None or setup.scene.spacing != self.scene.spacing:
-            return None
-        return self.at_spacing(self.coarse_spacing_m, setup)
-
-    def at_spacing(self, spacing: float, setup: Setup) -> Setup | None:
-        """The same setup at another spacing [m]; None: one of its zones would be too thin."""
-        document = {**setup.scene.model_dump(), "spacing": spacing}
-        try:
-            return replace(setup, scene=scene_from_mapping(document, self.source))
-        except InputError:
-            return None
+    def point_count(self) -> int:
+        """See `Asked`."""
+        return len(fill(self.scene))
 
     @cached_property
     def waterfall(self) -> list[Reading]:
@@ -163,24 +61,6 @@ class InversionCase(Case):
             return known[name]
 
         return readings(self, load)
-
-    def fitted_to(self, names: Sequence[str]) -> Targets:
-        """The measurements in use, with others fitted, by name."""
-        return self._targets(self.measurement_set, names)
-
-    def jittered(self, setup: Setup, seed: int) -> Setup:
-        """The same setup with its points jittered by a seed."""
-        jitter = self.config.inversion.noise_jitter
-        return replace(setup, scene=setup.scene.changed(jitter=jitter, seed=seed))
-
-    def _targets(self, measurement_set: str, fit: Sequence[str] | None) -> Targets:
-        return make_targets(
-            self.measurements.chosen(measurement_set),
-            fit=fit,
-            loss=self.question.loss,
-            source=self.source,
-            use_constructed=self.use_constructed,
-        )
 
 
 def inversion_case(
@@ -219,7 +99,9 @@ def inversion_case(
         source=str(case.folder / FILE_NAME),
         use_constructed=use_constructed,
     )
-    setup = Setup(case.scene, case.simulation, Parameters(question.parameters), targets, case.feet)
+    setup = SectionSetup(
+        case.scene, case.simulation, Parameters(question.parameters), targets, case.feet
+    )
     asked = case.extended(
         InversionCase, question=question, setup=setup, use_constructed=use_constructed
     )
@@ -228,17 +110,6 @@ def inversion_case(
             asked.variant(variant)
         _ = asked.sensitivities, asked.waterfall
     return asked
-
-
-def fit_of(
-    question: Question, measurements: Measurements | Survey3d, chosen: str
-) -> list[str] | None:
-    """`fit` speaks of the default set; another set is fitted by the same names if it has any."""
-    if question.fit is None or chosen == measurements.default_set:
-        return question.fit
-    there = {entry.name for entry in measurements.chosen(chosen)}
-    kept = [name for name in question.fit if name in there]
-    return kept or None
 
 
 @dataclass(frozen=True)
@@ -256,10 +127,10 @@ class Reading:
     name: str
     words: str
     case: InversionCase
-    setup: Setup
+    setup: SectionSetup
     place: int
 
-    def alone(self, values: np.ndarray) -> Setup:
+    def alone(self, values: np.ndarray) -> SectionSetup:
         """The setup with one unknown left, the others put in with their values (p,)."""
         specs = self.setup.parameters.specs
         others = [place for place in range(len(specs)) if place != self.place]
@@ -270,7 +141,8 @@ class Reading:
 
 def of_waterfall(case: InversionCase) -> int:
     """Place, among the unknowns of a case with a waterfall, of the one that its bars are of."""
-    wanted = case.question.waterfall.parameter
+    asked = case.question.waterfall
+    wanted = None if asked is None else asked.parameter
     return 0 if wanted is None else case.parameters.names.index(wanted)
 
 
@@ -310,7 +182,9 @@ def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[
     return found
 
 
-def _same_targets(case: InversionCase, here: InversionCase, setup: Setup, where: str) -> Setup:
+def _same_targets(
+    case: InversionCase, here: InversionCase, setup: SectionSetup, where: str
+) -> SectionSetup:
     """The setup fitted to what the question fits, at the coarse spacing where there is one."""
     spacing = case.coarse_spacing_m or case.scene.spacing
     coarse = here.at_spacing(spacing, setup)

@@ -48,21 +48,21 @@ class Solved:
     @property
     def reached(self) -> bool:
         """The fit is as good as asked for."""
-        return self.best.reached if self._by_problem else self.search.reached
+        return self._ended.reached
 
     @property
     def words(self) -> str:
         """How good the fit is."""
-        return self.best.words if self._by_problem else self.search.words
+        return self._ended.words
 
     @property
-    def _by_problem(self) -> bool:
-        return self.search is None or self.fine is not None
+    def _ended(self) -> Problem | SearchResult:
+        return self.best if self.search is None or self.fine is not None else self.search
 
     @property
     def answered(self) -> bool:
         """A run came through."""
-        return self.problem.before is not None and bool(np.isfinite(self.problem.loss))
+        return self.problem.began is not None and bool(np.isfinite(self.problem.loss))
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,7 @@ def variant_answer(solved: Solved) -> VariantAnswer:
 def sensitivity_answer(solved: Sequence[Solved], here: Here) -> SensitivityAnswer:
     """The effect of one assumption, from each of its changes."""
     entry, parameters = solved[0].entry, solved[0].problem.objective.parameters
+    assert not isinstance(entry, Variant)
     answered = [_side(one, here) for one in solved]
     changes = [side.change for side in answered]
     worst = ranked(answered, lambda side: abs(side.change[parameters.names[0]]))[0]

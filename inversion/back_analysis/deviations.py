@@ -9,77 +9,108 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from geometry.scenes.scene import Scene, document_error, scene_from_mapping
-from inversion.estimation.forward import Setup
+from geometry.scenes3d.scene3d import Terrain
+from inversion.engines.body_setup import BodySetup
+from inversion.estimation.forward import SectionSetup, Setup
 from inversion.problem.question import (
     FixedProperty,
     WaterLevel,
     ZoneBoundary,
     material_key,
 )
-from inversion.problem.scene_changes import SAME_PLACE_M, pool_at, with_properties
+from inversion.problem.scene_changes import SAME_PLACE_M, Soil, pool_at, with_properties
 from pipeline.cli import InputError
 
 Uncertain = ZoneBoundary | WaterLevel | FixedProperty
 """A sensitivity that has a standard deviation."""
+AnySetup = TypeVar("AnySetup", bound=Setup)
+LEFT_OUT = "not available in three dimensions"
 
 
 def deviating(
-    setup: Setup, uncertain: Sequence[Uncertain], scores: Sequence[float], where: str
-) -> Setup:
-    """A setup whose section differs by a standard score of each of its uncertain assumptions.
+    setup: AnySetup, uncertain: Sequence[Uncertain], scores: Sequence[float], where: str
+) -> AnySetup:
+    """A setup whose scene differs by a standard score of each of its uncertain assumptions.
 
     What two of them say of one vertex, one soil or the pool adds up.
 
     Raises:
-        InputError: beginning with `where`: the section does not hold together there.
+        InputError: beginning with `where`: the scene does not hold together there, or three
+            dimensions do not have it.
     """
-    before = setup.scene
-    scene = _with_boundaries(before, uncertain, scores, where)
-    rise: float | None = None
-    of_soil: dict[tuple[str, str], float] = {}
+    if isinstance(setup, SectionSetup):
+        section = _with_boundaries(setup.scene, uncertain, scores, where)
+        if (rise := _rise(uncertain, scores)) is not None:
+            assert setup.scene.water_level is not None
+            level = setup.scene.water_level + rise
+            section = scene_from_mapping(pool_at(section, level), where)
+        return setup.with_scene(_other_soil(section, setup.scene, uncertain, scores, where))
+    assert isinstance(setup, BodySetup)
+    for one in uncertain:
+        if isinstance(one, ZoneBoundary):
+            raise InputError(f"{where}: kind {one.kind}: {LEFT_OUT}")
+    soil = setup.scene.soil
+    if (rise := _rise(uncertain, scores)) is not None:
+        if not isinstance(soil, Terrain) or soil.water_level is None:
+            raise InputError(f"{where}: only of a terrain with a water_level")
+        soil = soil.model_copy(update={"water_level": soil.water_level + rise})
+    soil = _other_soil(soil, setup.scene.soil, uncertain, scores, where)
+    return replace(setup, scene=setup.scene.with_soil(soil))
+
+
+def _rise(uncertain: Sequence[Uncertain], scores: Sequence[float]) -> float | None:
+    """Of the pool [m]; None: its level is not uncertain."""
+    rises = [
+        score * one.std_m
+        for one, score in zip(uncertain, scores, strict=True)
+        if isinstance(one, WaterLevel)
+    ]
+    return sum(rises) if rises else None
+
+
+def _other_soil(
+    soil: Soil, before: Soil, uncertain: Sequence[Uncertain], scores: Sequence[float], where: str
+) -> Soil:
+    """Soil with its uncertain properties changed from what they were before."""
+    by: dict[tuple[str, str], float] = {}
     for one, score in zip(uncertain, scores, strict=True):
-        if isinstance(one, WaterLevel):
-            rise = (rise or 0.0) + score * one.std_m
-        elif isinstance(one, FixedProperty):
-            for zone in one.zones:
-                key = zone, material_key(one.property)
-                of_soil[key] = of_soil.get(key, 0.0) + score * one.std
-    if rise is not None:
-        scene = scene_from_mapping(pool_at(scene, before.water_level + rise), where)
+        if not isinstance(one, FixedProperty):
+            continue
+        for zone in one.zones:
+            key = zone, material_key(one.property)
+            by[key] = by.get(key, 0.0) + score * one.std
     changes = [
         found
-        for (zone, key), change in of_soil.items()
+        for (zone, key), change in by.items()
         for found in property_changes(before, [zone], key, change)
     ]
-    if changes:
-        scene = with_changes(scene, changes, where)
-    return setup.with_scene(scene)
+    return with_changes(soil, changes, where) if changes else soil
 
 
-def with_changes(
-    scene: Scene, changes: Sequence[tuple[str, str, float | bool]], where: str
-) -> Scene:
+def with_changes(soil: Soil, changes: Sequence[tuple[str, str, float | bool]], where: str) -> Soil:
     """`with_properties`; no such soil is an `InputError` that begins with `where`."""
     try:
-        return with_properties(scene, changes)
+        return with_properties(soil, changes)
     except ValidationError as error:
         raise InputError(document_error(error, where)) from None
 
 
 def property_changes(
-    scene: Scene, zones: Sequence[str], key: str, change: float
+    soil: Scene | Terrain, zones: Sequence[str], key: str, change: float
 ) -> list[tuple[str, str, float]]:
-    """A material's property that differs by `change` from the scene's, as `with_properties` takes.
+    """A material's property that differs by `change` from what it is, as `with_properties` takes.
 
     Of stiffness the change is that of the logarithm.
     """
-    soil = {zone.name: scene.materials[zone.material] for zone in scene.zones}
-    values = [getattr(soil[name], key) for name in zones]
+    own = {zone.name: soil.materials[zone.material] for zone in soil.zones}
+    values = [getattr(own[name], key) for name in zones]
     if key == "youngs_modulus_mpa":
         values = [value * math.exp(change) for value in values]
     elif key == "density":

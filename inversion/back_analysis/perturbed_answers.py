@@ -44,8 +44,8 @@ class Problem:
         objective: with the question's targets.
         values: (p,) present best.
         slope: derivative of the fitted numbers by the scaled parameters (k, p).
-        prediction: at `values`; None before the first batch.
-        before: the first prediction, at the values it began with.
+        ran: the prediction at `values`; None before the first batch.
+        began: the first prediction, at the values it began with.
         frozen: direction (p,) in scaled parameters along which no step may go; None: none.
         box: largest change of a scaled parameter in one step.
         settled: the step that was left was too small to be worth a run.
@@ -55,17 +55,29 @@ class Problem:
     objective: Objective
     values: np.ndarray
     slope: np.ndarray
-    prediction: Prediction | None = None
-    before: Prediction | None = None
+    ran: Prediction | None = None
+    began: Prediction | None = None
     frozen: np.ndarray | None = None
     box: float = BOX
     settled: bool = False
     _trial: np.ndarray | None = field(default=None, repr=False)
 
     @property
+    def prediction(self) -> Prediction:
+        """At `values`, once a batch was run."""
+        assert self.ran is not None
+        return self.ran
+
+    @property
+    def before(self) -> Prediction:
+        """At the values it began with, once a batch was run."""
+        assert self.began is not None
+        return self.began
+
+    @property
     def loss(self) -> float:
         """At the present best; infinite before the first batch."""
-        return float("inf") if self.prediction is None else self.objective.value(self.prediction)
+        return float("inf") if self.ran is None else self.objective.value(self.ran)
 
     @property
     def reached(self) -> bool:
@@ -85,9 +97,8 @@ class Problem:
 
     def propose(self) -> np.ndarray | None:
         """Values of the next run (p,); None: nothing more to be done."""
-        if self.prediction is None:
-            self._trial = self.values
-            return self._trial
+        if self.ran is None:
+            return self.values
         if not np.isfinite(self.loss) or self.box < 1e-3:
             return None
         if self.reached:
@@ -102,8 +113,8 @@ class Problem:
 
     def receive(self, prediction: Prediction) -> None:
         """Take in the run that was proposed."""
-        if self.prediction is None:
-            self.prediction = self.before = prediction
+        if self.ran is None or self._trial is None:
+            self.ran = self.began = prediction
             return
         parameters = self.objective.parameters
         change = parameters.to_fitted(self._trial) - parameters.to_fitted(self.values)
@@ -112,7 +123,7 @@ class Problem:
             gained = self.objective.counted(prediction) - self.objective.counted(self.prediction)
             self.slope = broyden(self.slope, change, gained)
         if loss < self.loss:
-            self.values, self.prediction = self._trial, prediction
+            self.values, self.ran = self._trial, prediction
         else:
             self.box = 0.35 * min(self.box, float(np.max(np.abs(change))))
 
@@ -144,8 +155,9 @@ class Problem:
 def resolve(engine: Forward, problems: Sequence[Problem], rounds: int = ROUNDS) -> None:
     """Solve all problems in place by an engine, by at most `rounds` batches after the first."""
     for _ in range(rounds + 1):
-        asked = [(problem, problem.propose()) for problem in problems]
-        asked = [(problem, values) for problem, values in asked if values is not None]
+        asked = [
+            (problem, values) for problem in problems if (values := problem.propose()) is not None
+        ]
         if not asked:
             return
         predictions = engine.predict([problem.setup.at(values) for problem, values in asked])

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.case import InversionCase, Reading, of_waterfall
 from inversion.back_analysis.perturbed_answers import EquivalentAnswer, Problem
 from inversion.back_analysis.result import (
@@ -146,7 +147,7 @@ def unknown_derivatives(parameters: Parameters, derivative: np.ndarray) -> list[
 
 
 def answer(
-    case: InversionCase,
+    case: Asked,
     objective: Objective,
     found: SearchResult,
     spread: Posterior,
@@ -281,7 +282,7 @@ def bounded(names: Sequence[str], bounds: Sequence[str | None]) -> list[str]:
 
 
 def _parameters(
-    case: InversionCase,
+    case: Asked,
     found: SearchResult,
     spread: Posterior,
     total: np.ndarray,
@@ -298,15 +299,18 @@ def _parameters(
     good = np.array([found.values, *[stop.values for stop in stops]])
     lines = []
     for place, spec in enumerate(parameters.specs):
-        has_ratio = spec.name in ratio
-        sigma = float(prediction.sigma_v0_kpa[place]) if has_ratio else None
-        own = spread.std[place] / sigma if has_ratio else 0.0
-        changes = [change.get(spec.name, 0.0) for change in ratio_changes.values()]
-        ratio_std = float(np.sqrt(own**2 + sum(c**2 for c in changes))) if has_ratio else None
-        bound = None
+        sigma = sigma_std = ratio_std = bound = ratio_bound = None
+        if spec.name in ratio:
+            sigma = float(prediction.sigma_v0_kpa[place])
+            sigma_std = float(prediction.sigma_v0_std_kpa[place])
+            own = spread.std[place] / sigma
+            changes = [change.get(spec.name, 0.0) for change in ratio_changes.values()]
+            ratio_std = float(np.sqrt(own**2 + sum(c**2 for c in changes)))
         if limit and parameters.strengths[place]:
             bound = lower_bound(float(found.values[place]), float(total[place]))
             intervals[place] = (max(bound, spec.low), spec.high)
+            if bound and ratio_std is not None:
+                ratio_bound = lower_bound(ratio[spec.name], ratio_std)
         lines.append(
             ParameterAnswer(
                 name=spec.name,
@@ -330,13 +334,11 @@ def _parameters(
                 prior_std=float(before[place]),
                 has_prior=spec.prior is not None,
                 sigma_v0_kpa=sigma,
-                sigma_v0_std_kpa=(float(prediction.sigma_v0_std_kpa[place]) if has_ratio else None),
+                sigma_v0_std_kpa=sigma_std,
                 ratio=ratio.get(spec.name),
                 ratio_std=ratio_std,
                 lower_bound_95=bound,
-                ratio_lower_bound_95=(
-                    lower_bound(ratio[spec.name], ratio_std) if bound and has_ratio else None
-                ),
+                ratio_lower_bound_95=ratio_bound,
             )
         )
     return lines

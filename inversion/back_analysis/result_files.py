@@ -15,6 +15,7 @@ import numpy as np
 
 from geometry.scenes.fill import fill
 from inversion.back_analysis.back_analysis import BackAnalysis
+from inversion.back_analysis.case import InversionCase
 from inversion.back_analysis.result import (
     FILE_NAME,
     EngineAnswer,
@@ -23,8 +24,11 @@ from inversion.back_analysis.result import (
     save_result,
 )
 from inversion.back_analysis.result_checks import check_classical
+from inversion.engines.content_store import write_arrays
 from inversion.engines.registry import REFERENCE, engine_named, engines
-from inversion.engines.run_store import write_arrays
+from inversion.engines.run_store import RunStore
+from inversion.engines.workers import Job
+from inversion.estimation.search import SearchResult
 from pipeline.cli import InputError
 from pipeline.files import read_json, write_text
 
@@ -35,11 +39,17 @@ CLASSICAL = Path("classical/classical.json")
 
 def answered(analysis: BackAnalysis, folder: Path) -> Result:
     """Run a back-analysis and write everything; the result as written."""
-    result = analysis.run([partial(save_answer_run, analysis, folder / RUN)])
+    case, store = analysis.case, analysis.store
+    more: list[Job] = []
+    if isinstance(case, InversionCase) and isinstance(store, RunStore):
+        more = [partial(save_answer_run, case, store, analysis, folder / RUN)]
+    result = analysis.run(more)
     write_text(folder / HISTORY, history_text(result))
-    save_sections(analysis, folder / SECTIONS)
     timings = {**result.timings, "in all": round(sum(result.timings.values()), 3)}
-    result = with_neighbours(result.model_copy(update={"timings": timings}), folder)
+    result = result.model_copy(update={"timings": timings})
+    if isinstance(case, InversionCase):
+        save_sections(case, analysis.found, folder / SECTIONS)
+        result = with_neighbours(result, folder)
     save_result(result, folder)
     return result
 
@@ -66,46 +76,47 @@ def history_text(result: Result) -> str:
     return text.getvalue()
 
 
-def save_sections(analysis: BackAnalysis, path: Path) -> None:
+def save_sections(case: InversionCase, found: SearchResult, path: Path) -> None:
     """Where the points lie at each iteration, for the pictures.
 
     Arrays: `initial` (N, 2) [m]; `final` (K, N, 2) [m], one for each of the K lines of the history;
     `iteration` (K,), `accepted` (K,), `loss` (K,), `values` (K, p), `names` (p,), `zone` (N,),
     `zone_names`, `spacing` [m], `answer`: the line of the answer.
     """
-    evaluations = analysis.found.evaluations
-    points = fill(analysis.case.scene)
+    evaluations = found.evaluations
+    points = fill(case.scene)
     count = len(points)
     kept = [evaluation.prediction.positions for evaluation in evaluations]
-    final = np.stack([p if len(p) == count else np.full((count, 2), np.nan) for p in kept])
+    ends = np.stack([p if len(p) == count else np.full((count, 2), np.nan) for p in kept])
     # The last one at these values: a coarse run before it may have had the same.
     answer = max(
         place
         for place, evaluation in enumerate(evaluations)
-        if evaluation.accepted and np.array_equal(evaluation.values, analysis.found.values)
+        if evaluation.accepted and np.array_equal(evaluation.values, found.values)
     )
     write_arrays(
         path,
         {
             "initial": points.position.astype(np.float32),
-            "final": final.astype(np.float32),
+            "final": ends.astype(np.float32),
             "iteration": np.array([evaluation.iteration for evaluation in evaluations], np.int32),
             "accepted": np.array([evaluation.accepted for evaluation in evaluations]),
             "loss": np.array([evaluation.loss for evaluation in evaluations]),
             "values": np.array([evaluation.values for evaluation in evaluations]),
-            "names": np.array(analysis.case.parameters.names),
+            "names": np.array(case.parameters.names),
             "zone": points.zone,
-            "zone_names": np.array([zone.name for zone in analysis.case.scene.zones]),
-            "spacing": np.array(analysis.case.scene.spacing),
+            "zone_names": np.array([zone.name for zone in case.scene.zones]),
+            "spacing": np.array(case.scene.spacing),
             "answer": np.array(answer, np.int32),
         },
     )
 
 
-def save_answer_run(analysis: BackAnalysis, path: Path) -> None:
+def save_answer_run(
+    case: InversionCase, store: RunStore, analysis: BackAnalysis, path: Path
+) -> None:
     """Simulate the answer once more with all frames, for the film and for other tools."""
-    scene = analysis.case.setup.at(analysis.found.values).scene
-    analysis.store.write_run(scene, analysis.case.setup.settings, path)
+    store.write_run(case.setup.scene_at(analysis.found.values), case.setup.settings, path)
 
 
 def with_neighbours(result: Result, folder: Path) -> Result:

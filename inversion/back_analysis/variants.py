@@ -1,6 +1,6 @@
 """Other readings of a question: variants and sensitivities made into setups.
 
-In: a `Setup` and an entry of `inversion.yaml`. Out: changed setups, each with what is different in
+In: a setup and an entry of `inversion.yaml`. Out: changed setups, each with what is different in
 words. A scene that a change would break is an `InputError` that names the entry.
 """
 
@@ -8,19 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.scenes3d.scene3d import Scene3d, Terrain
 from inversion.back_analysis.deviations import (
+    LEFT_OUT,
+    AnySetup,
     Uncertain,
     deviating,
     property_changes,
     with_changes,
 )
 from inversion.estimation.data import Targets
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup, Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import WATER_WORDS, Changes, OtherProperty
 from inversion.problem.question import (
@@ -39,16 +42,21 @@ from inversion.problem.scene_changes import pool_at
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
 
+#: What a reading of a section may change, and one of a body may not.
+OF_SECTIONS = ("zones", "pool_level_m", "water", "contact", "properties")
+
 
 @dataclass(frozen=True)
-class Changed:
+class Changed(Generic[AnySetup]):
     """A setup that differs, and how, in words."""
 
-    setup: Setup
+    setup: AnySetup
     words: str
 
 
-def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Changed:
+def vary(
+    setup: AnySetup, variant: Variant, targets: Targets[Any], source: str
+) -> Changed[AnySetup]:
     """The setup of a variant.
 
     Args:
@@ -74,13 +82,29 @@ def vary(setup: Setup, variant: Variant, targets: Targets, source: str) -> Chang
     return Changed(replace(changed.setup, targets=targets), ", ".join(words))
 
 
-def apply_changes(setup: Setup, changes: Changes, where: str) -> Changed:
+def apply_changes(setup: AnySetup, changes: Changes, where: str) -> Changed[AnySetup]:
     """A setup with another water, base, soil or simulation.
 
     Raises:
         InputError: beginning with `where`: a zone or parameter that does not exist, water without a
-            level, a section that does not hold together.
+            level, a scene that does not hold together, a change that three dimensions do not have.
     """
+    words: list[str] = []
+    if isinstance(setup, SectionSetup):
+        setup, words = _other_section(setup, changes, where)
+    elif asked := [name for name in OF_SECTIONS if getattr(changes, name)]:
+        raise InputError(f"{where}: {', '.join(asked)}: {LEFT_OUT}")
+    if changes.simulation:
+        settings, how = _simulated(setup.settings, changes.simulation)
+        setup = replace(setup, settings=settings)
+        words.append(how)
+    return Changed(setup, ", ".join(words))
+
+
+def _other_section(
+    setup: SectionSetup, changes: Changes, where: str
+) -> tuple[SectionSetup, list[str]]:
+    """A section with another water, base or soil, and what is different in words."""
     words = []
     if changes.zones:
         setup = _shared_otherwise(setup, changes.zones, where)
@@ -109,13 +133,12 @@ def apply_changes(setup: Setup, changes: Changes, where: str) -> Changed:
     if any(one.value is not None for one in changes.properties):
         scene = _other_soil(replace(setup, scene=scene), changes.properties, where)
         words += [_soil_words(one) for one in changes.properties]
-    if changes.simulation:
-        settings, how = _simulated(settings, changes.simulation)
-        words.append(how)
-    return Changed(replace(setup, scene=scene, settings=settings), ", ".join(words))
+    return replace(setup, scene=scene, settings=settings), words
 
 
-def _shared_otherwise(setup: Setup, zones: Mapping[str, Sequence[str]], where: str) -> Setup:
+def _shared_otherwise(
+    setup: SectionSetup, zones: Mapping[str, Sequence[str]], where: str
+) -> SectionSetup:
     """The setup with parameters of other zones, which get the soil of the parameter's first."""
     document = setup.scene.model_dump()
     known = {zone["name"]: zone for zone in document["zones"]}
@@ -142,7 +165,7 @@ def _soil_words(one: OtherProperty) -> str:
     )
 
 
-def _other_soil(setup: Setup, properties: Sequence[OtherProperty], where: str) -> Scene:
+def _other_soil(setup: SectionSetup, properties: Sequence[OtherProperty], where: str) -> Scene:
     """The scene with other properties, but for what is calibrated; of a zone the last one holds."""
     names = [zone.name for zone in setup.scene.zones]
     calibrated = {
@@ -188,7 +211,7 @@ def _check_fitted(names: Iterable[str], targets: Targets, where: str) -> None:
             raise InputError(f"{where}: targets: {name!r} is not fitted; fitted are {fitted}")
 
 
-def sides(setup: Setup, sensitivity: Sensitivity, source: str) -> list[Changed]:
+def sides(setup: AnySetup, sensitivity: Sensitivity, source: str) -> list[Changed[AnySetup]]:
     """The setups of a sensitivity: one, or one for each sense of a standard deviation."""
     where = f"{source}: sensitivities: {sensitivity.name}"
     match sensitivity:
@@ -196,8 +219,7 @@ def sides(setup: Setup, sensitivity: Sensitivity, source: str) -> list[Changed]:
             return _deviation(setup, sensitivity, where)
         case CellSize():
             spacing = setup.scene.spacing * sensitivity.factor
-            scene = scene_from_mapping({**setup.scene.model_dump(), "spacing": spacing}, where)
-            return [Changed(replace(setup, scene=scene), f"spacing {spacing:.3g} m")]
+            return [Changed(setup.at_spacing(spacing, where), f"spacing {spacing:.3g} m")]
         case TimeStep():
             return [_time_step(setup, sensitivity, where)]
         case OtherSetting():
@@ -207,27 +229,30 @@ def sides(setup: Setup, sensitivity: Sensitivity, source: str) -> list[Changed]:
             return _target(setup, sensitivity, where)
 
 
-def _deviation(setup: Setup, sensitivity: Uncertain, where: str) -> list[Changed]:
+def _deviation(setup: AnySetup, sensitivity: Uncertain, where: str) -> list[Changed[AnySetup]]:
     """One standard deviation to either side, or to the side that is asked for."""
     senses: tuple[float, ...] = (1.0, -1.0)
+    soil = setup.scene.soil if isinstance(setup.scene, Scene3d) else setup.scene
     match sensitivity:
         case ZoneBoundary():
             senses = sensitivity.senses
         case WaterLevel():
-            if setup.scene.water_level is None:
+            if soil.water_level is None:
                 raise InputError(f"{where}: the scene has no water_level")
             _refuse_sought_level(setup, where)
         case FixedProperty():
             _refuse_calibrated(setup, sensitivity, where)
     found = []
     for sense in senses:
-        words, what = _deviation_words(setup.scene, sensitivity, sense)
+        words, what = _deviation_words(soil, sensitivity, sense)
         changed = deviating(setup, [sensitivity], [sense], where + what)
         found.append(Changed(changed, words))
     return found
 
 
-def _deviation_words(scene: Scene, sensitivity: Uncertain, sense: float) -> tuple[str, str]:
+def _deviation_words(
+    soil: Scene | Terrain, sensitivity: Uncertain, sense: float
+) -> tuple[str, str]:
     """What is different, and the end of what messages about it begin with."""
     match sensitivity:
         case ZoneBoundary():
@@ -235,11 +260,12 @@ def _deviation_words(scene: Scene, sensitivity: Uncertain, sense: float) -> tupl
             dx, dy = (sense * part + 0.0 for part in farthest)
             return f"moved by ({dx:+.3g}, {dy:+.3g}) m", ""
         case WaterLevel():
-            return f"pool at {scene.water_level + sense * sensitivity.std_m:g} m", ""
+            assert soil.water_level is not None
+            return f"pool at {soil.water_level + sense * sensitivity.std_m:g} m", ""
     what = f"{sensitivity.property} {sense * sensitivity.std:+g}"
     words = f"{what} in zones {', '.join(sensitivity.zones)}"
     key = material_key(sensitivity.property)
-    changes = property_changes(scene, sensitivity.zones, key, sense * sensitivity.std)
+    changes = property_changes(soil, sensitivity.zones, key, sense * sensitivity.std)
     if sense < 0 and min(value for _, _, value in changes) == 0.0:
         words += ", but not below 0"
     return words, f": {what}"
@@ -254,7 +280,7 @@ def _refuse_calibrated(setup: Setup, sensitivity: FixedProperty, where: str) -> 
             )
 
 
-def _time_step(setup: Setup, sensitivity: TimeStep, where: str) -> Changed:
+def _time_step(setup: AnySetup, sensitivity: TimeStep, where: str) -> Changed[AnySetup]:
     settings, factor = setup.settings, sensitivity.factor
     if settings.time_step_s is not None:
         step = settings.time_step_s * factor
@@ -273,7 +299,7 @@ def _time_step(setup: Setup, sensitivity: TimeStep, where: str) -> Changed:
     )
 
 
-def _target(setup: Setup, sensitivity: Target, where: str) -> list[Changed]:
+def _target(setup: AnySetup, sensitivity: Target, where: str) -> list[Changed[AnySetup]]:
     """The ends of the stated range, or one standard deviation to either side."""
     targets = setup.targets
     entry = {e.name: e for e in targets.entries}.get(sensitivity.measurement)

@@ -11,18 +11,29 @@ the remarks, and an answer far outside is refused (`inversion.engines.direct_eng
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from geometry.random_scenes.standing_dam import HEIGHT
-from inversion.back_analysis.without_settings import LearnedAnalysis
+from inversion.back_analysis.asked import Asked
+from inversion.back_analysis.learned_analysis import LearnedAnalysis
 from inversion.engines.direct_engine import DirectEngine, shipped
-from inversion.engines.mpm_engine import MPMEngine
+from inversion.engines.registry import REFERENCE, engine_named
+from inversion.engines.run_store import Store
 from inversion.estimation.forward import Setup
 from inversion.estimation.misfit import Objective
+from pipeline.progress import Watch
 
 #: Source of the model's error among the sources of uncertainty.
 SOURCE = "error of the direct model"
+
+
+def direct_analysis(
+    case: Asked, store: Store, watch: Watch, model: Path | None, folder: Path
+) -> DirectAnalysis:
+    """The back-analysis of a case by the model that ships; it needs no other and keeps nothing."""
+    return DirectAnalysis(case, store, watch.say, watch, engine_name="direct")
 
 
 @dataclass(kw_only=True)
@@ -56,12 +67,12 @@ class DirectAnalysis(LearnedAnalysis):
 
     def search(self) -> None:
         """The answer; again with the model's error at it."""
-        start = self.case.setup.at(self.case.parameters.start)
+        start, model = self.case.setup.at(self.case.parameters.start), self.uncorrected()
         self.remark(
-            f"the section lies at {self.engine.distance(start):.2f} from the training of the "
+            f"the section lies at {model.distance(start):.2f} from the training of the "
             "direct model (1: as far as its outermost sections lie from each other)"
         )
-        height, (low, high) = self.engine.spacings_high(start), HEIGHT
+        height, (low, high) = model.spacings_high(start), HEIGHT
         if not low <= height <= high:
             self.remark(
                 f"the section is {height:.0f} spacings high; the direct model has learned from "
@@ -89,7 +100,7 @@ class DirectAnalysis(LearnedAnalysis):
 
     def _correct(self) -> None:
         """Answer again with the mean difference to the solver."""
-        truth = MPMEngine(self.store)
+        truth = engine_named(REFERENCE).made(self.store)
 
         def run_pairs() -> None:
             self.run_pairs(truth, self.case.config.inversion.paired_runs)
@@ -98,6 +109,6 @@ class DirectAnalysis(LearnedAnalysis):
         self.answer_by_pairs(truth, run_pairs)
         self.runs += truth.runs
         self.remark(
-            f"corrected by {len(self.pairs.states)} runs of the material point method: "
+            f"corrected by {len(self.paired.states)} runs of the material point method: "
             + ", ".join(self.differences())
         )

@@ -11,25 +11,63 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import gns
+from gns.data.scene_facts import with_known_water
+from inversion.back_analysis.asked import Asked
+from inversion.back_analysis.case import InversionCase
+from inversion.back_analysis.learned_analysis import LearnedAnalysis
 from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
 from inversion.back_analysis.result_files import own_answer
-from inversion.back_analysis.without_settings import LearnedAnalysis
-from inversion.engines.gns_engine import GNSEngine
-from inversion.engines.mpm_engine import MPMEngine
-from inversion.engines.registry import engine_named
+from inversion.engines.gns_engine import GNSEngine, prepare
+from inversion.engines.registry import REFERENCE, engine_named
 from inversion.engines.rollout_store import RolloutStore
-from inversion.engines.trained_model import Model
+from inversion.engines.run_store import Store
+from inversion.engines.trained_model import Model, load_model
 from inversion.estimation.calibrate import calibrate
 from inversion.estimation.forward import Prediction
 from inversion.estimation.search import SearchResult
+from pipeline.progress import Watch
 
 #: Source of the surrogate's error among the sources of uncertainty.
 SOURCE = "error of the learned simulator"
+
+
+def surrogate_analysis(
+    case: Asked, store: Store, watch: Watch, model: Path | None, folder: Path
+) -> SurrogateAnalysis:
+    """The back-analysis of a section by a trained model.
+
+    Args:
+        case: with its question.
+        store: of runs of the material point method.
+        watch: called with the progress.
+        model: folder of the model.
+        folder: of the results.
+
+    Raises:
+        InputError: there is no such model or device.
+    """
+    assert isinstance(case, InversionCase) and model is not None
+    prepare(store.device, store.threads)
+    chosen = load_model(model, store.device)
+    known, left_out = with_known_water(
+        case.scene, case.setup.settings, thrust=chosen.simulator.config.thrust
+    )
+    return SurrogateAnalysis(
+        replace(case, setup=replace(case.setup, settings=known)),
+        store,
+        watch.say,
+        watch,
+        model=chosen,
+        rollouts=RolloutStore(folder / "rollouts"),
+        on_frame=watch.frame_done,
+        left_out=left_out,
+    )
 
 
 @dataclass(kw_only=True)
@@ -51,14 +89,14 @@ class SurrogateAnalysis(LearnedAnalysis):
     rollouts: RolloutStore
     on_frame: Callable[[int, int], None] | None = None
     left_out: str = ""
-    alone: SearchResult | None = None
-    judged: Prediction | None = None
-    judged_alone: Prediction | None = None
+    alone: SearchResult = field(init=False)
+    judged: Prediction = field(init=False)
+    judged_alone: Prediction = field(init=False)
     answer_std: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.truth = MPMEngine(self.store)
+        self.truth = engine_named(REFERENCE).made(self.store)
 
     # --- what the engine decides ---
 
@@ -84,7 +122,7 @@ class SurrogateAnalysis(LearnedAnalysis):
                 f"the section lies at {away:.2f} from the training of the model {self.model.name} "
                 "(1: as far as its outermost scenes from each other)"
             )
-        for line in self.engine.outside(start):
+        for line in self.uncorrected().outside(start):
             self.remark(f"outside the training of the model {self.model.name}: {line}")
         self.found = self.alone = self._fit(self.case.parameters.start)
         (self.judged_alone,) = self.truth.predict([self.case.setup.at(self.found.values)])
@@ -112,7 +150,7 @@ class SurrogateAnalysis(LearnedAnalysis):
     def result(self) -> Result:
         """All that was found, with the engines side by side."""
         result = super().result()
-        std = np.sqrt(np.diag(self.pairs.covariance))
+        std = np.sqrt(np.diag(self.paired.covariance))
         targets, parameters = self.case.setup.targets, self.case.parameters
         surrogate = Surrogate(
             model=self.model.name,
@@ -125,12 +163,12 @@ class SurrogateAnalysis(LearnedAnalysis):
                     mpm=targets.named(exact),
                 )
                 for state, quick, exact in zip(
-                    self.pairs.states, self.pairs.surrogate, self.pairs.truth, strict=True
+                    self.paired.states, self.paired.surrogate, self.paired.truth, strict=True
                 )
             ],
-            mean_difference=targets.named(self.pairs.correction),
-            settled=self.pairs.settled is not None,
-            std=targets.named(np.where(np.isfinite(self.pairs.mean), std, np.nan)),
+            mean_difference=targets.named(self.paired.correction),
+            settled=self.paired.settled is not None,
+            std=targets.named(np.where(np.isfinite(self.paired.mean), std, np.nan)),
             answer_std=parameters.as_mapping(self.answer_std),
             runs_mpm=self.truth.runs,
         )
@@ -152,7 +190,7 @@ class SurrogateAnalysis(LearnedAnalysis):
             name=engine_named(engine).title,
             engine=engine,
             note=note,
-            spacing_m=self.case.scene.spacing,
+            spacing_m=self.case.spacing_m,
             values=self.case.parameters.as_mapping(values),
             std={},
             predicted=self.case.setup.targets.named(prediction.values),
@@ -170,7 +208,7 @@ class SurrogateAnalysis(LearnedAnalysis):
         method = self.case.config.inversion.method
         setup = self.case.setup
         search = self._search(self.engine, setup, self.steps, tell=True)
-        found = calibrate(search, start, method=method, least_m=self._least_m(setup))
+        found = calibrate(search, start, method=method, least_m=setup.least_move_m)
         self.runs += found.runs
         return found
 

@@ -21,6 +21,8 @@ from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from geometry.survey.columns import outward_of
 from geometry.survey.measured import Measured, Reading
+from geometry.survey.no_flow import NoFlow
+from geometry.survey.toe_runout import ToeRunout
 from gns.data.distance import FARTHEST
 from gns.direct.predictor import MODEL_FILE, Forecast, Predictor
 from gns.direct.sections import (
@@ -31,8 +33,9 @@ from gns.direct.sections import (
     with_strengths,
 )
 from inversion.engines.forecast_times import NORMAL, TIMED, read_times, time_error_std, timed
-from inversion.engines.run_store import KeptRun, prediction_of
-from inversion.estimation.forward import Forward, Prediction, Request, Setup
+from inversion.engines.read_run import prediction_of
+from inversion.engines.run_store import KeptRun
+from inversion.estimation.forward import Forward, Prediction, Request, SectionSetup
 from inversion.problem.question import material_key
 from pipeline.cli import InputError
 from pipeline.places import MODELS
@@ -59,14 +62,14 @@ class Start:
         read: the measurements on it, (m,); None: not read yet.
     """
 
-    setup: Setup
+    setup: SectionSetup
     section: Section
     before: np.ndarray
     initial: np.ndarray
     zone: np.ndarray
     read: np.ndarray | None = None
 
-    def serves(self, setup: Setup) -> bool:
+    def serves(self, setup: SectionSetup) -> bool:
         """Whether a request of another setup begins on the same section."""
         ours = self.setup
         same = setup.scene is ours.scene and setup.targets is ours.targets
@@ -82,7 +85,7 @@ class Asked:
         section: its columns, with its strengths; start: the section before the slide.
     """
 
-    setup: Setup
+    setup: SectionSetup
     scene: Scene
     section: Section
     start: Start
@@ -165,10 +168,10 @@ class DirectEngine(Forward):
         """
         (asked,) = self._asked([request])
         if not isinstance(asked, Asked):
-            return np.full(len(request.setup.targets.names), np.nan)
+            return np.full(len(request.section.targets.names), np.nan)
         forecast, _ = self.forecast(asked)
         return np.concatenate(
-            [_std(entry, forecast, asked) for entry in request.setup.targets.entries]
+            [_std(entry, forecast, asked) for entry in request.section.targets.entries]
         )
 
     def forecast(self, asked: Asked) -> tuple[Forecast, float]:
@@ -182,7 +185,7 @@ class DirectEngine(Forward):
         return [self._one(request) for request in requests]
 
     def _one(self, request: Request) -> Asked | Prediction:
-        setup, scene = request.setup, request.scene
+        setup, scene = request.section, request.scene
         _check_readable(setup)
         begin = self._start_of(request, scene)
         section = with_strengths(begin.section, scene)
@@ -199,7 +202,7 @@ class DirectEngine(Forward):
         self._answers = True
         return Asked(setup, scene, section, begin)
 
-    def _start_is_far(self, setup: Setup) -> bool:
+    def _start_is_far(self, setup: SectionSetup) -> bool:
         """Whether the model knows nothing like the section where its question starts."""
         scene = setup.at(setup.parameters.start).scene
         section = section_of(scene, setup.settings.gravity_m_per_s2)
@@ -207,7 +210,7 @@ class DirectEngine(Forward):
 
     def _start_of(self, request: Request, scene: Scene) -> Start:
         """The last one, where the request differs from it in strengths alone; else a new one."""
-        setup, last = request.setup, self._start
+        setup, last = request.section, self._start
         strengths = all(material_key(one.property) in STRENGTHS for one in setup.parameters.specs)
         if last is not None and strengths and last.serves(setup):
             return last
@@ -242,7 +245,7 @@ class DirectEngine(Forward):
         asked.start.read = prediction.at_start
         values, place, before = prediction.values.copy(), 0, asked.toes_before
         for entry in setup.targets.entries:
-            if entry.type in ("toe_runout", "no_flow"):
+            if isinstance(entry, ToeRunout | NoFlow):
                 number = 0 if entry.side == "left" else 1
                 travel = outward_of(entry.side) * (forecast.toes[number] - before[number])
                 values[place] = prediction.at_start[place] + travel
@@ -252,7 +255,7 @@ class DirectEngine(Forward):
         return replace(prediction, values=values, spacing_m=spacing)
 
 
-def _failed(setup: Setup, begin: Start, reason: str) -> Prediction:
+def _failed(setup: SectionSetup, begin: Start, reason: str) -> Prediction:
     """What is predicted where there is no answer."""
     unknown = np.full(len(setup.parameters.specs), np.nan)
     return Prediction(
@@ -283,7 +286,7 @@ def readable(entry: Measured) -> bool:
     return entry.type in READ and getattr(entry, "at", "") != "crest_points"
 
 
-def unseen(before: Setup, after: Setup) -> str:
+def unseen(before: SectionSetup, after: SectionSetup) -> str:
     """Why the models have no answer to a changed setup, or the same one; empty: they have one."""
     sections = []
     try:
@@ -300,7 +303,7 @@ def unseen(before: Setup, after: Setup) -> str:
     return ""
 
 
-def _check_readable(setup: Setup) -> None:
+def _check_readable(setup: SectionSetup) -> None:
     place = 0
     for entry in setup.targets.entries:
         count = len(entry.values)
@@ -330,7 +333,7 @@ def _tangents(request: Request) -> np.ndarray | None:
     """Change of the zones' values with each parameter (p, Z, 3); None: one is no strength."""
     scene = request.scene
     found = []
-    for spec, value in zip(request.setup.parameters.specs, request.values, strict=True):
+    for spec, value in zip(request.section.parameters.specs, request.values, strict=True):
         key = material_key(spec.property)
         if key not in STRENGTHS:
             return None
@@ -376,11 +379,11 @@ def _std(entry: Measured, forecast: Forecast, asked: Asked) -> np.ndarray:
     count, x = len(entry.values), asked.section.x
     if timed(entry):
         return time_error_std(entry, forecast, asked.toes_before)
-    if entry.type in ("toe_runout", "no_flow"):
+    if isinstance(entry, ToeRunout | NoFlow):
         return np.array([forecast.toe_interval[0 if entry.side == "left" else 1] / NORMAL])
     along = entry.along
     if entry.type == "surface_profile" and along is not None:
         return np.interp(along.place, x, forecast.thickness_interval) / NORMAL
-    if getattr(entry, "x_m", None) is not None:
-        return np.full(count, np.interp(entry.x_m, x, forecast.thickness_interval) / NORMAL)
+    if (place := getattr(entry, "x_m", None)) is not None:
+        return np.full(count, np.interp(place, x, forecast.thickness_interval) / NORMAL)
     return np.full(count, np.median(forecast.thickness_interval[forecast.thickness > 0]) / NORMAL)

@@ -22,7 +22,7 @@ from geometry.scenes3d.scene3d import Section
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import KeptRun, RunStore
 from inversion.engines.run_store_3d import RunStore3d
-from inversion.estimation.forward import Forward, Prediction, Request, Setup, WrappedEngine
+from inversion.estimation.forward import Forward, Prediction, Request, SectionSetup, WrappedEngine
 from pipeline.cli import InputError
 
 #: Heights over widths H/B of the runs in three dimensions, nearly: widths are whole cells.
@@ -65,14 +65,16 @@ class FiniteWidth(WrappedEngine):
         """Plane predictions, and what the width adds to those that have one."""
         found = self.engine.predict([_plane(request) for request in requests])
         return [
-            self._with_width(request, prediction) if request.setup.height_over_width else prediction
+            self._with_width(request, prediction)
+            if request.section.height_over_width
+            else prediction
             for request, prediction in zip(requests, found, strict=True)
         ]
 
     def _with_width(self, request: Request, plane: Prediction) -> Prediction:
-        setup = paired(request.setup)
+        setup = paired(request.section)
         places, widths = knots(setup.scene)
-        ratio = min(request.setup.height_over_width, places[-1])
+        ratio = min(request.section.height_over_width, places[-1])
         upper = int(np.searchsorted(places, ratio))
         share = ratio / places[0] if upper == 0 else (
             (ratio - places[upper - 1]) / (places[upper] - places[upper - 1])
@@ -89,7 +91,7 @@ class FiniteWidth(WrappedEngine):
             return replace(plane, values=values)
         return replace(plane, values=values, status="failed", reason="no run over the width")
 
-    def _read(self, store: RunStore, setup: Setup, values: np.ndarray) -> Prediction:
+    def _read(self, store: RunStore, setup: SectionSetup, values: np.ndarray) -> Prediction:
         return MPMEngine(store).predict([setup.at(values)])[0]
 
     def _store(self, width: float | None, scene: Scene) -> RunStore:
@@ -105,7 +107,7 @@ class FiniteWidth(WrappedEngine):
         return self._stores[key]
 
 
-def refused(setup: Setup) -> str:
+def refused(setup: SectionSetup) -> str:
     """Why a setup has no pair; empty: it has one."""
     try:
         pair = paired(setup)
@@ -114,7 +116,7 @@ def refused(setup: Setup) -> str:
     return RunStore3d(Section(file="", width_m=1.0), "rough", None).refused(pair)
 
 
-def paired(setup: Setup) -> Setup:
+def paired(setup: SectionSetup) -> SectionSetup:
     """What both runs of a pair have: a coarser spacing, closed walls, no effects, no jitter.
 
     Raises:
@@ -148,7 +150,7 @@ def knots(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _plane(request: Request) -> Request:
-    setup = request.setup
+    setup = request.section
     if not setup.height_over_width:
         return request
     return replace(request, setup=replace(setup, height_over_width=0.0))

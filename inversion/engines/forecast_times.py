@@ -8,10 +8,15 @@ hundredth of a toe's travel to take as long as the four before it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TypeGuard
+
 import numpy as np
 
 from geometry.survey.columns import SIDES, Side, outward_of
 from geometry.survey.measured import Measured
+from geometry.survey.slide_duration import SlideDuration
+from geometry.survey.toe_history import ToeHistory
 from gns.direct.arrivals import SHARES, WAY
 from gns.direct.predictor import Forecast
 
@@ -21,15 +26,18 @@ TIMED = ("slide_duration", "toe_history")
 NORMAL = 1.645
 
 
-def timed(entry: Measured) -> bool:
+def timed(entry: Measured) -> TypeGuard[SlideDuration | ToeHistory]:
     """Whether these times tell a measurement."""
-    if entry.type == "slide_duration":
+    if isinstance(entry, SlideDuration):
         return SHARES[0] <= entry.between[0] and entry.between[1] <= SHARES[-1]
-    return entry.type in TIMED
+    return isinstance(entry, ToeHistory)
 
 
 def read_times(
-    entry: Measured, forecast: Forecast, before: np.ndarray, foot: dict[Side, float]
+    entry: SlideDuration | ToeHistory,
+    forecast: Forecast,
+    before: np.ndarray,
+    foot: Mapping[Side, float],
 ) -> np.ndarray:
     """Numbers of a measurement that is `timed`, (m,) [s] or [m].
 
@@ -39,9 +47,8 @@ def read_times(
         before: toes before the slide, x (2,) [m].
         foot: x from which a runout counts, of each side [m].
     """
-    if entry.type == "slide_duration":
-        began, ended = np.interp(entry.between, SHARES, forecast.times[WAY])
-        return np.array([ended - began])
+    if isinstance(entry, SlideDuration):
+        return np.diff(np.interp(entry.between, SHARES, forecast.times[WAY]))
     number = SIDES.index(entry.side)
     outward = outward_of(entry.side)
     travel = outward * (forecast.toes[number] - before[number])
@@ -49,9 +56,11 @@ def read_times(
     return outward * (before[number] - foot[entry.side]) + share * travel
 
 
-def time_error_std(entry: Measured, forecast: Forecast, before: np.ndarray) -> np.ndarray:
+def time_error_std(
+    entry: SlideDuration | ToeHistory, forecast: Forecast, before: np.ndarray
+) -> np.ndarray:
     """Standard deviation of the model's error of each number of a measurement that is `timed`."""
-    if entry.type == "slide_duration":
+    if isinstance(entry, SlideDuration):
         own = forecast.times[WAY] * np.log(forecast.times_within[WAY]) / NORMAL
         return np.array([np.interp(entry.between[1], SHARES, own)])
     number, at = SIDES.index(entry.side), np.array(entry.times_s)

@@ -1,6 +1,6 @@
 """The learned simulator as a forward engine, differentiated through whole rollouts (Diff-GNS).
 
-In: a `Setup`, as for the material point method, and a trained model whose weights stay as they are.
+In: the requests of the material point method, and a trained model whose weights stay as they are.
 Out: the same predictions, read from the end of a rollout by the same lines, and their derivative
 with respect to every parameter: exact, by forward mode where there are few parameters and by
 reverse mode where there are fewer numbers to fit (`gns.rollout.differentiate`). A rollout starts
@@ -31,6 +31,7 @@ from gns.rollout.rollout import Rest, RestWatch, frames_of, wrong_step
 from gns.rollout.traced_rollout import trace
 from gns.rollout.zone_parameters import UnknownProperty, scene_function
 from gns.training.processes import check_device, use_threads
+from inversion.engines.read_run import prediction_of
 from inversion.engines.rollout_readings import RolledOut, RolloutReading
 from inversion.engines.rollout_store import (
     RolloutStore,
@@ -38,9 +39,9 @@ from inversion.engines.rollout_store import (
     entry_keys,
     rollout_key,
 )
-from inversion.engines.run_store import KeptRun, prediction_of
+from inversion.engines.run_store import KeptRun
 from inversion.engines.trained_model import Model
-from inversion.estimation.forward import Forward, Prediction, Request, Setup
+from inversion.estimation.forward import Forward, Prediction, Request, SectionSetup
 from inversion.problem.question import material_key
 from inversion.problem.scene_changes import moves_with_pool
 from pipeline.cli import InputError, WorkFailed
@@ -64,7 +65,7 @@ class Slide:
         key: `rollout_key`.
     """
 
-    setup: Setup
+    setup: SectionSetup
     scene: Scene
     facts: SceneFacts
     start: np.ndarray
@@ -109,7 +110,7 @@ class GNSEngine(Forward):
         self.mode = mode
         self.on_frame = on_frame
 
-    def way(self, setup: Setup) -> Literal["forward", "reverse"]:
+    def way(self, setup: SectionSetup) -> Literal["forward", "reverse"]:
         """The cheaper way to the derivative, in steps for each frame, or the one asked for.
 
         Where both come to the same, reverse: measured at 6,256 points it then takes 30 % less.
@@ -156,10 +157,10 @@ class GNSEngine(Forward):
         for request in requests:
             self.runs += 1
             slide = self._slide(request)
-            run = self.store.run(slide.key, request.setup.reader)
+            run = self.store.run(slide.key, request.section.reader)
             if run is None:
                 run = self._rolled_out(slide, request.values)
-            found.append(prediction_of(request.setup, run))
+            found.append(prediction_of(request.section, run))
         return found
 
     def derivative(
@@ -170,7 +171,7 @@ class GNSEngine(Forward):
         Rows of what could not be read are NaN, and in reverse mode those of what is not fitted.
         """
         self.runs += 1
-        setup, slide = request.setup, self._slide(request)
+        setup, slide = request.section, self._slide(request)
         names = entry_keys(setup.targets, setup.foot)
         fitted = "".join(str(int(one)) for one in setup.targets.fitted)
         way = self.way(setup)
@@ -192,11 +193,11 @@ class GNSEngine(Forward):
 
     def _slide(self, request: Request) -> Slide:
         simulator, scene = self.model.simulator, request.scene
-        settings = simulator.settings(request.setup.settings)
+        settings = simulator.settings(request.section.settings)
         facts, start = start_of(scene, settings)
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)
         return Slide(
-            setup=request.setup,
+            setup=request.section,
             scene=scene,
             facts=facts,
             start=start,
@@ -301,7 +302,7 @@ def _unknowns(request: Request) -> list[UnknownProperty]:
             float(value),
             moves_with_pool(scene) if spec.property == "water_level" else None,
         )
-        for spec, value in zip(request.setup.parameters.specs, request.values, strict=True)
+        for spec, value in zip(request.section.parameters.specs, request.values, strict=True)
     ]
 
 

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from inversion.engines.run_store import KeptRun, RunStore, prediction_of, read_start
+from inversion.engines.read_run import prediction_of, read_start
+from inversion.engines.run_store import KeptRun, RunStore
 from inversion.estimation.forward import Forward, Prediction, Request
 
 
@@ -31,7 +32,7 @@ class MPMEngine(Forward):
         found = []
         for request, run in zip(requests, self._fetched(requests), strict=True):
             # Runs that differ in strength alone begin from the same points.
-            setup = request.setup
+            setup = request.section
             key = (id(setup.targets), tuple(setup.foot.items()), run.initial.tobytes())
             if key not in starts:
                 starts[key] = read_start(setup, run)
@@ -41,5 +42,5 @@ class MPMEngine(Forward):
     def _fetched(self, requests: Sequence[Request]) -> list[KeptRun]:
         return self.store.fetch(
             [(request.scene, request.setup.settings) for request in requests],
-            [request.setup.reader for request in requests],
+            [request.section.reader for request in requests],
         )

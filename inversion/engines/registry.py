@@ -2,8 +2,7 @@
 
 A new engine is two files: one that predicts (`inversion.estimation.forward.Forward`) and one that
 registers it with `register_engine`; back-analysis, prediction, diagnosis, commands and reports find
-it by its name. Nothing heavy is imported before an engine is used. One whose back-analysis is not
-the usual one registers that, too (`inversion.back_analysis.by_engine`).
+it by its name. Nothing heavy is imported before an engine is used.
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ from pipeline.extras import require
 
 if TYPE_CHECKING:
     from geometry.survey.measured import Measured
-    from inversion.engines.run_store import RunStore
-    from inversion.estimation.forward import Forward, Setup
+    from inversion.engines.run_store import Store
+    from inversion.estimation.forward import Forward, SectionSetup, Setup
 
 #: The engine that judges the others.
 REFERENCE = "mpm"
@@ -39,12 +38,15 @@ class Engine:
         forward: makes it; runs are kept in the store. None: its back-analysis alone makes it.
         store: the store that its runs need, from the folder of a case, a setup and a plain store,
             or an `InputError`; None: the plain one.
+        analysis: "module:function" that makes its back-analysis, where that is not the usual one;
+            called as `inversion.back_analysis.by_engine.back_analysis_by` says.
         trained: it needs a trained model, whose folder its back-analysis is given.
         effects: it simulates the physical effects of a scene, and whatever may be assumed of its
             soils, its water and its ground.
         reads: whether it can predict a measurement.
         unseen: of an engine without effects: why it has no answer to a changed setup, or the same
             as to the setup before; empty: it has one. None: it knows sections and surveys alone.
+        waterfall: it can solve the steps of a waterfall, which may be sections of other cases.
         extra: of the installation, without which it cannot run; empty: it needs none.
     """
 
@@ -53,21 +55,38 @@ class Engine:
     description: str
     short: str
     folder: str
-    forward: Callable[[RunStore], Forward] | None = None
-    store: Callable[[Path, Setup, RunStore], RunStore] | None = None
+    forward: Callable[[Store], Forward] | None = None
+    store: Callable[[Path, Setup, Store], Store] | None = None
+    analysis: str = ""
     trained: bool = False
     effects: bool = True
     reads: Callable[[Measured], bool] = lambda entry: True
-    unseen: Callable[[Setup, Setup], str] | None = None
+    unseen: Callable[[SectionSetup, SectionSetup], str] | None = None
+    waterfall: bool = True
     extra: str = ""
 
-    def store_of(self, folder: Path, setup: Setup, plain: RunStore) -> RunStore:
+    def store_of(self, folder: Path, setup: Setup, plain: Store) -> Store:
         """The store of its runs for a case.
 
         Raises:
             InputError: the case lacks what its runs need; one line.
         """
         return plain if self.store is None else self.store(folder, setup, plain)
+
+    def made(self, store: Store) -> Forward:
+        """The engine itself.
+
+        Args:
+            store: of its runs, from `store_of`.
+
+        Raises:
+            InputError: its back-analysis alone can make it.
+        """
+        if self.forward is None:
+            raise InputError(
+                f"engine: {self.label} needs a trained model: back-analysis alone has it"
+            )
+        return self.forward(store)
 
     def check_installed(self) -> None:
         """Check that it can run here.
@@ -94,19 +113,31 @@ class Engine:
         return self.name if self.name == self.short.lower() else f"{self.name} ({self.short})"
 
 
-def _mpm(store: RunStore) -> Forward:
+def _mpm(store: Store) -> Forward:
     from inversion.engines.mpm_engine import MPMEngine
+    from inversion.engines.run_store import RunStore
 
+    assert isinstance(store, RunStore)
     return MPMEngine(store)
 
 
-def _over_width(folder: Path, setup: Setup, store: RunStore) -> RunStore:
+def _mpm3d(store: Store) -> Forward:
+    from inversion.engines.body_engine import BodyEngine, BodyStore
+
+    return BodyEngine(store) if isinstance(store, BodyStore) else _mpm(store)
+
+
+def _store_3d(folder: Path, setup: Setup, store: Store) -> Store:
+    from inversion.engines.body_engine import body_store
     from inversion.engines.run_store_3d import store_over_width
+    from inversion.estimation.forward import SectionSetup
 
-    return store_over_width(folder, setup, store)
+    if isinstance(setup, SectionSetup):
+        return store_over_width(folder, setup, store)
+    return body_store(setup, store)
 
 
-def _direct(store: RunStore) -> Forward:
+def _direct(store: Store) -> Forward:
     from inversion.engines.direct_engine import shipped
 
     return shipped("direct")
@@ -118,7 +149,7 @@ def _on_the_deposit(entry: Measured) -> bool:
     return readable(entry)
 
 
-def _unseen_by_columns(before: Setup, after: Setup) -> str:
+def _unseen_by_columns(before: SectionSetup, after: SectionSetup) -> str:
     from inversion.engines.direct_engine import unseen
 
     return unseen(before, after)
@@ -197,8 +228,10 @@ register_engine(
         description="a learned simulator (Diff-GNS)",
         short="Diff-GNS",
         folder="inversion_gns",
+        analysis="inversion.back_analysis.with_learned_simulator:surrogate_analysis",
         trained=True,
         effects=False,
+        waterfall=False,
         extra="learned",
     )
 )
@@ -209,9 +242,10 @@ register_engine(
         description="the material point method in three dimensions",
         short="MPM in 3-D",
         folder="inversion_3d",
-        forward=_mpm,
-        store=_over_width,
+        forward=_mpm3d,
+        store=_store_3d,
         effects=False,
+        waterfall=False,
     )
 )
 register_engine(
@@ -222,6 +256,7 @@ register_engine(
         short="direct",
         folder="inversion_direct",
         forward=_direct,
+        analysis="inversion.back_analysis.with_direct_model:direct_analysis",
         effects=False,
         reads=_on_the_deposit,
         unseen=_unseen_by_columns,

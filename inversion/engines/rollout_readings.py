@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene
 from geometry.survey.measured import Deposit
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class RolloutReading:
     """
 
     def __init__(
-        self, setup: Setup, scene: Scene, frame_time: float, at_rest: Callable[[], bool]
+        self, setup: SectionSetup, scene: Scene, frame_time: float, at_rest: Callable[[], bool]
     ) -> None:
         self.setup = setup
         self.scene = scene

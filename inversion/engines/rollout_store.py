@@ -1,8 +1,6 @@
 """Rollouts of a learned simulator kept by content, with the derivatives of what was read on them.
 
-A finished rollout, and the derivative worked out on one, go at once into small files whose names
-are the hashes of all that decides their numbers: scene, settings, the weights, versions. So a
-back-analysis that was killed goes on, and a question asked again costs nothing.
+What decides their numbers are scene, settings, the weights and the versions.
 """
 
 from __future__ import annotations
@@ -15,7 +13,8 @@ import numpy as np
 
 import geometry
 import gns
-from inversion.engines.run_store import DAMAGE, KeptRun, load_kept, save_kept, write_arrays
+from inversion.engines.content_store import ContentStore
+from inversion.engines.run_store import KeptRun, arrays_of_run, run_of_arrays
 from inversion.estimation.data import Targets
 from inversion.estimation.forward import HistoryReader
 from inversion.estimation.unknowns import Parameters
@@ -24,6 +23,8 @@ from pipeline.files import content_hash
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
+    from geometry.survey.columns import Side
+    from geometry.survey.measured import Measured
     from pipeline.config import SimulationSettings
 
 #: Settings of a simulation that a rollout knows of; no other changes its numbers.
@@ -34,25 +35,22 @@ KNOWN_SETTINGS = (
 
 
 class RolloutStore:
-    """Rollouts and derivatives by content, in memory and in a folder.
+    """Rollouts and derivatives by content.
 
     Args:
         folder: of the files; None: in memory alone.
     """
 
     def __init__(self, folder: str | Path | None) -> None:
-        self.folder = None if folder is None else Path(folder)
         self.computed = 0
         self.differentiated = 0
-        self._runs: dict[str, KeptRun] = {}
-        self._rows: dict[str, dict[str, np.ndarray]] = {}
+        self._runs = ContentStore(folder, run_of_arrays, arrays_of_run)
+        self._rows: ContentStore[dict[str, np.ndarray]] = ContentStore(
+            folder, dict, lambda rows: dict(sorted(rows.items()))
+        )
 
     def run(self, key: str, reader: HistoryReader) -> KeptRun | None:
         """A rollout with the readings that are wanted of it; None: not there, or without them."""
-        if key not in self._runs and self.folder is not None:
-            found = load_kept(self.folder / f"{key}.npz")
-            if found is not None:
-                self._runs[key] = found
         found = self._runs.get(key)
         if found is None or any(name not in found.readings for name in reader.wanted):
             return None
@@ -61,25 +59,17 @@ class RolloutStore:
     def keep_run(self, key: str, run: KeptRun) -> None:
         """Keep a rollout that has just been computed."""
         self.computed += 1
-        self._runs[key] = run
-        if self.folder is not None:
-            save_kept(self.folder / f"{key}.npz", run)
+        self._runs.put(key, run)
 
     def rows(self, key: str, names: Iterable[str]) -> dict[str, np.ndarray] | None:
         """Derivatives by `entry_keys` of measurements; None: not there, or not all of them."""
-        if key not in self._rows and self.folder is not None:
-            found = _load(self.folder / f"{key}.npz")
-            if found is not None:
-                self._rows[key] = found
         found = self._rows.get(key)
         return found if found is not None and all(name in found for name in names) else None
 
     def keep_rows(self, key: str, rows: Mapping[str, np.ndarray]) -> None:
         """Keep derivatives that have just been worked out, in addition to those that are there."""
         self.differentiated += 1
-        self._rows[key] = {**self._rows.get(key, {}), **rows}
-        if self.folder is not None:
-            write_arrays(self.folder / f"{key}.npz", dict(sorted(self._rows[key].items())))
+        self._rows.put(key, dict(rows), join=lambda old, new: {**old, **new})
 
 
 def rollout_key(scene: Scene, settings: SimulationSettings, model_hash: str) -> str:
@@ -113,7 +103,7 @@ def derivative_key(run_key: str, parameters: Parameters, way: str) -> str:
     return content_hash({"run": run_key, "by": unknowns, "way": way})
 
 
-def entry_keys(targets: Targets, foot: Mapping[str, float]) -> list[str]:
+def entry_keys(targets: Targets[Measured], foot: Mapping[Side, float]) -> list[str]:
     """A name for each measurement by content: its document, its places, the feet."""
     return [
         content_hash(
@@ -126,12 +116,3 @@ def entry_keys(targets: Targets, foot: Mapping[str, float]) -> list[str]:
         )
         for entry in targets.entries
     ]
-
-
-def _load(path: Path) -> dict[str, np.ndarray] | None:
-    """Derivatives of a file; None where there is none, or where it is damaged."""
-    try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except DAMAGE:
-        return None

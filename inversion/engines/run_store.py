@@ -1,17 +1,13 @@
 """Simulations kept by content: the same scene and settings are computed once.
 
-A finished run goes at once into a small file whose name is the hash of all that decides its
-numbers, so a back-analysis that was killed continues where it stopped, and a question that is asked
-again costs nothing. Measurements are read on a kept run by `prediction_of`.
+Measurements are read on a kept run by `inversion.engines.read_run`.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-import zipfile
-import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,18 +15,13 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.lib import format as npy
 
-from geometry.scenes.overburden import stress_by_zone
 from geometry.scenes.polygon_checks import area
-from geometry.survey.measured import Deposit, Reading
+from geometry.survey.measured import Reading
+from inversion.engines.content_store import ContentStore
 from inversion.engines.workers import Job, Workers
-from inversion.estimation.data import read, toes_by_eye
-from inversion.estimation.forward import Prediction, Setup
-from inversion.problem.question import RESIDUAL_STRENGTH
 from mpm_taichi.batch import run_key
 from mpm_taichi.effects import has_own_code
-from pipeline.files import atomic_path
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -39,13 +30,6 @@ if TYPE_CHECKING:
     from mpm_taichi.trajectory import Run
     from pipeline.config import SimulationSettings
 
-
-# What zipfile and numpy raise on a file that is cut short or damaged, depending on where. Of memory
-# where a header claims more than there is.
-DAMAGE = (
-    OSError, KeyError, ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile,
-    zlib.error,
-)  # fmt: skip
 #: Area of the points over that of the section, as far off as it can be by where points are put.
 AREA_OFF = 0.3
 
@@ -88,14 +72,16 @@ class KeptRun:
     volume: np.ndarray | None = None
 
 
-class RunStore:
-    """Runs by content, in memory and in a folder.
+class Store:
+    """What the runs of every engine share: where they are kept, and by what they are computed.
 
     Args:
         folder: of the files; None: in memory alone.
         device: "cpu" or "cuda".
         threads: CPU threads; None: all.
         on_run: called for each run of a batch.
+        on_frame: called with (seconds of motion, of at most) at every frame of a run of minutes; it
+            may raise to stop.
     """
 
     def __init__(
@@ -105,15 +91,44 @@ class RunStore:
         device: str = "cpu",
         threads: int | None = None,
         on_run: OnRun | None = None,
+        on_frame: OnRun | None = None,
     ) -> None:
         self.folder = None if folder is None else Path(folder)
         self.device = device
         self.threads = threads
         self.on_run = on_run
+        self.on_frame = on_frame
         self.computed = 0
-        self._kept: dict[str, KeptRun] = {}
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Device, threads and reports, as another store takes them."""
+        names = ("device", "threads", "on_run", "on_frame")
+        return {name: getattr(self, name) for name in names}
+
+    def refused(self, setup: Setup) -> str:
+        """Why it does not simulate a setup; empty: it does."""
+        return ""
+
+    def side_by_side(self, jobs: Sequence[Job]) -> None:
+        """Do jobs that do not wait for each other, one after the other."""
+        for job in jobs:
+            job()
+
+    @contextmanager
+    def workers(self) -> Iterator[None]:
+        """Processes for the simulations of a `with` block, where they are of use."""
+        yield
+
+
+class RunStore(Store):
+    """Runs of sections by content, in memory and in a folder; arguments as of `Store`."""
+
+    def __init__(self, folder: str | Path | None, **options: Any) -> None:
+        super().__init__(folder, **options)
+        self._kept = ContentStore(self.folder, run_of_arrays, arrays_of_run)
+        self._counting = Lock()
         self._workers: Workers | None = None
-        self._keeping = Lock()
 
     def fetch(
         self,
@@ -161,15 +176,10 @@ class RunStore:
         Raises:
             BaseException: what a job has raised; the others end at their next simulation.
         """
-        if self._workers is not None:
+        if self._workers is None:
+            super().side_by_side(jobs)
+        else:
             self._workers.side_by_side(jobs)
-            return
-        for job in jobs:
-            job()
-
-    def refused(self, setup: Setup) -> str:
-        """Why it does not simulate a setup; empty: it does."""
-        return ""
 
     def key(self, scene: Scene, settings: SimulationSettings) -> str:
         """Hash of everything the numbers of a run depend on."""
@@ -188,17 +198,12 @@ class RunStore:
         self, scenes: Sequence[Scene], settings: SimulationSettings, **options: Any
     ) -> list[Run]:
         """As `mpm_taichi.simulate.simulate`."""
+        assert self._workers is not None
         ((_, run),) = self._workers.simulate([(scene, settings) for scene in scenes])
         return [run]
 
     def _is_there(self, key: str, scene: Scene, readers: Iterable[HistoryReader]) -> bool:
-        run = self._kept.get(key)
-        if run is None and self.folder is not None:
-            run = load_kept(self._path(key))
-            if run is not None and is_of(run, scene):
-                self._kept[key] = run
-            else:
-                run = None
+        run = self._kept.get(key, holds=lambda kept: is_of(kept, scene))
         return run is not None and all(
             name in run.readings for reader in readers for name in reader.wanted
         )
@@ -206,7 +211,7 @@ class RunStore:
     def _compute(
         self,
         missing: dict[str, tuple[Scene, SimulationSettings]],
-        readers: dict[str, list[HistoryReader]],
+        readers: Mapping[str, Sequence[HistoryReader]],
     ) -> None:
         """Simulate; keep each run as it ends."""
         keys = list(missing)
@@ -227,16 +232,13 @@ class RunStore:
             yield from simulate_each(wanted, device=self.device, threads=self.threads)
 
     def _keep(self, key: str, run: KeptRun) -> None:
-        with self._keeping:
+        with self._counting:
             self.computed += 1
-            if key in self._kept:  # it was there, but without some reading
-                run = replace(run, readings={**self._kept[key].readings, **run.readings})
-            self._kept[key] = run
-        if self.folder is not None:
-            save_kept(self._path(key), run)
+        self._kept.put(key, run, join=_with_readings)  # one that was there lacked some reading
 
-    def _path(self, key: str) -> Path:
-        return self.folder / f"{key}.npz"
+
+def _with_readings(old: KeptRun, new: KeptRun) -> KeptRun:
+    return replace(new, readings={**old.readings, **new.readings})
 
 
 def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
@@ -258,8 +260,8 @@ def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
     )
 
 
-def save_kept(path: Path, run: KeptRun) -> None:
-    """Write a run; the file appears when whole."""
+def arrays_of_run(run: KeptRun) -> dict[str, np.ndarray]:
+    """A run as it is kept in a file."""
     arrays = {
         "initial": run.initial,
         "final": run.final,
@@ -274,36 +276,38 @@ def save_kept(path: Path, run: KeptRun) -> None:
     for name in sorted(run.readings):
         arrays[f"{_READ}{name}"] = run.readings[name].values
         arrays[f"{_TROUBLE}{name}"] = np.array(run.readings[name].trouble)
-    write_arrays(path, arrays)
+    return arrays
 
 
-def load_kept(path: Path) -> KeptRun | None:
-    """Read a run; None where there is none, or where the file is damaged."""
-    try:
-        # Opened here: numpy leaves a damaged file open.
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        if any(not name.startswith((_READ, _TROUBLE)) for name in set(arrays) - _ARRAYS):
-            return None
-        end, at_rest, wall_time = (float(value) for value in arrays.pop("numbers"))
-        return KeptRun(
-            **{name: arrays.pop(name) for name in ("initial", "final", "zone", "vertical_stress")},
-            status=str(arrays.pop("status")),
-            reason=str(arrays.pop("reason")),
-            end_s=end,
-            at_rest=bool(at_rest),
-            wall_time_s=wall_time,
-            volume=arrays.pop("volume", None),
-            readings={
-                name.removeprefix(_READ): Reading(
-                    values, str(arrays[_TROUBLE + name.removeprefix(_READ)])
-                )
-                for name, values in arrays.items()
-                if name.startswith(_READ)
-            },
-        )
-    except DAMAGE:
-        return None
+def run_of_arrays(arrays: dict[str, np.ndarray]) -> KeptRun:
+    """A run from the arrays of its file.
+
+    Raises:
+        KeyError: one is missing.
+        ValueError: there is one that no run has.
+    """
+    if any(not name.startswith((_READ, _TROUBLE)) for name in set(arrays) - _ARRAYS):
+        raise ValueError("not a run")
+    end, at_rest, wall_time = (float(value) for value in arrays["numbers"])
+    return KeptRun(
+        initial=arrays["initial"],
+        final=arrays["final"],
+        zone=arrays["zone"],
+        vertical_stress=arrays["vertical_stress"],
+        status=str(arrays["status"]),
+        reason=str(arrays["reason"]),
+        end_s=end,
+        at_rest=bool(at_rest),
+        wall_time_s=wall_time,
+        volume=arrays.get("volume"),
+        readings={
+            name.removeprefix(_READ): Reading(
+                values, str(arrays[_TROUBLE + name.removeprefix(_READ)])
+            )
+            for name, values in arrays.items()
+            if name.startswith(_READ)
+        },
+    )
 
 
 def is_of(run: KeptRun, scene: Scene) -> bool:
@@ -315,73 +319,3 @@ def is_of(run: KeptRun, scene: Scene) -> bool:
     covered = len(run.initial) * scene.spacing**2
     section = sum(area(zone.polygon) for zone in scene.zones)
     return len(lengths) == 1 and abs(covered - section) <= AREA_OFF * section
-
-
-def write_arrays(path: str | Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write an NPZ file, atomically, whose bytes depend on the arrays alone.
-
-    `numpy.savez` puts the time of day into the file; a killed and continued back-analysis must
-    leave the same bytes.
-    """
-    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
-        for name, values in arrays.items():
-            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            with archive.open(entry, "w", force_zip64=True) as file:
-                npy.write_array(file, np.asanyarray(values), allow_pickle=False)
-
-
-def read_start(setup: Setup, run: KeptRun) -> np.ndarray:
-    """The measurements read on the section before anything moved, (m,)."""
-    return read(setup.targets, deposit_of(setup, run, last=False))[0]
-
-
-def prediction_of(setup: Setup, run: KeptRun, at_start: np.ndarray | None = None) -> Prediction:
-    """Read the measurements on a run; `at_start` is `read_start` where that is known."""
-    end = deposit_of(setup, run)
-    failed = run.status == "failed"
-    values, trouble = read(setup.targets, end, run.readings)
-    if failed:
-        values = np.full(len(values), np.nan)
-    if at_start is None:
-        at_start = read_start(setup, run)
-    mean, spread = _sigma_v0(setup, run)
-    broken = failed or not np.all(np.isfinite(values[setup.targets.fitted]))
-    return Prediction(
-        values=values,
-        at_start=at_start,
-        by_eye={} if failed else toes_by_eye(setup.targets, end),
-        positions=run.final,
-        status="failed" if broken else "finished",
-        reason=run.reason or trouble,
-        sigma_v0_kpa=mean,
-        sigma_v0_std_kpa=spread,
-        run_time_s=run.wall_time_s,
-        at_rest=run.at_rest or failed,
-        spacing_m=setup.scene.spacing,
-    )
-
-
-def deposit_of(setup: Setup, run: KeptRun, *, last: bool = True) -> Deposit:
-    """The points of a run as measurements see them: after the slide, or before it."""
-    return Deposit.on(
-        setup.scene,
-        setup.foot,
-        (run.final if last else run.initial).astype(float),
-        run.initial.astype(float),
-        volume=run.volume if last else None,
-        at_rest=run.at_rest or not last,
-    )
-
-
-def _sigma_v0(setup: Setup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
-    gravity = setup.settings.gravity_m_per_s2
-    stress = stress_by_zone(setup.scene, run.initial.astype(float), run.zone, gravity)
-    mean, spread = [], []
-    for spec in setup.parameters.specs:
-        own = [stress[name] for name in spec.zones if name in stress]
-        known = spec.property == RESIDUAL_STRENGTH and own
-        mean.append(float(np.concatenate(own).mean()) if known else np.nan)
-        spread.append(float(np.concatenate(own).std()) if known else np.nan)
-    return np.array(mean), np.array(spread)

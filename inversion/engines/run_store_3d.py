@@ -9,21 +9,20 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
-from contextlib import redirect_stdout
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import FILE_NAME, Flanks, Section, read_document
-from inversion.engines.run_store import OnRun, RunStore, kept_run
-from inversion.estimation.forward import HistoryReader
+from inversion.engines.run_store import RunStore, Store, kept_run
+from inversion.estimation.forward import HistoryReader, SectionSetup, Setup
 from mpm_taichi.batch import run_key
 from pipeline.cli import InputError
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:
-    from inversion.estimation.forward import Setup
     from mpm_taichi.middle_section import MiddleSection
     from pipeline.config import SimulationSettings
 
@@ -35,34 +34,31 @@ class RunStore3d(RunStore):
         section: width, slope of the flanks, walls.
         flanks: contact of vertical flanks.
         folder: of the files; None: in memory alone.
-        device: "cpu".
-        threads: CPU threads; None: all.
-        on_run: called for each run of a batch.
+        options: as of `Store`.
 
     Raises:
-        InputError: another device.
+        InputError: another device than the CPU.
     """
 
     def __init__(
-        self,
-        section: Section,
-        flanks: Flanks,
-        folder: str | Path | None,
-        *,
-        device: str = "cpu",
-        threads: int | None = None,
-        on_run: OnRun | None = None,
+        self, section: Section, flanks: Flanks, folder: str | Path | None, **options: Any
     ) -> None:
-        if device != "cpu":
-            raise InputError(f"device {device}: three dimensions run on the CPU alone")
-        super().__init__(folder, device=device, threads=threads, on_run=on_run)
+        super().__init__(folder, **options)
+        if self.device != "cpu":
+            raise InputError(f"device {self.device}: three dimensions run on the CPU alone")
         self.section, self.flanks = section, flanks
+
+    @contextmanager
+    def workers(self) -> Iterator[None]:
+        """None: a run uses all threads."""
+        yield
 
     def refused(self, setup: Setup) -> str:
         """Why the solver does not simulate a setup; empty: it does."""
         from mpm_taichi.simulate3d import refuse_problem
         from mpm_taichi.solver3d.problem import extruded
 
+        assert isinstance(setup, SectionSetup)
         try:
             narrow = 3.0 * setup.scene.spacing
             refuse_problem(extruded(self.walled(setup.scene), narrow), setup.settings)
@@ -114,7 +110,7 @@ class RunStore3d(RunStore):
     def _compute(
         self,
         missing: dict[str, tuple[Scene, SimulationSettings]],
-        readers: dict[str, Sequence[HistoryReader]],
+        readers: Mapping[str, Sequence[HistoryReader]],
     ) -> None:
         with redirect_stdout(sys.stderr):
             for done, (key, (scene, settings)) in enumerate(missing.items(), start=1):
@@ -123,7 +119,7 @@ class RunStore3d(RunStore):
                     self.on_run(done, len(missing))
 
 
-def store_over_width(folder: Path, setup: Setup, store: RunStore) -> RunStore3d:
+def store_over_width(folder: Path, setup: SectionSetup, store: Store) -> RunStore3d:
     """The store of a case's runs over the width that the `scene3d.yaml` of its folder says.
 
     Args:
@@ -137,14 +133,7 @@ def store_over_width(folder: Path, setup: Setup, store: RunStore) -> RunStore3d:
     document = read_document(folder / FILE_NAME)
     if document.section is None:
         raise InputError(f"{folder / FILE_NAME}: the engine mpm3d needs a section")
-    solid = RunStore3d(
-        document.section,
-        document.flanks,
-        store.folder,
-        device=store.device,
-        threads=store.threads,
-        on_run=store.on_run,
-    )
+    solid = RunStore3d(document.section, document.flanks, store.folder, **store.options)
     if reason := solid.refused(setup):
         raise InputError(f"{folder / FILE_NAME}: {reason}")
     return solid

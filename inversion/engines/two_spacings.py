@@ -109,4 +109,7 @@ class Moved(WrappedEngine):
             moves.append(Move.none() if coarse is None else self.move)
             inner.append(moves[-1].inner(coarse or request.setup, request.values))
         found = self.engine.predict(inner)
-        return [move.outer(*pair) for move, *pair in zip(moves, inner, found, strict=True)]
+        return [
+            move.outer(request, prediction)
+            for move, request, prediction in zip(moves, inner, found, strict=True)
+        ]

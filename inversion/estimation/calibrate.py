@@ -29,7 +29,7 @@ from inversion.estimation.flow_limit import flow_limit
 from inversion.estimation.forward import Forward
 from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
 from inversion.estimation.lbfgsb import lbfgsb
-from inversion.estimation.search import Evaluation, Search, SearchResult
+from inversion.estimation.search import Evaluation, Linearised, Search, SearchResult
 from inversion.estimation.unknowns import Parameters
 from pipeline.cli import WorkFailed
 from pipeline.ties import smallest
@@ -117,7 +117,7 @@ def refine(
     return _polished(search, found, sampled(found.best))
 
 
-def _searched(search: Search, first: Evaluation, method: Method) -> SearchResult:
+def _searched(search: Search, first: Linearised, method: Method) -> SearchResult:
     """Search from an evaluation; an end that is not a minimum is not an end.
 
     L-BFGS-B may stop at a point whose derivative still promises a better fit, when its line search
@@ -161,7 +161,7 @@ def _far_off(search: Search, evaluation: Evaluation) -> bool:
     return evaluation.loss > numbers + FAR_OFF * np.sqrt(2.0 * numbers)
 
 
-def _says_nothing(search: Search, evaluation: Evaluation, least_m: float) -> bool:
+def _says_nothing(search: Search, evaluation: Linearised, least_m: float) -> bool:
     """The fit is bad, and nothing moves or no step promises to make it better."""
     if not np.isfinite(evaluation.loss) or evaluation.loss < search.objective.tolerance:
         return False
@@ -170,7 +170,7 @@ def _says_nothing(search: Search, evaluation: Evaluation, least_m: float) -> boo
     return _promise(search, evaluation) < LEAST_PROMISE
 
 
-def _promise(search: Search, evaluation: Evaluation) -> float:
+def _promise(search: Search, evaluation: Linearised) -> float:
     """Share of the sum of squares that the best linear step from an evaluation would remove."""
     residuals = search.objective.residuals(
         evaluation.prediction, search.objective.parameters.to_fitted(evaluation.values)
@@ -241,7 +241,8 @@ def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
         for values, prediction in zip(trials, search.predict(trials), strict=True):
             evaluation = search.record(values, "scan", 0, prediction)
             changed = moved(search, evaluation, least_m, still)
-            anything, everything = anything or changed.any(), everything or changed.all()
+            anything = anything or bool(changed.any())
+            everything = everything or bool(changed.all())
             if evaluation.loss < best.loss:
                 best, improved = evaluation, True
         lowest = np.all(trials[-1][strengths] <= parameters.low[strengths])
@@ -293,7 +294,7 @@ def look_around(search: Search, start: np.ndarray, best: Evaluation) -> Evaluati
     return nearest if nearest.loss < best.loss else None
 
 
-def smoothed(search: Search, best: Evaluation, engine: Forward) -> Evaluation | None:
+def smoothed(search: Search, best: Evaluation, engine: Forward) -> Linearised | None:
     """An evaluation at the bottom of the valley; None: not found, or outside the places tried.
 
     Args:

@@ -16,12 +16,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from geometry.survey.measured import Deposit, Measured, Reading
+from geometry.survey.quantity import Quantity
 from pipeline.cli import InputError
 
 #: How a fit uses a number.
@@ -30,8 +31,11 @@ Role = Literal["fitted", "held out", "compared", "constructed"]
 Axis = Literal["x_m", "time_s", "none"]
 
 
+Entry = TypeVar("Entry", bound=Quantity)
+
+
 @dataclass(frozen=True)
-class Targets:
+class Targets(Generic[Entry]):
     """m measured numbers, and how a fit is to use them.
 
     Attributes:
@@ -44,7 +48,7 @@ class Targets:
             side is what is found; None: none.
     """
 
-    entries: list[Measured]
+    entries: list[Entry]
     names: list[str]
     measured: np.ndarray
     covariance: np.ndarray
@@ -121,7 +125,7 @@ class Targets:
             if wanted and np.isfinite(value)
         }
 
-    def with_values(self, values: Mapping[str, float]) -> Targets:
+    def with_values(self, values: Mapping[str, float]) -> Targets[Entry]:
         """The same with other target values, by name of a number.
 
         Raises:
@@ -228,13 +232,13 @@ def symmetric_whitener(matrix: np.ndarray) -> np.ndarray:
 
 
 def make_targets(
-    entries: Sequence[Measured],
+    entries: Sequence[Entry],
     *,
     fit: Sequence[str] | None,
     loss: str,
     source: str,
     use_constructed: bool = False,
-) -> Targets:
+) -> Targets[Entry]:
     """Decide which numbers enter the fit.
 
     Args:
@@ -250,7 +254,8 @@ def make_targets(
     known = {entry.name: entry for entry in entries}
     for name in fit or ():
         _check_may_enter(name, known, loss, source, use_constructed)
-    names, roles = [], []
+    names: list[str] = []
+    roles: list[Role] = []
     for entry in entries:
         allowed = fit is None or entry.name in fit
         allowed = allowed and (loss == "misfit" or entry.is_runout)
@@ -280,7 +285,7 @@ def make_targets(
     return targets
 
 
-def _check_covariance(entry: Measured, source: str) -> None:
+def _check_covariance(entry: Quantity, source: str) -> None:
     """Refuse errors that hang together so far that one value follows from the others."""
     try:
         np.linalg.cholesky(entry.covariance())
@@ -291,7 +296,7 @@ def _check_covariance(entry: Measured, source: str) -> None:
         ) from None
 
 
-def _role(entry: Measured, held_out: bool, allowed: bool, use_constructed: bool) -> Role:
+def _role(entry: Quantity, held_out: bool, allowed: bool, use_constructed: bool) -> Role:
     if held_out:
         return "held out"
     if entry.constructed and not use_constructed:
@@ -300,7 +305,7 @@ def _role(entry: Measured, held_out: bool, allowed: bool, use_constructed: bool)
 
 
 def _check_may_enter(
-    name: str, known: Mapping[str, Measured], loss: str, source: str, use_constructed: bool
+    name: str, known: Mapping[str, Quantity], loss: str, source: str, use_constructed: bool
 ) -> None:
     """Refuse what `fit` names but must not enter a fit."""
     if name not in known:
@@ -322,7 +327,7 @@ def _check_may_enter(
 
 
 def read(
-    targets: Targets, deposit: Deposit, readings: Mapping[str, Reading] | None = None
+    targets: Targets[Measured], deposit: Deposit, readings: Mapping[str, Reading] | None = None
 ) -> tuple[np.ndarray, str]:
     """Read the measurements on a deposit: (m,), and why some are NaN, if any.
 
@@ -348,7 +353,7 @@ def _read_one(entry: Measured, deposit: Deposit, readings: Mapping[str, Reading]
     return entry.reading(deposit)
 
 
-def toes_by_eye(targets: Targets, deposit: Deposit) -> dict[str, float]:
+def toes_by_eye(targets: Targets[Measured], deposit: Deposit) -> dict[str, float]:
     """Runout of the last connected point, for each measured toe [m]."""
     read = {entry.name: entry.by_eye(deposit) for entry in targets.entries}
     return {name: value for name, value in read.items() if value is not None}
@@ -373,7 +378,7 @@ class Places:
     series: bool
 
 
-def places_of(targets: Targets) -> list[Places]:
+def places_of(targets: Targets[Measured]) -> list[Places]:
     """Places of every measurement, in the order of the entries."""
     found, first = [], 0
     for entry in targets.entries:

@@ -15,17 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data
-from inversion.estimation.forward import Forward, Prediction
+from inversion.estimation.forward import Forward, Prediction, Setup
 from inversion.estimation.unknowns import Parameters, Unknowns
-
-if TYPE_CHECKING:
-    from inversion.estimation.forward import Setup
 
 #: Least effect of a step, in units of the noise of one run.
 FACTOR = 5.0
@@ -33,7 +29,7 @@ FACTOR = 5.0
 #: amplitude in units of its rung.
 SHORTEST, FIRST, WIDEST = 0.08, 0.2, 0.35
 #: The same of one-sided ones: of a logarithm, and as shares of the width of the bounds.
-LOG_STEPS = (0.02, 0.04, 0.15)
+LOG_STEPS = (0.02, 0.04, Setup.widest_log)
 SHARE_STEPS = (0.1, 0.25, 0.45)
 
 
@@ -125,10 +121,11 @@ class FiniteSteps:
         """Shortest, first and widest step in fitted units, (p,) each."""
         parameters = self.parameters
         width = parameters.fitted_high - parameters.fitted_low
-        return tuple(
+        shortest, first, widest = (
             np.where(parameters.logarithmic, log / parameters.prior_std, share * width)
             for log, share in zip((*LOG_STEPS[:2], self.widest_log), SHARE_STEPS, strict=True)
         )
+        return shortest, first, widest
 
 
 def noise_of(predictions: Sequence[Prediction], mask: np.ndarray) -> np.ndarray:

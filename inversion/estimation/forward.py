@@ -14,11 +14,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.scenes3d.scene3d import Scene3d
+from geometry.survey.columns import Side
 from geometry.survey.measured import Deposit, Measured, Reading
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
@@ -29,32 +31,105 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Setup:
-    """One reading of the question.
+class Setup(ABC):
+    """One reading of the question, on a section or on a body in three dimensions.
 
     Attributes:
-        scene: the section, before the values of the parameters are put in.
+        scene: what slides, before the values of the parameters are put in.
         settings: of the simulation.
         parameters: what is calibrated.
         targets: what is predicted.
+    """
+
+    scene: Scene | Scene3d
+    settings: SimulationSettings
+    parameters: Parameters
+    targets: Targets
+
+    #: Widest finite difference of a logarithm.
+    widest_log: ClassVar[float] = 0.15
+
+    @abstractmethod
+    def scene_at(self, values: np.ndarray) -> Scene | Scene3d:
+        """The scene with values (p,) of the parameters put in."""
+
+    @abstractmethod
+    def at_spacing(self, spacing: float, source: str) -> Self:
+        """The same reading with material points at another spacing [m].
+
+        Args:
+            spacing: of the points.
+            source: begins messages.
+
+        Raises:
+            InputError: a zone would be too thin.
+        """
+
+    @abstractmethod
+    def jittered(self, jitter: float, seed: int) -> Self:
+        """The same reading with its points moved at random.
+
+        Args:
+            jitter: farthest move over half a spacing, 0 to 1.
+            seed: of the moves.
+        """
+
+    @property
+    @abstractmethod
+    def seed(self) -> int:
+        """Of the jitter of its points."""
+
+    @property
+    @abstractmethod
+    def least_move_m(self) -> float:
+        """By how much a fitted number must differ from before the slide, for soil to have moved."""
+
+    def at(self, values: np.ndarray) -> Request:
+        """One run of this reading, with values (p,) of its parameters."""
+        return Request(self, np.asarray(values, dtype=float))
+
+
+@dataclass(frozen=True)
+class SectionSetup(Setup):
+    """A reading of the question on a section.
+
+    Attributes:
+        scene: the section.
         foot: where the section ended before the slide, x [m] by side.
         also_read: further measurements that are read as a run ends, which keeps no history.
         height_over_width: H/B of a slide between flanks, for `finite_width`; 0: plane strain.
     """
 
     scene: Scene
-    settings: SimulationSettings
-    parameters: Parameters
-    targets: Targets
-    foot: Mapping[str, float]
+    targets: Targets[Measured]
+    foot: Mapping[Side, float]
     also_read: tuple[Measured, ...] = ()
     height_over_width: float = 0.0
 
-    def at(self, values: np.ndarray) -> Request:
-        """One run of this reading, with values (p,) of its parameters."""
-        return Request(self, np.asarray(values, dtype=float))
+    def scene_at(self, values: np.ndarray) -> Scene:
+        """The section with values (p,) of the parameters put in."""
+        return self.parameters.scene(self.scene, values)
 
-    def with_scene(self, scene: Scene) -> Setup:
+    def at_spacing(self, spacing: float, source: str) -> Self:
+        """See `Setup`."""
+        document = {**self.scene.model_dump(), "spacing": spacing}
+        return replace(self, scene=scene_from_mapping(document, source))
+
+    def jittered(self, jitter: float, seed: int) -> Self:
+        """See `Setup`."""
+        return replace(self, scene=self.scene.changed(jitter=jitter, seed=seed))
+
+    @property
+    def seed(self) -> int:
+        """See `Setup`."""
+        return self.scene.seed
+
+    @property
+    def least_move_m(self) -> float:
+        """Two spacings: a toe is read at points."""
+        return 2.0 * self.scene.spacing
+
+    def with_scene(self, scene: Scene) -> Self:
         """The setup of another section; where its foot moves, so does the zero of a runout."""
         own = self.scene
         foot = {
@@ -74,7 +149,7 @@ class Request:
     """One forward run that is asked for.
 
     Attributes:
-        setup: the reading of the question: section, settings, measurements.
+        setup: the reading of the question: what slides, settings, measurements.
         values: of its parameters in outside units (kPa, degrees, kg/m3), in their order, (p,).
     """
 
@@ -82,9 +157,20 @@ class Request:
     values: np.ndarray
 
     @property
+    def section(self) -> SectionSetup:
+        """Its setup, for an engine that simulates sections.
+
+        Raises:
+            TypeError: it is a body's.
+        """
+        if not isinstance(self.setup, SectionSetup):
+            raise TypeError("this engine simulates sections")
+        return self.setup
+
+    @property
     def scene(self) -> Scene:
         """The section with the values put in."""
-        return self.setup.parameters.scene(self.setup.scene, self.values)
+        return self.section.scene_at(self.values)
 
 
 @dataclass(frozen=True)
@@ -97,7 +183,7 @@ class HistoryReader:
     """
 
     entries: Sequence[Measured]
-    foot: Mapping[str, float]
+    foot: Mapping[Side, float]
 
     @cached_property
     def wanted(self) -> dict[str, Measured]:
@@ -115,7 +201,7 @@ class HistoryReader:
         return {key: entry.reading(deposit) for key, entry in self.wanted.items()}
 
 
-def deposit_of_run(run: Run, foot: Mapping[str, float]) -> Deposit:
+def deposit_of_run(run: Run, foot: Mapping[Side, float]) -> Deposit:
     """A whole run as a survey sees it.
 
     Args:
@@ -152,6 +238,7 @@ class Prediction:
         run_time_s: time the run took, whenever it was [s].
         at_rest: the slide came to rest; False: it was cut off in motion.
         spacing_m: between the material points of its run [m]; 0: it has none.
+        remarks: what a reader of an answer should know of its run.
     """
 
     values: np.ndarray
@@ -165,6 +252,7 @@ class Prediction:
     run_time_s: float = 0.0
     at_rest: bool = True
     spacing_m: float = 0.0
+    remarks: tuple[str, ...] = ()
 
     @property
     def failed(self) -> bool:
@@ -219,8 +307,8 @@ class Forward(ABC):
         failed = [place for place, other in enumerate(moved) if other.status == "failed"]
         if failed and base.status != "failed":
             taken[failed] *= 0.5
-            places = (values + np.diag(taken))[failed]
-            again = self.predict([replace(request, values=place) for place in places])
+            nearer = (values + np.diag(taken))[failed]
+            again = self.predict([replace(request, values=place) for place in nearer])
             for place, other in zip(failed, again, strict=True):
                 moved[place] = other
         change = np.stack([other.values - base.values for other in moved], axis=1)
@@ -243,6 +331,10 @@ class WrappedEngine(Forward):
     def runs(self) -> int:
         """Runs asked for so far."""
         return self.engine.runs
+
+    @runs.setter
+    def runs(self, count: int) -> None:
+        self.engine.runs = count
 
     def error_std(self, request: Request) -> np.ndarray:
         """That of the engine inside."""

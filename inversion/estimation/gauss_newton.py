@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from inversion.estimation.search import Evaluation, Search, SearchResult
+from inversion.estimation.search import Linearised, Search, SearchResult
 from pipeline.cli import WorkFailed
 
 #: First, smallest and largest half-width of the box, in scaled parameters.
@@ -68,7 +68,7 @@ def bounded_step(
     return lsq_linear(matrix, right, bounds=bounds, method="bvls").x
 
 
-def gauss_newton(search: Search, first: Evaluation) -> SearchResult:
+def gauss_newton(search: Search, first: Linearised) -> SearchResult:
     """Search from an evaluation with its derivative.
 
     Args:
@@ -110,7 +110,7 @@ def gauss_newton(search: Search, first: Evaluation) -> SearchResult:
 
 
 def taught_by(
-    search: Search, evaluation: Evaluation, trial: Evaluation, taught: np.ndarray | None
+    search: Search, evaluation: Linearised, trial: Linearised, taught: np.ndarray | None
 ) -> np.ndarray | None:
     """The derivative of the residuals (n, p) at an evaluation after a step that was taken back.
 
@@ -141,7 +141,7 @@ def broyden(slope: np.ndarray, step: np.ndarray, moved: np.ndarray) -> np.ndarra
 
 
 def best_step(
-    search: Search, evaluation: Evaluation, box: float, taught: np.ndarray | None = None
+    search: Search, evaluation: Linearised, box: float, taught: np.ndarray | None = None
 ) -> Step:
     """Least squares of the linearised residuals within the bounds and the box around an evaluation.
 
@@ -171,7 +171,7 @@ def best_step(
     )
 
 
-def _sum(search: Search, evaluation: Evaluation) -> float:
+def _sum(search: Search, evaluation: Linearised) -> float:
     if not np.isfinite(evaluation.loss):
         return float("inf")
     fitted = search.objective.parameters.to_fitted(evaluation.values)
@@ -179,7 +179,7 @@ def _sum(search: Search, evaluation: Evaluation) -> float:
     return float(residuals @ residuals)
 
 
-def _ended(search: Search, evaluation: Evaluation, step: Step, box: float) -> str:
+def _ended(search: Search, evaluation: Linearised, step: Step, box: float) -> str:
     """Why the search is over, or "" if it goes on."""
     objective = search.objective
     good = objective.loss == "runout" and evaluation.loss < objective.tolerance

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from inversion.estimation.misfit import Objective
-from inversion.estimation.search import Evaluation, Search, SearchResult
+from inversion.estimation.search import Linearised, Search, SearchResult
 from pipeline.cli import WorkFailed
 
 #: A unit step: of the logarithm of a strength, and degrees of a friction angle.
@@ -25,7 +25,7 @@ class _Ended(Exception):  # noqa: N818
     """The loss is below the tolerance, or the allowance is used up."""
 
 
-def lbfgsb(search: Search, first: Evaluation) -> SearchResult:
+def lbfgsb(search: Search, first: Linearised) -> SearchResult:
     """Search from an evaluation with its derivative; see `gauss_newton.gauss_newton`."""
     objective, parameters = search.objective, search.objective.parameters
     if not np.isfinite(first.loss):
@@ -81,7 +81,7 @@ def lbfgsb(search: Search, first: Evaluation) -> SearchResult:
     return SearchResult(best, reached, words, search.evaluations, search.runs)
 
 
-def value_and_gradient(objective: Objective, evaluation: Evaluation) -> tuple[float, np.ndarray]:
+def value_and_gradient(objective: Objective, evaluation: Linearised) -> tuple[float, np.ndarray]:
     """The function that is minimised and its gradient by the scaled parameters (p,)."""
     derivative = objective.fitted_derivative(evaluation.derivative, evaluation.values)
     if objective.loss == "runout":  # paper: the squared runout error

@@ -328,7 +328,7 @@ class Surrogate:
     def _local(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Covariance of e at u with e at the runs, (runs,), and its derivative by u (runs, q)."""
         apart = u - self._away
-        size, fading = _fading(np.linalg.norm(u)), u / max(float(np.linalg.norm(u)), 1e-12)
+        size, fading = _fading(float(np.linalg.norm(u))), u / max(float(np.linalg.norm(u)), 1e-12)
         there = np.array([_fading(d)[0] for d in np.linalg.norm(self._away, axis=1)])
         near = np.exp(-0.5 * np.sum(apart**2, axis=1) / LENGTH**2)
         scale = self.spread.local**2 * there * near

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
@@ -32,8 +32,6 @@ class Evaluation:
         kind: what asked for it.
         values: (p,).
         prediction: there.
-        derivative: (m, p) per outside unit; None: not asked for.
-        steps: of the finite differences (p,); None: no derivative.
         loss: there; infinite if the run failed.
         accepted: False: a step that made it worse and was taken back.
         runs: simulations asked for by the search so far.
@@ -44,12 +42,26 @@ class Evaluation:
     kind: Kind
     values: np.ndarray
     prediction: Prediction
-    derivative: np.ndarray | None
-    steps: np.ndarray | None
     loss: float
     accepted: bool
     runs: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class Linearised(Evaluation):
+    """An evaluation with the derivative there.
+
+    Attributes:
+        derivative: (m, p) per outside unit.
+        steps: of the finite differences (p,); 0 where it is exact.
+    """
+
+    derivative: np.ndarray
+    steps: np.ndarray
+
+
+Kept = TypeVar("Kept", bound=Evaluation)
 
 
 @dataclass
@@ -108,52 +120,50 @@ class Search:
     def _iterations(self) -> int:
         return max((evaluation.iteration for evaluation in self.evaluations), default=0)
 
-    def evaluate(self, values: np.ndarray, kind: Kind, iteration: int) -> Evaluation:
+    def evaluate(self, values: np.ndarray, kind: Kind, iteration: int) -> Linearised:
         """Run at `values` with the derivative; learn the next steps from it."""
         steps = self.steps.steps(values)
         prediction, derivative, taken = self.engine.derivative(self.setup.at(values), steps)
         derivative = np.where(self.objective.silent(prediction)[:, None], 0.0, derivative)
         if prediction.status != "failed":
             self.steps.learn(derivative[self.objective.targets.fitted], values)
-        return self.record(values, kind, iteration, prediction, derivative, taken)
+        plain = self._evaluation(values, kind, iteration, prediction)
+        return self._kept(Linearised(**vars(plain), derivative=derivative, steps=taken))
 
     def predict(self, values: Sequence[np.ndarray]) -> list[Prediction]:
         """Predictions at many values (p,), as one batch; not evaluations yet."""
         return self.engine.predict([self.setup.at(one) for one in values])
 
-    def measure_noise(self, evaluation: Evaluation | None, values: np.ndarray) -> None:
+    def measure_noise(self, evaluation: Linearised | None, values: np.ndarray) -> None:
         """Measure the noise at `values`; the next steps follow from the derivative there."""
         if not self.seeds:
             return
         mask = self.objective.targets.fitted
         self.steps.noise = measured_noise(self.engine, self.seeds, values, mask)
-        if evaluation is None or evaluation.derivative is None:
-            return
-        if evaluation.prediction.status != "failed":
+        if evaluation is not None and evaluation.prediction.status != "failed":
             self.steps.learn(evaluation.derivative[mask], evaluation.values)
 
     def record(
-        self,
-        values: np.ndarray,
-        kind: Kind,
-        iteration: int,
-        prediction: Prediction,
-        derivative: np.ndarray | None = None,
-        steps: np.ndarray | None = None,
+        self, values: np.ndarray, kind: Kind, iteration: int, prediction: Prediction
     ) -> Evaluation:
-        """Keep an evaluation; whether it is accepted is said later by `reject`."""
-        evaluation = Evaluation(
+        """Keep an evaluation without a derivative; `reject` may mark it later."""
+        return self._kept(self._evaluation(values, kind, iteration, prediction))
+
+    def _evaluation(
+        self, values: np.ndarray, kind: Kind, iteration: int, prediction: Prediction
+    ) -> Evaluation:
+        return Evaluation(
             iteration=iteration,
             kind=kind,
             values=np.array(values, dtype=float),
             prediction=prediction,
-            derivative=derivative,
-            steps=steps,
             loss=self.objective.value(prediction),
             accepted=True,
             runs=self.runs,
             seconds=time.perf_counter() - self.began,
         )
+
+    def _kept(self, evaluation: Kept) -> Kept:
         self.evaluations.append(evaluation)
         if self.on_evaluation is not None:
             self.on_evaluation(evaluation)
@@ -170,14 +180,14 @@ class SearchResult:
     """How a search ended.
 
     Attributes:
-        best: the best point, with its derivative.
+        best: the best point.
         reached: its loss is below the tolerance.
         words: why the search ended.
         evaluations: all of them, in order.
         runs: simulations asked for.
     """
 
-    best: Evaluation
+    best: Linearised
     reached: bool
     words: str
     evaluations: list[Evaluation]
@@ -199,20 +209,21 @@ class SearchResult:
         Its first evaluation, a start by itself, is then one more of `kind`.
         """
         last = before.evaluations[-1]
-        evaluations = [
-            replace(
+
+        def later(evaluation: Kept) -> Kept:
+            return replace(
                 evaluation,
                 kind=kind if evaluation.kind == "start" else evaluation.kind,
                 iteration=evaluation.iteration + last.iteration + 1,
                 runs=evaluation.runs + before.runs,
                 seconds=evaluation.seconds + last.seconds,
             )
-            for evaluation in self.evaluations
-        ]
-        place = next(i for i, one in enumerate(self.evaluations) if one is self.best)
+
+        best = later(self.best)
+        own = [best if one is self.best else later(one) for one in self.evaluations]
         return replace(
             self,
-            best=evaluations[place],
-            evaluations=[*before.evaluations, *evaluations],
+            best=best,
+            evaluations=[*before.evaluations, *own],
             runs=self.runs + before.runs,
         )

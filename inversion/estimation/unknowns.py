@@ -88,18 +88,25 @@ class Parameters:
         """Standard deviation before the data, in the logarithm or the unit of the fit, (p,)."""
         wide = (self._plain(self.high) - self._plain(self.low)) / np.sqrt(12.0)
         given = [
-            np.nan if spec.prior is None
-            else spec.prior.std / (spec.prior.mean if spec.property in LOGARITHMIC else 1.0)
-            for spec in self.specs
-        ]  # fmt: skip
+            std / (mean if spec.property in LOGARITHMIC else 1.0)
+            for spec, (mean, std) in zip(self.specs, self._stated, strict=True)
+        ]
         return np.where(self.has_prior, given, wide)
 
     @property
     def prior_mean(self) -> np.ndarray:
         """Most likely values before the data (p,): of the prior, else the first guess."""
-        return np.array(
-            [spec.start if spec.prior is None else spec.prior.mean for spec in self.specs]
-        )
+        return np.where(self.has_prior, [mean for mean, _ in self._stated], self.start)
+
+    @property
+    def _stated(self) -> list[tuple[float, float]]:
+        """Mean and standard deviation of each prior; NaN where there is none."""
+        priors = (spec.prior for spec in self.specs)
+        return [
+            (np.nan, np.nan) if prior is None or prior.mean is None or prior.std is None
+            else (prior.mean, prior.std)
+            for prior in priors
+        ]  # fmt: skip
 
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
@@ -214,7 +221,7 @@ class Amplitude:
         """
         if self.held:
             return 0.0
-        if self.std is not None:
+        if self.std is not None and self.mean is not None:
             low, high = ((bound - self.mean) / self.std for bound in (self.low, self.high))
             within = max(float(ndtr(high) - ndtr(low)), LEAST_WITHIN)
             return math.log(math.sqrt(2.0 * math.pi) * within * self.std / self.unit)
@@ -277,7 +284,7 @@ class Unknowns:
         blocks = [np.hstack([rows, np.zeros((len(rows), len(self.effects)))])]
         totals = [constants]
         for place, effect in enumerate(self.effects):
-            if effect.std is not None:
+            if effect.std is not None and effect.mean is not None:
                 row = np.zeros((1, self.size))
                 row[0, self.p + place] = effect.unit / effect.std
                 blocks.append(row)
@@ -302,7 +309,7 @@ class Unknowns:
 
     def state(self, x: np.ndarray, *, seed: int = 0) -> State:
         """The forward run at x."""
-        return state(self.values(x), self.amplitudes(x), seed=seed)
+        return state(self.values(x).tolist(), self.amplitudes(x), seed=seed)
 
     def clipped(self, x: np.ndarray) -> np.ndarray:
         """Unknowns x moved into the bounds."""

@@ -78,9 +78,8 @@ class Emulated:
 
     def predict(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation, (s,) each, in the number's unit, at scaled (s, q)."""
-        corrected = self.correction is not None
-        mean, variance = self.coarse.predict(points, with_noise=not corrected)
-        if corrected:
+        mean, variance = self.coarse.predict(points, with_noise=self.correction is None)
+        if self.correction is not None:
             more, own = self.correction.predict(points)
             mean, variance = mean + more, variance + own
         std = np.sqrt(self.inflation * variance)

@@ -13,10 +13,11 @@ finished costs nothing when it is started again.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -43,8 +44,11 @@ TRIES = 3
 MOST_FAILED = 0.5
 
 
+AnyModel = TypeVar("AnyModel", bound=Model)
+
+
 @dataclass
-class Inference:
+class Inference(Generic[AnyModel]):
     """A posterior in the making; what it has found so far.
 
     Attributes:
@@ -62,7 +66,7 @@ class Inference:
         timings: of the stages [s].
     """
 
-    model: Model
+    model: AnyModel
     targets: Targets
     settings: PosteriorSettings
     watch: Watch = field(default_factory=Watch)
@@ -97,7 +101,7 @@ class Inference:
         """Numbers that are left out: too few runs could be read."""
         return [name for name in self.model.names if name not in self.names]
 
-    def run(self) -> Inferred:
+    def run(self) -> Inferred[AnyModel]:
         """All stages.
 
         Raises:
@@ -240,7 +244,7 @@ class Inference:
         ways = [np.outer(change, change) for change in self.otherwise.values()]
         return sum(ways, np.diag(self.engine_std**2))
 
-    def _sampled(self) -> Inferred:
+    def _sampled(self) -> Inferred[AnyModel]:
         likelihood, settings = self.likelihood(), self.settings
         sampled = sample(
             likelihood, draws=settings.draws, live_points=settings.live_points, seed=settings.seed
@@ -256,7 +260,7 @@ class Inference:
 
 
 @dataclass(frozen=True)
-class Inferred:
+class Inferred(Generic[AnyModel]):
     """A posterior that was found.
 
     Attributes:
@@ -265,7 +269,7 @@ class Inferred:
         sampled: draws in the unit cube, and the evidence.
     """
 
-    inference: Inference
+    inference: Inference[AnyModel]
     likelihood: Likelihood
     sampled: Sampled
 
@@ -365,7 +369,7 @@ def warps(names: list[str], targets: Targets) -> list[Warp]:
     return [measured.get(name, Warp()) for name in names]
 
 
-def design(unknowns: list[Unknown], number: int, seed: int) -> np.ndarray:
+def design(unknowns: Sequence[Unknown], number: int, seed: int) -> np.ndarray:
     """Values (number, q) that fill the prior evenly: a scrambled Sobol sequence."""
     from scipy.stats import qmc  # takes half a second to import
 
@@ -374,6 +378,6 @@ def design(unknowns: list[Unknown], number: int, seed: int) -> np.ndarray:
     return at_shares(unknowns, shares)
 
 
-def at_shares(unknowns: list[Unknown], shares: np.ndarray) -> np.ndarray:
+def at_shares(unknowns: Sequence[Unknown], shares: np.ndarray) -> np.ndarray:
     """Values (s, q) at shares of the prior probability (s, q)."""
     return np.stack([one.at(shares[:, k]) for k, one in enumerate(unknowns)], axis=1)

@@ -13,6 +13,7 @@ fit (`Targets.counted`), this also counts how far below the limit a prediction l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -36,11 +37,15 @@ class Likelihood:
     targets: Targets
     errors: np.ndarray
 
-    def __post_init__(self) -> None:
-        fitted = np.flatnonzero(self.targets.fitted)
-        names = self.emulator.names
-        object.__setattr__(self, "_fitted", fitted)
-        object.__setattr__(self, "_places", [names.index(self.targets.names[k]) for k in fitted])
+    @cached_property
+    def _fitted(self) -> np.ndarray:
+        """Places of the fitted numbers among the measurements."""
+        return np.flatnonzero(self.targets.fitted)
+
+    @cached_property
+    def _places(self) -> list[int]:
+        """The same in the emulator."""
+        return [self.emulator.names.index(self.targets.names[k]) for k in self._fitted]
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Its logarithm (s,) at values of the unknowns (s, q)."""

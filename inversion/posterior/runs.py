@@ -1,4 +1,4 @@
-"""Simulations of a section at values of its unknowns, coarse or at the spacing of the answer.
+"""Simulations of a case at values of its unknowns, coarse or at the spacing of the answer.
 
 The numbers of a run are the measurements of the set that are shown, then the vertical effective
 stress before failure of each residual strength's zones, which turns a strength into a ratio.
@@ -14,9 +14,9 @@ from typing import Protocol
 import numpy as np
 
 from inversion.engines.registry import MPM, Engine
-from inversion.engines.run_store import RunStore
+from inversion.engines.run_store import Store
 from inversion.estimation.forward import Forward, Prediction, Setup
-from inversion.posterior.unknown import Section, Unknown
+from inversion.posterior.unknown import Unknown, VariedCase
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
     CellSize,
@@ -31,12 +31,20 @@ BACK, MOST_BACK = 0.85, 15
 class Model(Protocol):
     """What is emulated: numbers of runs at values of unknowns."""
 
-    unknowns: Sequence[Unknown]
-    """(q,)."""
-    names: list[str]
-    """Of the numbers, (k,)."""
-    two_fidelities: bool
-    """There are coarse runs in addition to those at the spacing of the answer."""
+    @property
+    def unknowns(self) -> Sequence[Unknown]:
+        """(q,)."""
+        ...
+
+    @property
+    def names(self) -> list[str]:
+        """Of the numbers, (k,)."""
+        ...
+
+    @property
+    def two_fidelities(self) -> bool:
+        """There are coarse runs in addition to those at the spacing of the answer."""
+        ...
 
     def drawable(self, values: np.ndarray) -> np.ndarray:
         """Values (n, q) moved to where the model can be run; itself where it can."""
@@ -56,41 +64,41 @@ class Model(Protocol):
 
 
 @dataclass
-class SectionModel:
+class CaseModel:
     """`Model` by a forward engine.
 
     Attributes:
-        section: and its unknowns.
+        varied: the case with its unknowns.
         store: of the runs.
         engine: what predicts.
         unread: runs that failed, or whose section does not hold together.
     """
 
-    section: Section
-    store: RunStore
+    varied: VariedCase
+    store: Store
     engine: Engine = MPM
     unread: int = 0
 
     @property
     def unknowns(self) -> Sequence[Unknown]:
         """(q,)."""
-        return self.section.unknowns
+        return self.varied.unknowns
 
     @property
     def shown(self) -> np.ndarray:
         """Places of the measured numbers that are read, in the targets."""
-        return np.flatnonzero(self.section.case.setup.targets.shown)
+        return np.flatnonzero(self.varied.case.setup.targets.shown)
 
     @property
     def strengths(self) -> list[int]:
         """Places of the residual strengths among the parameters."""
-        specs = self.section.case.parameters.specs
+        specs = self.varied.case.parameters.specs
         return [place for place, spec in enumerate(specs) if spec.property == RESIDUAL_STRENGTH]
 
     @property
     def names(self) -> list[str]:
         """See `Model`."""
-        targets, specs = self.section.case.setup.targets, self.section.case.parameters.specs
+        targets, specs = self.varied.case.setup.targets, self.varied.case.parameters.specs
         return [targets.names[place] for place in self.shown] + [
             stress_name(specs[place].name) for place in self.strengths
         ]
@@ -98,7 +106,7 @@ class SectionModel:
     @property
     def two_fidelities(self) -> bool:
         """See `Model`."""
-        return self.section.case.coarse_spacing_m is not None
+        return self.varied.case.coarse_spacing_m is not None
 
     def holds(self, values: np.ndarray) -> np.ndarray:
         """Whether the section of a coarse run holds together, (n,) bool at values (n, q)."""
@@ -111,7 +119,7 @@ class SectionModel:
         """
         found = np.array(values, dtype=float)
         for row in found:
-            back = np.where(self.section.boundaries, BACK, 1.0)
+            back = np.where(self.varied.boundaries, BACK, 1.0)
             for _ in range(MOST_BACK):
                 if self.holds(row[None]).all():
                     break
@@ -135,7 +143,7 @@ class SectionModel:
 
     @cached_property
     def _known_ways(self) -> tuple[list[tuple[str, Setup]], list[str]]:
-        available, _ = self.section.case.sensitivities_of(self.store.refused)
+        available, _ = self.varied.case.sensitivities_of(self.store.refused)
         known, left_out = [], []
         for sensitivity, sides in available:
             if not isinstance(sensitivity, CellSize | TimeStep | OtherSetting):
@@ -143,7 +151,7 @@ class SectionModel:
             for side in sides:
                 reason = ""
                 if self.engine.unseen is not None:
-                    reason = self.engine.unseen(self.section.case.setup, side.setup)
+                    reason = self.engine.unseen(self.varied.case.setup, side.setup)
                 if reason:
                     left_out.append(f"{sensitivity.name}: left out: {reason}")
                 else:
@@ -157,14 +165,14 @@ class SectionModel:
         """
         setups: list[Setup | None] = []
         for _, change in self.other_ways:
-            spacing = change.scene.spacing
-            other_cells = spacing != self.section.case.scene.spacing
+            spacing, case = change.scene.spacing, self.varied.case
+            other_cells = spacing != case.spacing_m
             here = self._setup(values, self.two_fidelities and not other_cells)
             there = None
             if here is not None:
                 there = replace(here, settings=change.settings)
                 if other_cells:
-                    there = replace(there, scene=here.scene.changed(spacing=spacing))
+                    there = case.at_spacing(spacing, there)
             setups += [here, there]
         rows = self._numbers(setups, np.tile(values, (len(setups), 1)))
         names = [name for name, _ in self.other_ways]
@@ -174,7 +182,7 @@ class SectionModel:
         """See `Model`; none where no such section can be drawn, and none of a stress."""
         setup, found = self._setup(values, False), np.zeros(len(self.names))
         if setup is not None:
-            request = setup.at(values[: self.section.parameters])
+            request = setup.at(values[: self.varied.parameters])
             own = self._forward.error_std(request)
             found[: len(self.shown)] = own[self.shown]
         return found
@@ -182,26 +190,29 @@ class SectionModel:
     @cached_property
     def _forward(self) -> Forward:
         """The engine; one that has learned must know the section where the question starts."""
-        engine = self.engine.forward(self.store)
+        engine = self.engine.made(self.store)
         if self.engine.unseen is not None:
-            setup = self.section.case.setup
+            setup = self.varied.case.setup
             engine.predict([setup.at(setup.parameters.start)])
         return engine
 
     def _setup(self, values: np.ndarray, coarse: bool) -> Setup | None:
         try:
-            setup = self.section.setup(values)
+            setup = self.varied.setup(values)
         except ValueError:
             return None
-        return self.section.case.coarsened(setup) if coarse else setup
+        return self.varied.case.coarsened(setup) if coarse else setup
 
     def _numbers(self, setups: Sequence[Setup | None], values: np.ndarray) -> np.ndarray:
-        parameters = self.section.parameters
-        there = [place for place, setup in enumerate(setups) if setup is not None]
-        requests = [setups[place].at(values[place, :parameters]) for place in there]
+        parameters = self.varied.parameters
+        requests = {
+            place: setup.at(values[place, :parameters])
+            for place, setup in enumerate(setups)
+            if setup is not None
+        }
         found = np.full((len(values), len(self.names)), np.nan)
-        predictions = self._forward.predict(requests)
-        for place, prediction in zip(there, predictions, strict=True):
+        predictions = self._forward.predict(list(requests.values()))
+        for place, prediction in zip(requests, predictions, strict=True):
             found[place] = self._read(prediction)
         self.unread += int(np.isnan(found).any(axis=1).sum())
         return found

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from inversion.posterior.draws import FILE_NAME as DRAWS
 from inversion.posterior.draws import Draws, save_draws
 from inversion.posterior.emulator import Emulated
 from inversion.posterior.infer import Inferred
-from inversion.posterior.runs import SectionModel, stress_name
+from inversion.posterior.runs import CaseModel, stress_name
 from inversion.posterior.unknown import Unknown
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 from pipeline.files import write_json
@@ -47,7 +48,7 @@ DIGITS = 5
 DISAGREE = 3.0
 
 
-def save_all(found: Inferred, folder: Path) -> PosteriorDocument:
+def save_all(found: Inferred[CaseModel], folder: Path) -> PosteriorDocument:
     """Write `posterior.json` and `posterior.nc`."""
     document = document_of(found)
     write_json(folder / FILE_NAME, document.model_dump(mode="json"))
@@ -55,10 +56,10 @@ def save_all(found: Inferred, folder: Path) -> PosteriorDocument:
     return document
 
 
-def draws_of(found: Inferred) -> Draws:
+def draws_of(found: Inferred[CaseModel]) -> Draws:
     """The draws of a posterior."""
     inference, targets = found.inference, found.inference.targets
-    case = inference.model.section.case
+    case = inference.model.varied.case
     return Draws(
         unknowns=[one.name for one in inference.unknowns],
         posterior=found.values,
@@ -81,17 +82,17 @@ def draws_of(found: Inferred) -> Draws:
     )
 
 
-def document_of(found: Inferred) -> PosteriorDocument:
+def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
     """The summary of a posterior."""
     inference, sampled = found.inference, found.sampled
-    model: SectionModel = inference.model
-    case = model.section.case
+    model = inference.model
+    case = model.varied.case
     return PosteriorDocument(
         case=case.name,
         title=case.title,
         measurement_set=case.measurement_set,
         engine=model.engine.name,
-        spacing_m=case.scene.spacing,
+        spacing_m=case.spacing_m,
         coarse_spacing_m=case.coarse_spacing_m,
         physics={"mpm": SOLVER_VERSION, "inversion": PHYSICS_VERSION},
         settings=inference.settings.model_dump(),
@@ -117,7 +118,7 @@ def document_of(found: Inferred) -> PosteriorDocument:
             simulated_now=model.store.computed,
         ),
         remarks=[
-            *model.section.remarks,
+            *model.varied.remarks,
             *model.remarks,
             *coarse_remarks(found),
             *prior_remarks(found),
@@ -141,7 +142,7 @@ def spread(draws: np.ndarray) -> Spread:
     )
 
 
-def coarse_remarks(found: Inferred) -> list[str]:
+def coarse_remarks(found: Inferred[CaseModel]) -> list[str]:
     """Fitted numbers that the emulator knows less well than the survey does."""
     inference, targets = found.inference, found.inference.targets
     remarks = []
@@ -158,7 +159,7 @@ def coarse_remarks(found: Inferred) -> list[str]:
     return remarks
 
 
-def prior_remarks(found: Inferred) -> list[str]:
+def prior_remarks(found: Inferred[CaseModel]) -> list[str]:
     """Unknowns that the data move so far from their prior that one of the two must be wrong."""
     remarks = []
     for place, unknown in enumerate(found.inference.unknowns):
@@ -175,12 +176,12 @@ def prior_remarks(found: Inferred) -> list[str]:
     return remarks
 
 
-def _unknown(found: Inferred, place: int) -> UnknownAnswer:
+def _unknown(found: Inferred[CaseModel], place: int) -> UnknownAnswer:
     inference = found.inference
     unknown, model = inference.unknowns[place], inference.model
     before, after = found.prior[:, place], found.values[:, place]
-    is_parameter = place < model.section.parameters
-    spec = model.section.case.parameters.specs[place] if is_parameter else None
+    is_parameter = place < model.varied.parameters
+    spec = model.varied.case.parameters.specs[place] if is_parameter else None
     ratio = None
     if (stress := stress_name(unknown.name)) in inference.names:
         ratio = spread(after / found.replicated()[:, inference.names.index(stress)])
@@ -203,7 +204,7 @@ def _unknown(found: Inferred, place: int) -> UnknownAnswer:
     )
 
 
-def _sobol(found: Inferred, place: int) -> list[SobolShare]:
+def _sobol(found: Inferred[CaseModel], place: int) -> list[SobolShare]:
     """Shares of a parameter's variance, by the other unknowns and the errors of what was fitted."""
     inference, targets = found.inference, found.inference.targets
     unknowns, names = inference.unknowns, inference.names
@@ -222,7 +223,7 @@ def _sobol(found: Inferred, place: int) -> list[SobolShare]:
     ]
 
 
-def _numbers(found: Inferred) -> list[PredictedNumber]:
+def _numbers(found: Inferred[CaseModel]) -> list[PredictedNumber]:
     inference, targets = found.inference, found.inference.targets
     names, emulator = inference.names, found.likelihood.emulator
     before, after = found.replicated(prior=True), found.replicated()
@@ -273,11 +274,12 @@ def _correction(coarse: np.ndarray, fine: np.ndarray) -> tuple[float, float] | N
 def _prior_words(unknown: Unknown) -> str:
     low, high = (np.exp(t) if unknown.logarithmic else t for t in (unknown.low, unknown.high))
     cut = f"{low:.3g} to {high:.3g}"
-    if unknown.std is None:
+    if unknown.normal is None:
         return f"{'ln ' * unknown.logarithmic}uniform, {cut}"
+    mean, std = unknown.normal
     if unknown.logarithmic:
-        return f"lognormal, median {np.exp(unknown.mean):.3g}, ln std {unknown.std:.2g}, {cut}"
-    return f"normal, {unknown.mean:.3g} ± {unknown.std:.3g}, {cut}"
+        return f"lognormal, median {np.exp(mean):.3g}, ln std {std:.2g}, {cut}"
+    return f"normal, {mean:.3g} ± {std:.3g}, {cut}"
 
 
 def _correlation(values: np.ndarray) -> np.ndarray:
@@ -286,7 +288,7 @@ def _correlation(values: np.ndarray) -> np.ndarray:
     return (deviation / scale).T @ (deviation / scale) / len(values)
 
 
-def _round(value: float) -> float:
+def _round(value: float | np.floating[Any]) -> float:
     return round(float(value), DIGITS)
 
 

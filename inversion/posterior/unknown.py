@@ -4,7 +4,7 @@ Parameters of the question: equally likely between their bounds in the scale in 
 back-analysis fits them (strengths and densities as logarithms), or with their prior, which is cut
 at the bounds. Nuisances: every sensitivity of the question that has a standard deviation, as a
 standard score z ~ N(0, 1), cut at `FARTHEST`. Sensitivities that are other ways to simulate have no
-distribution; they enter as errors (`inversion.posterior.runs.SectionModel.other_ways`).
+distribution; they enter as errors (`inversion.posterior.runs.CaseModel.other_ways`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from inversion.back_analysis.case import InversionCase
+from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.deviations import Uncertain, deviating
 from inversion.estimation.forward import Setup
 from inversion.problem.question import (
@@ -23,7 +23,6 @@ from inversion.problem.question import (
     UNITS,
     FixedProperty,
     ParameterSpec,
-    Sensitivity,
     WaterLevel,
     ZoneBoundary,
 )
@@ -48,8 +47,7 @@ class Unknown:
         logarithmic: t = ln(value).
         low: of t.
         high: of t.
-        mean: of t; None: uniform.
-        std: of t; None: uniform.
+        normal: mean and standard deviation of t; None: uniform.
     """
 
     name: str
@@ -58,49 +56,52 @@ class Unknown:
     logarithmic: bool
     low: float
     high: float
-    mean: float | None = None
-    std: float | None = None
+    normal: tuple[float, float] | None = None
 
     def at(self, share: np.ndarray) -> np.ndarray:
         """Values at shares of the prior probability, any shape: the inverse of `share_below`."""
         share = np.asarray(share, dtype=float)
-        if self.std is None:
+        if self.normal is None:
             t = self.low + share * (self.high - self.low)
         else:
-            below, above = self._cut
-            t = self.mean + self.std * ndtri(below + share * (above - below))
+            (mean, std), (below, above) = self.normal, self._cut
+            t = mean + std * ndtri(below + share * (above - below))
         return self._value(np.clip(t, self.low, self.high))
 
     def share_below(self, values: np.ndarray) -> np.ndarray:
         """Prior probability below values, any shape."""
         t = self.transformed(values)
-        if self.std is None:
+        if self.normal is None:
             return np.clip((t - self.low) / (self.high - self.low), 0.0, 1.0)
-        below, above = self._cut
-        return np.clip((ndtr((t - self.mean) / self.std) - below) / (above - below), 0.0, 1.0)
+        (mean, std), (below, above) = self.normal, self._cut
+        return np.clip((ndtr((t - mean) / std) - below) / (above - below), 0.0, 1.0)
 
     def density(self, values: np.ndarray) -> np.ndarray:
         """Prior density per unit of the value, any shape."""
         t = self.transformed(values)
-        if self.std is None:
+        if self.normal is None:
             found = np.full(np.shape(t), 1.0 / (self.high - self.low))
         else:
-            below, above = self._cut
-            score = (t - self.mean) / self.std
-            found = np.exp(-0.5 * score**2) / (np.sqrt(2 * np.pi) * self.std * (above - below))
+            (mean, std), (below, above) = self.normal, self._cut
+            score = (t - mean) / std
+            found = np.exp(-0.5 * score**2) / (np.sqrt(2 * np.pi) * std * (above - below))
         found = np.where((t >= self.low) & (t <= self.high), found, 0.0)
         return found / values if self.logarithmic else found
 
     def scaled(self, values: np.ndarray) -> np.ndarray:
         """Values as an emulator takes them: about -1 to 1 over the likely range, any shape."""
-        middle = 0.5 * (self.low + self.high) if self.mean is None else self.mean
-        half = 0.5 * (self.high - self.low)
-        half = half if self.std is None else min(2.0 * self.std, half)
+        middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+        if self.normal is not None:
+            middle, half = self.normal[0], min(2.0 * self.normal[1], half)
         return (self.transformed(values) - middle) / half
 
     @property
     def _cut(self) -> tuple[float, float]:
-        low, high = ((bound - self.mean) / self.std for bound in (self.low, self.high))
+        """Probability of a normal prior below either bound."""
+        if self.normal is None:
+            return 0.0, 1.0
+        mean, std = self.normal
+        low, high = ((bound - mean) / std for bound in (self.low, self.high))
         return float(ndtr(low)), float(ndtr(high))
 
     def transformed(self, values: np.ndarray) -> np.ndarray:
@@ -116,18 +117,17 @@ def unknown_parameter(spec: ParameterSpec) -> Unknown:
     """A parameter of the question as an unknown."""
     logarithmic = spec.property in LOGARITHMIC
     low, high = np.log((spec.low, spec.high)) if logarithmic else (spec.low, spec.high)
-    mean = std = None
-    if spec.prior is not None:
-        mean = float(np.log(spec.prior.mean)) if logarithmic else spec.prior.mean
-        std = spec.prior.std / (spec.prior.mean if logarithmic else 1.0)
-    return Unknown(
-        spec.name, spec.words, spec.unit, logarithmic, float(low), float(high), mean, std
-    )
+    normal, prior = None, spec.prior
+    if prior is not None and prior.mean is not None and prior.std is not None:
+        normal = (prior.mean, prior.std)
+        if logarithmic:
+            normal = (float(np.log(prior.mean)), prior.std / prior.mean)
+    return Unknown(spec.name, spec.words, spec.unit, logarithmic, float(low), float(high), normal)
 
 
 @dataclass(frozen=True)
-class Section:
-    """The section of a case as a function of its unknowns.
+class VariedCase:
+    """A case as a function of its unknowns.
 
     Attributes:
         case: its priors are known.
@@ -136,7 +136,7 @@ class Section:
         remarks: what was left out or cut, a line each.
     """
 
-    case: InversionCase
+    case: Asked
     nuisances: tuple[Uncertain, ...]
     unknowns: tuple[Unknown, ...]
     remarks: tuple[str, ...] = ()
@@ -148,22 +148,22 @@ class Section:
 
     @property
     def boundaries(self) -> np.ndarray:
-        """(q,) bool: boundaries of the section."""
+        """(q,) bool: boundaries of a section."""
         boundary = [isinstance(nuisance, ZoneBoundary) for nuisance in self.nuisances]
         return np.array([False] * self.parameters + boundary)
 
     def setup(self, values: np.ndarray) -> Setup:
-        """The question with the nuisances among values (q,) put into its section.
+        """The question with the nuisances among values (q,) put into its scene.
 
         Raises:
-            InputError: the section does not hold together there.
+            InputError: the scene does not hold together there.
         """
-        scores = values[self.parameters :]
+        scores = values[self.parameters :].tolist()
         return deviating(self.case.setup, self.nuisances, scores, self.case.source)
 
 
-def section_of(case: InversionCase, refused: Callable[[Setup], str] = lambda setup: "") -> Section:
-    """What is unknown of a case; sensitivities that its section does not allow are left out.
+def varied_case(case: Asked, refused: Callable[[Setup], str] = lambda setup: "") -> VariedCase:
+    """What is unknown of a case; sensitivities that it does not allow are left out.
 
     Args:
         case: with its question.
@@ -187,12 +187,12 @@ def section_of(case: InversionCase, refused: Callable[[Setup], str] = lambda set
             ]
         kept.append(sensitivity)
         unknowns.append(
-            Unknown(sensitivity.name, _words(sensitivity), "std", False, *ends, mean=0.0, std=1.0)
+            Unknown(sensitivity.name, _words(sensitivity), "std", False, *ends, (0.0, 1.0))
         )
-    return Section(case, tuple(kept), tuple(unknowns), tuple(remarks))
+    return VariedCase(case, tuple(kept), tuple(unknowns), tuple(remarks))
 
 
-def _reach(case: InversionCase, nuisance: Uncertain, end: float) -> float:
+def _reach(case: Asked, nuisance: Uncertain, end: float) -> float:
     """The score farthest towards `end` at which the section holds together, by bisection."""
 
     def holds(score: float) -> bool:
@@ -211,7 +211,7 @@ def _reach(case: InversionCase, nuisance: Uncertain, end: float) -> float:
     return inside
 
 
-def _words(sensitivity: Sensitivity) -> str:
+def _words(sensitivity: Uncertain) -> str:
     match sensitivity:
         case ZoneBoundary():
             far = max(float(np.hypot(*vertex.move)) for vertex in sensitivity.vertices)

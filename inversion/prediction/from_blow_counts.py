@@ -24,7 +24,7 @@ from inversion import PHYSICS_VERSION
 from inversion.catalogue.correlations import RELATIONS, Relation
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
-from inversion.estimation.forward import Forward, Prediction, Setup
+from inversion.estimation.forward import Forward, Prediction, SectionSetup
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.prediction_case import PredictionCase
 from inversion.prediction.response import Monotone
@@ -125,7 +125,7 @@ def document_of(
     case: PredictionCase,
     layers: Sequence[Layer],
     engine: Forward,
-    setup: Setup,
+    setup: SectionSetup,
     relations: Sequence[Relation],
 ) -> dict[str, Any]:
     """The document from a setup whose parameters are the strengths of the layers, in order."""

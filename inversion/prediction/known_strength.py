@@ -22,9 +22,10 @@ from scipy.special import ndtr, ndtri
 
 from geometry.scenes.scene import Scene
 from geometry.scenes3d.scene3d import Terrain
+from inversion.estimation.unknowns import Parameters
 from inversion.posterior.document import load_posterior
 from inversion.posterior.draws import key, load_draws
-from inversion.problem.question import RESIDUAL_STRENGTH
+from inversion.problem.question import RESIDUAL_STRENGTH, ParameterSpec
 from pipeline.cli import InputError
 
 Kind = Literal["lognormal", "normal", "posterior"]
@@ -194,3 +195,14 @@ def sampled_scores(
         return random.standard_normal((samples, len(strengths)))
     together = np.stack([strength.scores for strength in strengths], axis=1)
     return together[random.integers(len(together), size=samples)]
+
+
+def strength_parameters(strengths: Sequence[KnownStrength]) -> Parameters:
+    """Known strengths as the parameters of a reading of the question, in their order."""
+    return Parameters([
+        ParameterSpec(
+            name=f"residual_strength_{place}", zones=list(one.zones), property=RESIDUAL_STRENGTH,
+            start=one.mean_kpa, low=1e-6 * one.mean_kpa, high=1e6 * one.mean_kpa,
+        )
+        for place, one in enumerate(strengths, start=1)
+    ])  # fmt: skip

@@ -18,11 +18,10 @@ from geometry.survey.columns import SIDES
 from geometry.survey.measured import Measured, single_lengths
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets
-from inversion.estimation.forward import Setup
-from inversion.estimation.unknowns import Parameters
-from inversion.prediction.known_strength import KnownStrength
+from inversion.estimation.forward import SectionSetup
+from inversion.prediction.known_strength import KnownStrength, strength_parameters
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
-from inversion.problem.question import RESIDUAL_STRENGTH, ParameterSpec, load_question
+from inversion.problem.question import RESIDUAL_STRENGTH, load_question
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,9 @@ class PredictionCase(Case):
         ]
         return self.calibrated or liquefied
 
-    def setup(self, strengths: Sequence[KnownStrength], jitter_seed: int | None = None) -> Setup:
+    def setup(
+        self, strengths: Sequence[KnownStrength], jitter_seed: int | None = None
+    ) -> SectionSetup:
         """The section as the engine takes it, its parameters the strengths.
 
         Args:
@@ -62,14 +63,9 @@ class PredictionCase(Case):
         scene = self.scene
         if jitter_seed is not None:
             scene = scene.changed(jitter=self.config.inversion.noise_jitter, seed=jitter_seed)
-        specs = [
-            ParameterSpec(
-                name=f"residual_strength_{place}", zones=list(s.zones), property=RESIDUAL_STRENGTH,
-                start=s.mean_kpa, low=1e-6 * s.mean_kpa, high=1e6 * s.mean_kpa,
-            )
-            for place, s in enumerate(strengths, start=1)
-        ]  # fmt: skip
-        return Setup(scene, self.simulation, Parameters(specs), self._targets(), self.feet)
+        return SectionSetup(
+            scene, self.simulation, strength_parameters(strengths), self._targets(), self.feet
+        )
 
     def _targets(self) -> Targets:
         """All entries as one vector; nothing is fitted, so failure is judged by every number."""

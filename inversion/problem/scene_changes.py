@@ -10,7 +10,7 @@ import numpy as np
 from geometry.scenes.scene import UNCHECKED, Scene
 from geometry.scenes3d.scene3d import Terrain
 
-Soil = TypeVar("Soil", Scene, Terrain)
+Soil = TypeVar("Soil", bound=Scene | Terrain)
 """What has zones and materials."""
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from geometry.case import Case, load_case
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS
+from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, Result, load_result
 from inversion.back_analysis.result_files import RUN, SECTIONS, with_neighbours
 from inversion.problem.question import RESIDUAL_STRENGTH
@@ -169,7 +170,9 @@ class BackAnalysisData:
 
 
 def load_back_analysis(
-    folder: str | Path, case: Case | str | Path | None = None, result: Result | None = None
+    folder: str | Path,
+    case: Asked | Case | str | Path | None = None,
+    result: Result | None = None,
 ) -> BackAnalysisData:
     """Everything that the report of a back-analysis shows.
 
@@ -185,11 +188,13 @@ def load_back_analysis(
     if result is None:
         result = with_neighbours(load_result(folder), folder)
     run = _run(folder / RUN)
-    found = None
-    if run is not None:
-        found = case if isinstance(case, Case) else _case(case, result.case)
-    if found is not None:
+    found = case if isinstance(case, Case) else None
+    if run is not None and (case is None or isinstance(case, str | Path)):
+        found = _case(case, result.case)
+    if found is not None and run is not None:
         found = replace(found.with_set(result.measurement_set), scene=run.scene)
+    else:
+        found = None
     return BackAnalysisData(folder, result, run, found, _sections(folder / SECTIONS))
 
 

@@ -19,7 +19,7 @@ from diagnosis.hypotheses.registry import FAMILIES, assumed_otherwise, assumptio
 from diagnosis.options import Options
 from geometry.case import load_case
 from inversion.engines.registry import engine_named
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.estimation.misfit import system
 from inversion.estimation.unknowns import Amplitude
 from inversion.problem.question import FixedProperty
@@ -28,11 +28,11 @@ from tests.diagnosis.straight import signatures, straight
 
 
 @pytest.fixture
-def setup(embankment) -> Setup:
+def setup(embankment) -> SectionSetup:
     return diagnosis_case(load_case(embankment), spacing_m=2.0).setup
 
 
-def wet(setup: Setup, level: float, line: list[tuple[float, float]] | None) -> Setup:
+def wet(setup: SectionSetup, level: float, line: list[tuple[float, float]] | None) -> SectionSetup:
     return replace(setup, scene=setup.scene.changed(water_level=level, phreatic_line=line))
 
 

@@ -18,14 +18,14 @@ from geometry.case import load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from inversion.engines.run_store import RunStore
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.problem.state import State
 from mpm_taichi.solver.boundary import MARGIN, make_grid
 from pipeline.cli import InputError
 
 
 @pytest.fixture
-def setup(embankment) -> Setup:
+def setup(embankment) -> SectionSetup:
     return diagnosis_case(load_case(embankment), spacing_m=2.0).setup
 
 
@@ -33,7 +33,9 @@ def by_name(found: list[Assumption]) -> dict[str, Assumption]:
     return {one.candidate.name: one for one in found}
 
 
-def with_contact(setup: Setup, contact: str, coefficient: float | None = None) -> Setup:
+def with_contact(
+    setup: SectionSetup, contact: str, coefficient: float | None = None
+) -> SectionSetup:
     changes = {"contact": contact, "friction_coefficient": coefficient}
     scene = setup.scene.changed(ground=setup.scene.ground.model_dump() | changes)
     return replace(setup, scene=scene)
@@ -177,7 +179,9 @@ TRIED = (
 STRENGTH_KPA, FRICTION_DEG = 10.0, 33.0
 
 
-def diagnosed(setup: Setup, store: RunStore, effects: tuple[tuple[str, float], ...]) -> Diagnosis:
+def diagnosed(
+    setup: SectionSetup, store: RunStore, effects: tuple[tuple[str, float], ...]
+) -> Diagnosis:
     """The diagnosis of a slide made with `effects`, by the same cells, surveyed with errors."""
     truth = State((STRENGTH_KPA, FRICTION_DEG), effects=effects, seed=77)
     (made,) = EngineModel(setup, store).predict([truth])

@@ -18,7 +18,7 @@ from diagnosis.hypotheses.registry import assumed_otherwise
 from diagnosis.hypotheses.strength import PLACES, neighbours, part_at
 from diagnosis.options import Options
 from geometry.case import load_case
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.problem.state import State
 from pipeline.cli import InputError
 from tests.diagnosis.straight import SIZE, Straight, X, errors, truth
@@ -27,7 +27,7 @@ EDGES = np.linspace(-1.0, 47.0, 13)
 
 
 @pytest.fixture
-def setup(embankment) -> Setup:
+def setup(embankment) -> SectionSetup:
     return diagnosis_case(load_case(embankment), spacing_m=2.0).setup
 
 

@@ -23,8 +23,8 @@ from inversion.back_analysis.result_files import side_by_side
 from inversion.engines import registry
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward
-from inversion.posterior.runs import SectionModel
-from inversion.posterior.unknown import section_of
+from inversion.posterior.runs import CaseModel
+from inversion.posterior.unknown import varied_case
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from pipeline.cli import InputError
@@ -111,8 +111,8 @@ def test_every_function_of_the_interface_asks_it(embankment, formula, tmp_path):
     verdict = flowslide.diagnose(embankment, engine="formula", out=tmp_path / "diagnosis")
     assert verdict.manifest["settings"]["engine"] == "formula"
     assert not (tmp_path / "diagnosis" / "sections.npz").exists()
-    section = section_of(inversion_case(load_case(embankment)))
-    model, start = SectionModel(section, RunStore(None), formula), section.case.parameters.start
+    section = varied_case(inversion_case(load_case(embankment)))
+    model, start = CaseModel(section, RunStore(None), formula), section.case.parameters.start
     (row,) = model.run(
         np.concatenate([start, np.zeros(len(section.nuisances))])[None], coarse=False
     )

@@ -20,7 +20,7 @@ from gns.data.scene_facts import start_of
 from gns.network.simulator import Simulator, SimulatorConfig
 from inversion.engines.trained_model import Model
 from inversion.estimation.data import make_targets
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import ParameterSpec
 from pipeline.config import SimulationSettings
@@ -68,7 +68,7 @@ def measured() -> list:
     ]  # fmt: skip
 
 
-def setup(specs: list[ParameterSpec] = SPECS, *, duration_s: float = 0.9, **more) -> Setup:
+def setup(specs: list[ParameterSpec] = SPECS, *, duration_s: float = 0.9, **more) -> SectionSetup:
     """The question; eight frames."""
     scene = small_scene()
     settings = SimulationSettings(
@@ -76,7 +76,7 @@ def setup(specs: list[ParameterSpec] = SPECS, *, duration_s: float = 0.9, **more
     )
     targets = make_targets(measured(), fit=None, loss="misfit", source="test")
     foot = {side: scene.foot(side) for side in ("left", "right")}
-    return Setup(scene, settings, Parameters(list(specs)), targets, foot)
+    return SectionSetup(scene, settings, Parameters(list(specs)), targets, foot)
 
 
 def simulator(dtype: torch.dtype = torch.float64, **changes) -> Simulator:

@@ -10,6 +10,7 @@ from geometry.case import load_case
 from geometry.scenes.polygon_checks import gaps
 from geometry.survey.marker_displacement import MarkerDisplacement
 from inversion.back_analysis.case import inversion_case
+from inversion.back_analysis.variants import sides
 from inversion.estimation.data import make_targets
 from inversion.problem.question import (
     CellSize,
@@ -31,6 +32,10 @@ def case(tmp_path_factory):
     return inversion_case(load_case(dam_with_pool(tmp_path_factory.mktemp("case") / "dam")))
 
 
+def sides_of(case, entry):
+    return sides(case.setup, entry, case.source)
+
+
 def area(scene, name: str) -> float:
     ring = next(zone.polygon for zone in scene.zones if zone.name == name)
     pairs = zip(ring, [*ring[1:], ring[0]], strict=True)
@@ -43,7 +48,7 @@ def test_a_boundary_moves_in_every_zone_that_has_it(case):
         vertices=[{"at": (126.54, 18.5), "move": (15.24, 6.0)},
                   {"at": (176.75, 18.5), "move": (2.93, 6.0)}],
     )  # fmt: skip
-    higher, lower = case.sides(entry)
+    higher, lower = sides_of(case, entry)
     before, after = case.setup.scene, higher.setup.scene
     assert area(after, "1") > area(before, "1") > area(lower.setup.scene, "1")
     assert area(after, "1") + area(after, "2") == pytest.approx(
@@ -58,7 +63,9 @@ def test_the_base_moves_with_the_soil_on_it(case):
     scene = case.setup.scene
     low = {place for zone in scene.zones for place in zone.polygon if place[1] == 2.0}
     vertices = [{"at": at, "move": (0.0, 1.5)} for at in [*scene.ground.points, *sorted(low)]]
-    higher, lower = case.sides(ZoneBoundary(name="base", kind="zone_boundary", vertices=vertices))
+    higher, lower = sides_of(
+        case, ZoneBoundary(name="base", kind="zone_boundary", vertices=vertices)
+    )
     for changed, level in ((higher, 3.5), (lower, 0.5)):
         moved = changed.setup.scene
         assert moved.ground.points == [(0.0, level), (390.0, level)]
@@ -69,13 +76,13 @@ def test_the_base_moves_with_the_soil_on_it(case):
 def test_a_moved_foot_moves_the_zero_of_the_runout(case):
     vertices = [{"at": (76.02, 2.0), "move": (-5.0, 0.0)}]
     entry = ZoneBoundary(name="foot", kind="zone_boundary", vertices=vertices, sides="plus")
-    (moved,) = case.sides(entry)
+    (moved,) = sides_of(case, entry)
     assert moved.setup.foot["left"] == pytest.approx(case.setup.foot["left"] - 5)
     assert moved.setup.foot["right"] == case.setup.foot["right"]
 
 
 def test_the_pool_takes_the_phreatic_line_with_it_where_it_stands_at_pool_level(case):
-    higher, lower = case.sides(WaterLevel(name="pool", kind="water_level", std_m=0.5))
+    higher, lower = sides_of(case, WaterLevel(name="pool", kind="water_level", std_m=0.5))
     assert higher.setup.scene.water_level == pytest.approx(36.4)
     line = higher.setup.scene.phreatic_line
     assert line[0][1] == pytest.approx(36.4)
@@ -84,11 +91,13 @@ def test_the_pool_takes_the_phreatic_line_with_it_where_it_stands_at_pool_level(
 
 
 def test_numerical_choices(case):
-    (coarse,) = case.sides(CellSize(name="c", kind="cell_size", factor=2.0))
+    (coarse,) = sides_of(case, CellSize(name="c", kind="cell_size", factor=2.0))
     assert coarse.setup.scene.spacing == 2.0
-    (shorter,) = case.sides(TimeStep(name="t", kind="time_step", factor=0.5))
+    (shorter,) = sides_of(case, TimeStep(name="t", kind="time_step", factor=0.5))
     assert shorter.setup.settings.courant == pytest.approx(0.5 * case.setup.settings.courant)
-    (flip,) = case.sides(OtherSetting(name="f", kind="simulation", simulation={"transfer": "flip"}))
+    (flip,) = sides_of(
+        case, OtherSetting(name="f", kind="simulation", simulation={"transfer": "flip"})
+    )
     assert flip.setup.settings.transfer == "flip"
     assert flip.setup.scene == case.setup.scene
 
@@ -97,12 +106,12 @@ def test_a_property_that_is_not_sought(case):
     entry = FixedProperty(
         name="core", kind="property", zones=["3"], property="cohesion_kpa", std=7.5
     )
-    up, down = case.sides(entry)
+    up, down = sides_of(case, entry)
     for changed, expected in ((up, 37.5), (down, 22.5)):
         scene = changed.setup.scene
         zone = next(zone for zone in scene.zones if zone.name == "3")
         assert scene.materials[zone.material].cohesion_kpa == expected
-    _, weaker = case.sides(entry.model_copy(update={"std": 40.0}))
+    _, weaker = sides_of(case, entry.model_copy(update={"std": 40.0}))
     zone = next(zone for zone in weaker.setup.scene.zones if zone.name == "3")
     assert weaker.setup.scene.materials[zone.material].cohesion_kpa == 0.0
     assert weaker.words == "cohesion_kpa -40 in zones 3, but not below 0"
@@ -110,20 +119,20 @@ def test_a_property_that_is_not_sought(case):
     with pytest.raises(
         InputError, match=r"core: density -4000: .*density.* greater than 0"
     ) as told:
-        case.sides(steep)
+        sides_of(case, steep)
     assert "pydantic" not in str(told.value)
     sought = entry.model_copy(update={"zones": ["1"]})
     with pytest.raises(InputError, match="is calibrated by 'residual_strength_1'"):
-        case.sides(sought)
+        sides_of(case, sought)
 
 
 def test_the_ends_of_a_stated_range(case):
-    high, low = case.sides(Target(name="range", kind="target", measurement="upstream toe"))
+    high, low = sides_of(case, Target(name="range", kind="target", measurement="upstream toe"))
     mask = case.setup.targets.fitted
     assert high.setup.targets.measured[mask] == pytest.approx([65.0])
     assert low.setup.targets.measured[mask] == pytest.approx([42.0])
     with pytest.raises(InputError, match="'crest' is not fitted; fitted are upstream toe"):
-        case.sides(Target(name="range", kind="target", measurement="crest"))
+        sides_of(case, Target(name="range", kind="target", measurement="crest"))
 
 
 def test_variants(case):

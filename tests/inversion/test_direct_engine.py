@@ -25,8 +25,8 @@ from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.registry import engine_named, engines, untrained
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward
-from inversion.posterior.runs import SectionModel
-from inversion.posterior.unknown import section_of as unknowns_of
+from inversion.posterior.runs import CaseModel
+from inversion.posterior.unknown import varied_case as unknowns_of
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from inversion.prediction.prediction_case import prediction_case
@@ -341,11 +341,11 @@ def test_posterior_and_prediction_have_its_error(lsfd, setup, monkeypatch):
     engine = engine_of(setup)
     monkeypatch.setattr("inversion.engines.direct_engine.shipped", lambda name: engine)
     case = load_case(lsfd, load_config(None, QUICK))
-    model = SectionModel(
+    model = CaseModel(
         unknowns_of(inversion_case(case)), RunStore(None, threads=1), engine_named("direct")
     )
     middle = np.array([one.at(0.5) for one in model.unknowns], dtype=float)
-    asked = model.section.setup(middle).at(middle[: model.section.parameters])
+    asked = model.varied.setup(middle).at(middle[: model.varied.parameters])
     read = len(model.shown)
     assert np.array_equal(model.error_std(middle)[:read], engine.error_std(asked)[model.shown])
     assert np.all(model.error_std(middle)[:read] > 0) and not model.error_std(middle)[read:].any()

@@ -174,14 +174,15 @@ def test_a_question_asked_again_costs_no_simulation(solved, root):
 
 
 def test_a_damaged_run_is_computed_again(solved, tmp_path):
-    from inversion.engines.run_store import load_kept
+    from inversion.engines.content_store import read_arrays
+    from inversion.engines.run_store import run_of_arrays
 
     path = next(solved[2].glob("runs/*.npz"))
-    assert load_kept(path).status == "finished"
+    assert read_arrays(path, run_of_arrays).status == "finished"
     broken = tmp_path / path.name
     broken.write_bytes(path.read_bytes()[:-200])
-    assert load_kept(broken) is None
-    assert load_kept(tmp_path / "none.npz") is None
+    assert read_arrays(broken, run_of_arrays) is None
+    assert read_arrays(tmp_path / "none.npz", run_of_arrays) is None
 
 
 @pytest.mark.parametrize(

@@ -11,16 +11,16 @@ from geometry.case import load_case
 from geometry.scenes.scene import Scene
 from geometry.scenes3d.scene3d import Section
 from geometry.survey.toe_runout import toe_runout
+from inversion.back_analysis.by_engine import back_analysis_by
 from inversion.back_analysis.case import inversion_case
-from inversion.back_analysis.in_three_dimensions import in_three_dimensions
 from inversion.back_analysis.result import load_result
 from inversion.engines.mpm_engine import MPMEngine
-from inversion.engines.registry import of_section, untrained
+from inversion.engines.registry import engine_named, of_section, untrained
 from inversion.engines.run_store import RunStore
 from inversion.engines.run_store_3d import RunStore3d
 from inversion.posterior.document import load_posterior
-from inversion.posterior.runs import SectionModel
-from inversion.posterior.unknown import section_of
+from inversion.posterior.runs import CaseModel
+from inversion.posterior.unknown import varied_case
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, load_config
@@ -113,7 +113,7 @@ def test_walls_move_by_whole_spacings(kept):
 def test_what_it_cannot_do_is_refused_in_one_line(tmp_path):
     case = inversion_case(load_case(question(tmp_path / "bank")))
     with pytest.raises(InputError, match="device cuda: three dimensions run on the CPU"):
-        in_three_dimensions(case, RunStore(None, device="cuda"), Watch())
+        back_analysis_by(engine_named("mpm3d"), case, RunStore(None, device="cuda"), Watch())
     assert untrained("mpm3d").store is not None
     with pytest.raises(InputError, match="answers back-analyses, posteriors and predictions"):
         of_section("mpm3d")
@@ -122,7 +122,7 @@ def test_what_it_cannot_do_is_refused_in_one_line(tmp_path):
         narrow.simulate(case.scene, SimulationSettings(duration_s=0.1))
     (tmp_path / "bank/scene3d.yaml").unlink()
     with pytest.raises(InputError, match=r"scene3d\.yaml"):
-        in_three_dimensions(case, RunStore(None), Watch())
+        back_analysis_by(engine_named("mpm3d"), case, RunStore(None), Watch())
 
 
 def test_variants_and_sensitivities_that_the_solver_lacks_are_left_out(tmp_path):
@@ -134,7 +134,8 @@ def test_variants_and_sensitivities_that_the_solver_lacks_are_left_out(tmp_path)
         sensitivities=[{"name": "transfer", **plain},
                        {"name": "time step", "kind": "time_step", "factor": 0.5}],
     )  # fmt: skip
-    analysis = in_three_dimensions(inversion_case(load_case(folder)), RunStore(None), Watch())
+    case = inversion_case(load_case(folder))
+    analysis = back_analysis_by(engine_named("mpm3d"), case, RunStore(None), Watch())
     variants, left_out = analysis.known_variants()
     assert [variant.name for variant in variants] == ["bonded base"]
     assert left_out == ["damped: left out: local_damping: not in three dimensions; allowed is 0"]
@@ -142,9 +143,9 @@ def test_variants_and_sensitivities_that_the_solver_lacks_are_left_out(tmp_path)
     assert [entry.name for entry, _ in sensitivities] == ["time step"]
     assert len(left_out) == 1 and "only affine_flip" in left_out[0]
     # A posterior takes what is left as its other ways to simulate.
-    unknown = section_of(analysis.case, analysis.store.refused)
+    unknown = varied_case(analysis.case, analysis.store.refused)
     assert unknown.remarks == tuple(left_out)
-    others = SectionModel(unknown, analysis.store).other_ways
+    others = CaseModel(unknown, analysis.store).other_ways
     assert {name for name, _ in others} == {"time step"}
 
 

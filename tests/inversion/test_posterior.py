@@ -22,17 +22,17 @@ from inversion.posterior.draws import Draws, load_draws, save_draws
 from inversion.posterior.emulator import Warp, make_emulator
 from inversion.posterior.infer import Inference, at_shares, design, sample
 from inversion.posterior.likelihood import Likelihood, log_likelihood
-from inversion.posterior.runs import SectionModel
+from inversion.posterior.runs import CaseModel
 from inversion.posterior.sampling import resampled, spread_out, tempered
 from inversion.posterior.summary import coarse_remarks, shares
-from inversion.posterior.unknown import Unknown, section_of, unknown_parameter
+from inversion.posterior.unknown import Unknown, unknown_parameter, varied_case
 from inversion.problem.question import FixedProperty, Prior
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import PosteriorSettings
 from tests.inversion.analytic import angle, strength, targets, toes
 
 STRENGTH = unknown_parameter(strength("a"))
-SCORE = Unknown("z", "z", "std", False, -3.0, 3.0, 0.0, 1.0)
+SCORE = Unknown("z", "z", "std", False, -3.0, 3.0, (0.0, 1.0))
 FEW = PosteriorSettings(coarse_runs=64, refined_runs=24, fine_runs=8, live_points=150, draws=2000)
 
 
@@ -89,7 +89,7 @@ def by_quadrature(formula, measured: float, std: float) -> tuple[float, float, f
         SCORE,
         unknown_parameter(strength("a", prior=Prior(mean=20.0, std=6.0))),
         unknown_parameter(angle("b", prior=Prior(mean=31.0, std=3.0))),
-        Unknown("half", "half", "std", False, 0.0, 3.0, 0.0, 1.0),
+        Unknown("half", "half", "std", False, 0.0, 3.0, (0.0, 1.0)),
     ],
     ids=lambda one: one.name,
 )
@@ -123,7 +123,7 @@ def test_one_standard_deviation_is_what_a_back_analysis_tries(lsfd):
     from flowslide import load_case
 
     case = inversion_case(load_case(lsfd))
-    section = section_of(case)
+    section = varied_case(case)
     assert [one.name for one in section.unknowns[2:]] == [
         "top of the liquefied zone", "pool level",
     ]  # fmt: skip
@@ -168,12 +168,12 @@ def test_a_prior_is_cut_where_the_section_no_longer_holds_together(lsfd):
     text = (lsfd / "inversion.yaml").read_text()
     wide = text.replace("[15.24, 6.0]", "[21.34, 8.4]").replace("[2.93, 6.0]", "[4.1, 8.4]")
     (lsfd / "inversion.yaml").write_text(wide)
-    section = section_of(inversion_case(load_case(lsfd)))
+    section = varied_case(inversion_case(load_case(lsfd)))
     top = section.unknowns[2]
     assert -3.0 < top.low < -0.9 and 0.9 < top.high < 3.0
     assert any(line.startswith("top of the liquefied zone: ") for line in section.remarks)
     far = np.array([[30.0, 30.0, 1.2 * top.high, 0.5]])
-    model = SectionModel(section, RunStore(None))
+    model = CaseModel(section, RunStore(None))
     assert np.isnan(model.run(far, coarse=False)).all()
     (near,) = model.drawable(far)
     assert 0.5 * top.high < near[2] <= top.high

@@ -14,9 +14,9 @@ from benchmarks.verification.three_dimensions import slab_scene
 from flowslide.command_line import main
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.terrain.raster import Raster, read_raster, write_raster
-from inversion.engines.ground_engine import GroundEngine, GroundSetup
-from inversion.prediction.known_strength import parse_strength, placed
-from inversion.prediction.on_ground import exceedance
+from inversion.engines.body_engine import BodyEngine, BodyStore
+from inversion.prediction.in_plan import exceedance, prediction_setup
+from inversion.prediction.known_strength import KnownStrength, parse_strength, placed
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import SimulationSettings
 from pipeline.files import write_text, yaml_text
@@ -46,6 +46,10 @@ def gully(tmp_path):
     return folder
 
 
+def of(zone: str) -> KnownStrength:
+    return KnownStrength((zone,), 4.0, 1.0, "lognormal")
+
+
 def test_exceedance_is_the_share_of_strengths_with_a_thicker_deposit():
     scores = np.linspace(-3.0, 3.0, 7)[:, None]
     slopes = np.array([[0.5, 1.0], [2.0, 0.0]])
@@ -61,7 +65,7 @@ def test_exceedance_is_the_share_of_strengths_with_a_thicker_deposit():
 
 def test_a_strength_belongs_to_its_zone_alone(gully):
     scene = load_scene_3d(gully)
-    setup = GroundSetup(scene, SimulationSettings(), (("slimes",),))
+    setup = prediction_setup(scene, SimulationSettings(), [of("slimes")])
     soil = setup.scene_at(np.array([3.0])).soil
     strength = {zone.name: soil.materials[zone.material].cohesion_kpa for zone in soil.zones}
     assert strength == {"dam": 8.0, "slimes": 3.0}
@@ -102,20 +106,22 @@ def test_a_section_over_its_width_takes_strengths_by_zone_as_well(tmp_path):
     section = {"file": "scene.yaml", "width_m": 12.0}
     write_text(tmp_path / "scene3d.yaml", yaml_text({"name": "slab", "section": section}))
     scene = load_scene_3d(tmp_path)
-    setup = GroundSetup(scene, SimulationSettings(duration_s=3.0), (("bank",),))
-    engine = GroundEngine(tmp_path / "runs", threads=1)
+    setup = prediction_setup(scene, SimulationSettings(duration_s=3.0), [of("bank")])
+    engine = BodyEngine(BodyStore(tmp_path / "runs", threads=1))
     weak, strong = engine.predict([setup.at(np.array([kpa])) for kpa in (5.0, 60.0)])
     toe = setup.targets.names.index("toe_runout_m")
     assert weak.values[toe] > strong.values[toe] + 2.0
     thickness = engine.kept_maps(setup.at(np.array([5.0]))).thickness
-    assert engine.computed == 2  # the third was kept
+    assert engine.store.computed == 2  # the third was kept
     plane = setup.before.before
     assert thickness.sum() == pytest.approx(plane.values.sum(), rel=0.01)
 
 
 def test_a_run_that_fails_is_reported_with_its_reason(gully, tmp_path):
-    setup = GroundSetup(load_scene_3d(gully), SimulationSettings(time_step_s=10.0), (("slimes",),))
-    engine = GroundEngine(tmp_path, threads=1)
+    setup = prediction_setup(
+        load_scene_3d(gully), SimulationSettings(time_step_s=10.0), [of("slimes")]
+    )
+    engine = BodyEngine(BodyStore(tmp_path, threads=1))
     (found,) = engine.predict([setup.at(np.array([4.0]))])
     assert found.failed and found.reason and np.isnan(found.values).all()
     with pytest.raises(WorkFailed, match="15 of 15 simulations failed"):

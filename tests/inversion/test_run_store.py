@@ -14,7 +14,8 @@ from geometry.scenes.scene import scene_from_mapping
 from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.toe_history import ToeHistory
 from inversion.back_analysis import result_builder
-from inversion.engines.run_store import KeptRun, RunStore, load_kept, save_kept
+from inversion.engines.content_store import read_arrays, write_arrays
+from inversion.engines.run_store import KeptRun, RunStore, arrays_of_run, run_of_arrays
 from inversion.estimation.forward import HistoryReader, Prediction
 from pipeline.config import SimulationSettings
 
@@ -37,17 +38,17 @@ def kept() -> KeptRun:
 
 def test_volumes_are_kept_where_soil_has_changed_its_own(tmp_path, kept):
     path = tmp_path / "run.npz"
-    save_kept(path, kept)
-    assert load_kept(path).volume is None
+    write_arrays(path, arrays_of_run(kept))
+    assert read_arrays(path, run_of_arrays).volume is None
     swollen = replace(kept, volume=np.linspace(1.0, 1.1, 50))
-    save_kept(path, swollen)
-    assert np.array_equal(load_kept(path).volume, swollen.volume)
+    write_arrays(path, arrays_of_run(swollen))
+    assert np.array_equal(read_arrays(path, run_of_arrays).volume, swollen.volume)
 
 
 @pytest.mark.slow
 def test_a_flipped_byte_is_noticed_or_does_no_harm(tmp_path, kept):
     path = tmp_path / "run.npz"
-    save_kept(path, kept)
+    write_arrays(path, arrays_of_run(kept))
     whole = path.read_bytes()
     unreadable = 0
     for place in range(0, len(whole), 3):
@@ -55,7 +56,7 @@ def test_a_flipped_byte_is_noticed_or_does_no_harm(tmp_path, kept):
             damaged = bytearray(whole)
             damaged[place] ^= flip
             path.write_bytes(damaged)
-            back = load_kept(path)
+            back = read_arrays(path, run_of_arrays)
             unreadable += back is None
             if back is not None:
                 assert back.status == "finished" and back.end_s == kept.end_s
@@ -152,7 +153,9 @@ def test_what_hangs_on_the_whole_way_is_read_once_and_kept_without_frames(tmp_pa
     (kept,) = again.fetch([(scene, settings)], [other])
     assert len(simulated) == 2
     assert set(kept.readings) == {*reader.wanted, *other.wanted}
-    assert set(load_kept(next(iter(tmp_path.iterdir()))).readings) == set(kept.readings)
+    assert set(read_arrays(next(iter(tmp_path.iterdir())), run_of_arrays).readings) == set(
+        kept.readings
+    )
     # The same measured from another foot is another quantity, but not for a duration.
     assert filmed not in HistoryReader([film], {"left": 1.0, "right": 10.0}).wanted
     assert timed in HistoryReader([told], {"left": 1.0, "right": 10.0}).wanted
@@ -182,14 +185,14 @@ def test_a_kept_run_of_half_the_section_is_made_again(sliding, tmp_path):
     half = {
         name: getattr(kept, name)[::2] for name in ("initial", "final", "zone", "vertical_stress")
     }
-    save_kept(path, replace(kept, **half))
+    write_arrays(path, arrays_of_run(replace(kept, **half)))
     (again,) = RunStore(tmp_path).fetch(wanted)
     assert len(simulated) == 2 and len(again.initial) == len(kept.initial)
 
 
 def test_a_header_that_claims_more_than_there_is_memory_is_damage(kept, tmp_path):
     path = tmp_path / "run.npz"
-    save_kept(path, kept)
+    write_arrays(path, arrays_of_run(kept))
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist()}
     claim = {"descr": "<f4", "fortran_order": False, "shape": (10**14, 2)}
@@ -200,4 +203,4 @@ def test_a_header_that_claims_more_than_there_is_memory_is_damage(kept, tmp_path
                     np.lib.format.write_array_header_1_0(entry, claim)
             else:
                 file.writestr(name, content)
-    assert load_kept(path) is None
+    assert read_arrays(path, run_of_arrays) is None

@@ -17,6 +17,7 @@ from geometry.survey.measurements import load_measurements
 from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe_runout import toe_runout
 from inversion.back_analysis.case import InversionCase, inversion_case
+from inversion.back_analysis.variants import sides
 
 CASES = Path(__file__).resolve().parents[2] / "case_histories"
 
@@ -45,7 +46,7 @@ def test_the_question_of_lower_san_fernando():
     heights = [
         max(y for zone in changed.setup.scene.zones if zone.name in LOWER_FILL
             for _, y in zone.polygon)
-        for changed in case.sides(top)
+        for changed in sides(case.setup, top, case.source)
     ]  # fmt: skip
     assert heights == pytest.approx([21.5, 15.5])
 

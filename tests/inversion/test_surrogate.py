@@ -16,7 +16,7 @@ from inversion.engines.model_error import (
     with_error,
 )
 from inversion.estimation.derivatives import FiniteSteps
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup
 from inversion.estimation.gauss_newton import gauss_newton
 from inversion.estimation.misfit import Objective, posterior
 from inversion.estimation.search import Search
@@ -45,7 +45,7 @@ def pairs_of(wrong=surrogate, right=truth, count: int = 5) -> Pairs:
 
 def asked_both(wrong, right, goal, states, width) -> Pairs:
     """The pairs of two formulas; the question is one and the same, so each answers with its own."""
-    setup = Setup(None, None, PARAMETERS, goal, {})
+    setup = SectionSetup(None, None, PARAMETERS, goal, {})
     return paired(Answering(wrong, goal.names), Answering(right, goal.names), setup, states, width)[
         0
     ]

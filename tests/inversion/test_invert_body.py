@@ -13,11 +13,12 @@ from flowslide.command_line import main
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.survey3d.survey import FILE_NAME
 from geometry.terrain.raster import Raster, read_raster, write_raster
-from inversion.back_analysis.ground_case import ground_case
-from inversion.back_analysis.on_ground import on_ground
+from inversion.back_analysis.body_case import body_case
+from inversion.back_analysis.by_engine import back_analysis_by, chosen_engine
 from inversion.back_analysis.result import load_result
-from inversion.engines.ground_engine import GroundEngine, _key
-from inversion.engines.measured_ground import MeasuredGround
+from inversion.engines.body_engine import BodyEngine, BodyStore, run_key_3d
+from inversion.engines.body_setup import BodySetup
+from inversion.engines.run_store import RunStore
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Question, load_question
@@ -75,8 +76,8 @@ def truth(folder, kpa: float):
     settings = load_config(None).simulation.model_copy(update={"duration_s": DURATION})
     parameters = Parameters(Question(parameters=[STRENGTH]).parameters)
     nothing = Targets([], [], np.zeros(0), np.zeros((0, 0)), [])
-    setup = MeasuredGround(scene, settings, parameters, nothing, jitter=0.5, seed=99)
-    kept = GroundEngine(folder / "truth", threads=1).kept_maps(setup.at(np.array([kpa])))
+    setup = BodySetup(scene, settings, parameters, nothing, jitter=0.5, jitter_seed=99)
+    kept = BodyEngine(BodyStore(folder / "truth", threads=1)).kept_maps(setup.at(np.array([kpa])))
     deposit = setup.deposit_map(np.array([kpa]), kept)
     (x, y), pixel = deposit.before.axes, deposit.before.spacing
     places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -114,7 +115,7 @@ def test_the_strength_of_a_twin_is_found_from_its_map(tmp_path, capsys):
     assert read_raster(out / "surface_after.tif").values.shape == (25, 8)
     # What was run is kept: the same question again simulates nothing.
     stamps = {path: path.stat().st_mtime_ns for path in (out / "runs").glob("*.npz")}
-    again = flowslide.back_analyse_3d(
+    again = flowslide.back_analyse(
         folder, out=out, quick=True, threads=1,
         settings=load_config(None, ["inversion.step_seeds=2"]),
     )  # fmt: skip
@@ -137,19 +138,20 @@ def test_a_question_has_the_readings_that_three_dimensions_have(tmp_path):
         {"name": "farther", "targets": {"toe": 25.0}},
     ]
     folder = asked(slide(tmp_path / "dam"), RUNOUT, sensitivities=sensitivities, variants=variants)
-    case = ground_case(folder, load_config(None))
+    case = body_case(folder, load_config(None))
     known, left_out = case.sensitivities
     assert [entry.name for entry, _ in known] == ["fill", "cells", "step", "toe"]
-    assert left_out == ["wall: kind zone_boundary: not available in three dimensions"]
+    assert left_out == ["wall: left out: kind zone_boundary: not available in three dimensions"]
     stronger, weaker = (one.setup.scene.soil.materials for one in known[0][1])
     assert (stronger["fill"].cohesion_kpa, weaker["fill"].cohesion_kpa) == (17.0, 11.0)
     assert known[1][1][0].setup.scene.spacing == 2.5
     assert [one.setup.targets.measured[0] for one in known[3][1]] == [22.0, 18.0]
-    kept, lines = case.variants
-    assert [one.name for one in kept] == ["farther"] and lines[0].startswith("dry: contact")
+    kept, lines = case.variants_of(lambda setup: "")
+    assert [one.name for one in kept] == ["farther"] and lines[0].startswith("dry: left out: con")
     assert case.variant(kept[0]).setup.targets.measured[0] == 25.0
-    analysis = on_ground(case, tmp_path / "out", Watch(), threads=1)
-    assert analysis.known_variants() == case.variants
+    engine = chosen_engine(case, None, None).engine
+    analysis = back_analysis_by(engine, case, RunStore(None, threads=1), Watch())
+    assert analysis.known_variants() == (kept, lines)
     assert analysis.coarse_spacing_m is None  # too few points for coarse runs
 
 
@@ -162,16 +164,16 @@ def test_another_set_is_fitted_by_the_same_names(tmp_path):
     question = {"parameters": [STRENGTH], "fit": ["toe"],
                 "variants": [{"name": "second survey", "measurements": "two"}]}  # fmt: skip
     write_text(folder / "inversion.yaml", yaml_text(question))
-    case = ground_case(folder, load_config(None))
-    other = ground_case(folder, load_config(None), measurement_set="two")
-    (variant,) = case.variants[0]
+    case = body_case(folder, load_config(None))
+    other = body_case(folder, load_config(None), measurement_set="two")
+    (variant,) = case.question.variants
     for targets in (case.setup.targets, other.setup.targets, case.variant(variant).setup.targets):
         assert dict(zip(targets.names, targets.fitted, strict=True)) == {"toe": True, "area": False}
 
 
 def test_a_run_is_known_by_all_that_holds_the_soil(tmp_path):
     folder = asked(slide(tmp_path / "dam"), RUNOUT)
-    problem, scene = ground_case(folder, load_config(None)).setup.problem, load_scene_3d(folder)
+    problem, scene = body_case(folder, load_config(None)).setup.problem, load_scene_3d(folder)
     settings = load_config(None).simulation
     others = [
         problem,
@@ -180,15 +182,15 @@ def test_a_run_is_known_by_all_that_holds_the_soil(tmp_path):
         replace(problem, flanks="no_slip"),
         replace(problem, velocity=np.ones_like(problem.position)),
     ]
-    assert len({_key(scene, one, settings) for one in others}) == len(others)
+    assert len({run_key_3d(scene, one, settings) for one in others}) == len(others)
 
 
 def test_coarse_runs_are_of_the_same_question(tmp_path):
     folder = asked(slide(tmp_path / "dam"), RUNOUT)
-    case = ground_case(folder, load_config(None, ["inversion.coarse_points=50"]), spacing_m=1.0)
+    case = body_case(folder, load_config(None, ["inversion.coarse_points=50"]), spacing_m=1.0)
     assert case.coarse_spacing_m is None  # 4 m, twice the spacing of the folder: 150 points
     config = load_config(None, ["inversion.coarse_points=50", "inversion.coarse_factor=1.5"])
-    case = ground_case(folder, config, spacing_m=1.0)
+    case = body_case(folder, config, spacing_m=1.0)
     assert case.coarse_spacing_m == 3.0
     coarse = case.coarsened(case.setup)
     assert coarse is not None and coarse.scene.spacing == 3.0
@@ -197,7 +199,7 @@ def test_coarse_runs_are_of_the_same_question(tmp_path):
 
 
 def test_jitter_moves_points_and_keeps_them_above_the_ground(tmp_path):
-    case = ground_case(asked(slide(tmp_path / "dam"), RUNOUT), load_config(None))
+    case = body_case(asked(slide(tmp_path / "dam"), RUNOUT), load_config(None))
     values = np.array([3.0])
     plain = case.setup.problem_at(values)[1].position
     first, again, other = (
@@ -222,15 +224,15 @@ def test_jitter_moves_points_and_keeps_them_above_the_ground(tmp_path):
         ({"sensitivities": [{"name": "s", "kind": "property", "zones": ["slimes"], "std": 1.0,
                              "property": "cohesion_kpa"}]}, "calibrated by 'S_r'"),
         ({"sensitivities": [{"name": "w", "kind": "water_level", "std_m": 1.0}]},
-         "only of a terrain with a water_level"),
+         "the scene has no water_level"),
         ({"sensitivities": [{"name": "c", "kind": "cell_size", "factor": 4.9}], "spacing_m": 5.0},
-         "holds no point"),
+         "sensitivities: c: at 24.5 m spacing"),
     ],
 )  # fmt: skip
 def test_a_question_that_cannot_be_asked_is_one_line(tmp_path, change, words):
     folder = asked(slide(tmp_path / "dam"), RUNOUT, **change)
     with pytest.raises(InputError) as raised:
-        ground_case(folder, load_config(None))
+        body_case(folder, load_config(None))
     assert words in str(raised.value) and "\n" not in str(raised.value)
 
 

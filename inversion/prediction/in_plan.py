@@ -9,17 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from geometry.scenes3d.scene3d import Scene3d
+from geometry.survey.quantity import Confidence
+from geometry.survey3d.measured import DepositMap, MapMeasured
 from geometry.terrain.raster import Raster
-from inversion.engines.ground_engine import GroundEngine, GroundSetup, KeptMaps
-from inversion.prediction.known_strength import KnownStrength
+from inversion.engines.body_engine import BodyEngine
+from inversion.engines.body_setup import BodySetup, KeptMaps
+from inversion.estimation.data import Targets
+from inversion.prediction.known_strength import KnownStrength, strength_parameters
 from inversion.prediction.predict import ENVELOPE_SAMPLES, Distribution, predict
 from inversion.prediction.prediction_document import distribution_of, head_of
 from inversion.prediction.response import Sections
 from mpm_taichi.readings3d import named
+from pipeline.config import SimulationSettings
 
 #: Pixels that are put through the samples at a time.
 BLOCK = 4096
@@ -27,8 +33,57 @@ BLOCK = 4096
 PERCENT = (5, 50, 95)
 
 
+class PlanReading(MapMeasured):
+    """A reading of a simulation that nobody measured."""
+
+    unit: ClassVar[str] = ""
+
+    type: Literal["reading"] = "reading"
+    confidence: Confidence = "assumed"
+    source: str = "predicted alone"
+
+    @property
+    def values(self) -> np.ndarray:
+        """Nothing was measured, (1,)."""
+        return np.zeros(1)
+
+    def with_values(self, values: np.ndarray) -> Self:
+        """It has none."""
+        return self
+
+    def check_in(self, scene: Scene3d, where: str) -> None:
+        """Any scene has it."""
+
+    def read(self, deposit: DepositMap) -> np.ndarray:
+        """The reading, (1,); a path on which nothing came to lie has been run 0 m along."""
+        value = deposit.readings.get(self.name, np.nan)
+        return np.array([0.0 if self.name.startswith("runout_") and np.isnan(value) else value])
+
+
+def prediction_setup(
+    scene: Scene3d, settings: SimulationSettings, strengths: Sequence[KnownStrength]
+) -> BodySetup:
+    """The question "how far does it run?" on a body.
+
+    Args:
+        scene: the body.
+        settings: of the simulations.
+        strengths: with their zones; they are the parameters, in their order [kPa].
+    """
+    document = scene.document
+    names = [
+        "toe_runout_m", *(f"runout_{name}_m" for name in document.paths or ("middle",)),
+        "inundated_area_m2", "volume_beyond_foot_m3", "volume_moved_m3",
+        *(f"volume_across_{name}_m3" for name in document.lines), "largest_speed_m_per_s",
+    ]  # fmt: skip
+    entries: list[MapMeasured] = [PlanReading(name=name) for name in names]
+    count = len(names)
+    targets = Targets(entries, names, np.zeros(count), np.eye(count), ["fitted"] * count)
+    return BodySetup(scene, settings, strength_parameters(strengths), targets)
+
+
 @dataclass(frozen=True)
-class GroundPrediction:
+class BodyPrediction:
     """A prediction in three dimensions.
 
     Attributes:
@@ -39,7 +94,7 @@ class GroundPrediction:
         wall_share: probability that soil reaches a wall of the domain, by wall.
     """
 
-    setup: GroundSetup
+    setup: BodySetup
     strengths: Sequence[KnownStrength]
     found: Distribution
     exceedance: Mapping[float, Raster]
@@ -72,14 +127,14 @@ class GroundPrediction:
         }  # fmt: skip
 
 
-def predict_on_ground(
-    engine: GroundEngine,
-    setup: GroundSetup,
+def predict_in_plan(
+    engine: BodyEngine,
+    setup: BodySetup,
     strengths: Sequence[KnownStrength],
     *,
     thicker_than_m: Sequence[float],
     samples: int = 20_000,
-) -> GroundPrediction:
+) -> BodyPrediction:
     """The distribution of the readings and the exceedance maps.
 
     Args:
@@ -101,7 +156,7 @@ def predict_on_ground(
             thicker_than_m, exceedance(found, kept, thicker_than_m), strict=True
         )
     }
-    return GroundPrediction(setup, strengths, found, maps, _wall_share(found, kept))
+    return BodyPrediction(setup, strengths, found, maps, _wall_share(found, kept))
 
 
 def exceedance(

@@ -14,10 +14,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from inversion.back_analysis.asked import Sides
 from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.case import Reading
 from inversion.back_analysis.perturbed_answers import Problem
-from inversion.back_analysis.variants import Changed
 from inversion.engines.model_error import (
     Corrected,
     Pairs,
@@ -30,7 +30,7 @@ from inversion.engines.workers import Job
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, posterior
 from inversion.estimation.search import SearchResult
-from inversion.problem.question import Sensitivity, Variant
+from inversion.problem.question import Variant
 from pipeline.cli import InputError
 
 Found = TypeVar("Found")
@@ -51,6 +51,12 @@ class LearnedAnalysis(BackAnalysis):
     """
 
     pairs: Pairs | None = None
+
+    @property
+    def paired(self) -> Pairs:
+        """The pairs, once they were run."""
+        assert self.pairs is not None
+        return self.pairs
 
     def uncorrected(self) -> Forward:
         """The engine as it has learned."""
@@ -112,7 +118,7 @@ class LearnedAnalysis(BackAnalysis):
 
     @property
     def _within_pairs(self) -> bool:
-        return self.pairs.holds(self.case.parameters, self.found.values)
+        return self.paired.holds(self.case.parameters, self.found.values)
 
     def settle(self, truth: Forward) -> None:
         """Let the solver judge the answer, and correct by what it says there until it agrees.
@@ -123,17 +129,18 @@ class LearnedAnalysis(BackAnalysis):
             truth: the material point method.
         """
         judged, here = self._judged_by(truth)
-        first, before, kept = here, None, (here.off, self.found, self.pairs)
+        first, kept = here, (here.off, self.found, self.paired)
+        before: Settling | None = None
         for _ in range(MOST_MOVES):
             if here.off <= CONFIRMED or not np.isfinite(here.off):
                 break
             own = self.found.best.prediction.values - here.correction
             following = here.following(before)
-            self._correct_by(self.pairs.moved(self.found.values, judged, own, following))
+            self._correct_by(self.paired.moved(self.found.values, judged, own, following))
             self.search_again()
             before, (judged, here) = here, self._judged_by(truth)
             if here.off < kept[0]:
-                kept = here.off, self.found, self.pairs
+                kept = here.off, self.found, self.paired
         off, self.found, pairs = kept
         self._correct_by(pairs)
         if off < first.off:
@@ -150,7 +157,7 @@ class LearnedAnalysis(BackAnalysis):
         weight = np.where(targets.fitted, 1.0 / np.sqrt(np.diag(targets.covariance)), 0.0)
         off = float(np.max(np.abs(left * weight)[targets.fitted]))
         known = np.where(np.isfinite(left), left, 0.0)
-        return judged.values, Settling(self.pairs.correction, known, off, weight)
+        return judged.values, Settling(self.paired.correction, known, off, weight)
 
     def _correct_by(self, pairs: Pairs) -> None:
         self.pairs = pairs
@@ -184,10 +191,10 @@ class LearnedAnalysis(BackAnalysis):
 
     def differences(self) -> list[str]:
         """Correction of each fitted number and its standard deviation, in words."""
-        targets, std = self.objective.targets, np.sqrt(np.diag(self.pairs.covariance))
+        targets, std = self.objective.targets, np.sqrt(np.diag(self.paired.covariance))
         units = [targets.entries[group].unit for group in targets.groups]
-        added = self.pairs.correction
-        each = zip(self.pairs.names, added, std, units, targets.fitted, strict=True)
+        added = self.paired.correction
+        each = zip(self.paired.names, added, std, units, targets.fitted, strict=True)
         return [
             f"{name} {mean:+.2f} +- {own:.2f} {unit}"
             for name, mean, own, unit, used in each
@@ -207,7 +214,7 @@ class LearnedAnalysis(BackAnalysis):
         ]
         return [variant for variant in variants if not variant.simulation], reasons
 
-    def known_sensitivities(self) -> tuple[list[tuple[Sensitivity, list[Changed]]], list[str]]:
+    def known_sensitivities(self) -> tuple[Sides, list[str]]:
         """Without those that change nothing for a learned engine."""
         entries, left_out = self.case.sensitivities
         kept = [pair for pair in entries if pair[0].kind not in UNKNOWN_TO_IT]

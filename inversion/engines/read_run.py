@@ -1,0 +1,70 @@
+"""Measurements read on a kept run of a section."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geometry.scenes.overburden import stress_by_zone
+from geometry.survey.measured import Deposit
+from inversion.engines.run_store import KeptRun
+from inversion.estimation.data import read, toes_by_eye
+from inversion.estimation.forward import Prediction, SectionSetup
+from inversion.problem.question import RESIDUAL_STRENGTH
+
+
+def read_start(setup: SectionSetup, run: KeptRun) -> np.ndarray:
+    """The measurements read on the section before anything moved, (m,)."""
+    return read(setup.targets, deposit_of(setup, run, last=False))[0]
+
+
+def prediction_of(
+    setup: SectionSetup, run: KeptRun, at_start: np.ndarray | None = None
+) -> Prediction:
+    """Read the measurements on a run; `at_start` is `read_start` where that is known."""
+    end = deposit_of(setup, run)
+    failed = run.status == "failed"
+    values, trouble = read(setup.targets, end, run.readings)
+    if failed:
+        values = np.full(len(values), np.nan)
+    if at_start is None:
+        at_start = read_start(setup, run)
+    mean, spread = _sigma_v0(setup, run)
+    broken = failed or not np.all(np.isfinite(values[setup.targets.fitted]))
+    return Prediction(
+        values=values,
+        at_start=at_start,
+        by_eye={} if failed else toes_by_eye(setup.targets, end),
+        positions=run.final,
+        status="failed" if broken else "finished",
+        reason=run.reason or trouble,
+        sigma_v0_kpa=mean,
+        sigma_v0_std_kpa=spread,
+        run_time_s=run.wall_time_s,
+        at_rest=run.at_rest or failed,
+        spacing_m=setup.scene.spacing,
+    )
+
+
+def deposit_of(setup: SectionSetup, run: KeptRun, *, last: bool = True) -> Deposit:
+    """The points of a run as measurements see them: after the slide, or before it."""
+    return Deposit.on(
+        setup.scene,
+        setup.foot,
+        (run.final if last else run.initial).astype(float),
+        run.initial.astype(float),
+        volume=run.volume if last else None,
+        at_rest=run.at_rest or not last,
+    )
+
+
+def _sigma_v0(setup: SectionSetup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
+    gravity = setup.settings.gravity_m_per_s2
+    stress = stress_by_zone(setup.scene, run.initial.astype(float), run.zone, gravity)
+    mean, spread = [], []
+    for spec in setup.parameters.specs:
+        own = [stress[name] for name in spec.zones if name in stress]
+        known = spec.property == RESIDUAL_STRENGTH and own
+        mean.append(float(np.concatenate(own).mean()) if known else np.nan)
+        spread.append(float(np.concatenate(own).std()) if known else np.nan)
+    return np.array(mean), np.array(spread)
