@@ -60,17 +60,18 @@ def compared(session: Session) -> CompareDocument:
 
 def _keep_comparison(session: Session, found: Comparison) -> None:
     """Keep the error of the model, under the covariance of the base model."""
-    model: Hypothesis | None = Hypothesis(by="compare")
+    base, given = Hypothesis(by="compare"), session.hypothesis
+    model: Hypothesis | None = base
     note = "base model"
     effects: dict[str, float] = {}
     judged = judge(found.base.data, found.base.fit)
-    if not session.is_base:
+    if given is not None:
         root = compare(session.root.model, session.root.options)
         # A hypothesis may move what was measured, where it says that the survey erred.
         moved = replace(root.base.data, measured=found.base.data.measured)
         judged = judge_again(moved, found.base.fit)
-        model, note = None, session.hypothesis.notes.strip() or "by hand"
-        effects = {name: effect.amplitude for name, effect in session.hypothesis.effects.items()}
+        model, note = None, given.notes.strip() or "by hand"
+        effects = {name: effect.amplitude for name, effect in given.effects.items()}
     step = step_of(
         session.hypothesis_name,
         list(dict.fromkeys([*hypothesis_files(session.folder), session.hypothesis_name])).index(
@@ -80,7 +81,7 @@ def _keep_comparison(session: Session, found: Comparison) -> None:
         note=note,
         effects=effects,
     )
-    made_from = session.made_from(session.hypothesis or model)
+    made_from = session.made_from(given or base)
     keep(session.folder, session.hypothesis_name, model, step, made_from)
 
 
@@ -133,7 +134,8 @@ def _keep_models(session: Session, found: Diagnosis) -> None:
     there = list(hypothesis_files(session.folder))
     given = {} if session.hypothesis is None else dict(session.hypothesis.effects)
     for number, adopted in enumerate(way):
-        name, model, data = parent, Hypothesis(by="run"), context.of(adopted.model).data
+        name, data = parent, context.of(adopted.model).data
+        model: Hypothesis | None = Hypothesis(by="run")
         if number:
             effects = {
                 answer.name: HypothesisEffect(

@@ -16,6 +16,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 import diagnosis
 import geometry
 import inversion
@@ -155,6 +157,7 @@ class Session:
 
     def without(self, effects: Sequence[str]) -> Session:
         """The same question asked of the model without some of its effects."""
+        assert self.hypothesis is not None
         kept = {n: e for n, e in self.hypothesis.effects.items() if n not in effects}
         model = self.hypothesis.model_copy(update={"effects": kept})
         case = diagnosis_case(self.case, spacing_m=self.spacing_m, hypothesis=model)
@@ -212,7 +215,7 @@ class Session:
             base=before.final,
             final=after.final,
             spacing=setup.scene.spacing,
-            ground=setup.scene.ground.points,
+            ground=np.asarray(setup.scene.ground.points),
             toes=toes,
         )
 

@@ -33,8 +33,15 @@ Extended = TypeVar("Extended", bound="Case")
 class AsksResolution(Protocol):
     """A question that may ask for its own resolution and duration; None: it does not."""
 
-    spacing_m: float | None
-    duration_s: float | None
+    @property
+    def spacing_m(self) -> float | None:
+        """Of the material points [m]."""
+        ...
+
+    @property
+    def duration_s(self) -> float | None:
+        """Of the motion [s]."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ class EngineModel:
         self._asked: set[State] = set()
         self._proposed: dict[State, np.ndarray] = {}
         self._computed_before = store.computed
-        self._forward = FiniteWidth(engine.forward(store), store)
+        self._forward = FiniteWidth(engine.made(store), store)
 
     # --- what the statistics see ---
 
@@ -249,7 +249,7 @@ class EngineModel:
     @property
     def keeps_runs(self) -> bool:
         """The engine has whole runs, for pictures and for the stress before failure."""
-        return hasattr(self._forward.engine, "kept_run")
+        return self._forward.keeps_runs
 
     @property
     def _first(self) -> State:
@@ -432,7 +432,7 @@ def strength_curves(setup: SectionSetup, run: KeptRun, zones: Sequence[str]) -> 
         "position": ("place before the slide", "m", x),
     }
     return [
-        Curve(variable, words, unit, tuple(float(knot) for knot in np.linspace(*ends, KNOTS)))
-        for variable, (words, unit, ends) in ranges.items()
-        if ends[1] > ends[0]
+        Curve(variable, words, unit, tuple(np.linspace(low, high, KNOTS).tolist()))
+        for variable, (words, unit, (low, high)) in ranges.items()
+        if high > low
     ]

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import shapely
@@ -25,9 +25,8 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
+from geometry.survey.columns import SIDES, Side
 from inversion.estimation.forward import SectionSetup
-
-Side = Literal["left", "right"]
 
 BONDED, ROUGH, FRICTION, COEFFICIENT = (
     "bonded_base", "rough_base", "base_of_friction", "base_friction",
@@ -245,7 +244,11 @@ def bump_at(scene: Scene, name: str) -> Assumption | None:
     found = _BUMP.fullmatch(name)
     if found is None:
         return None
-    return _bump(scene, found[2], float(found[1]), name)
+    return _bump(scene, _side_of(found[2]), float(found[1]), name)
+
+
+def _side_of(word: str) -> Side:
+    return "left" if word == "left" else "right"
 
 
 def neighbours(scene: Scene, name: str) -> list[str]:
@@ -269,8 +272,7 @@ def neighbours(scene: Scene, name: str) -> list[str]:
 def _sides(setup: SectionSetup) -> tuple[Side, ...]:
     """Sides to which the slide ran, as far as the measurements say; else both."""
     named = {getattr(entry, "side", None) for entry in setup.targets.entries}
-    sides = tuple(side for side in ("left", "right") if side in named)
-    return sides or ("left", "right")
+    return tuple(side for side in SIDES if side in named) or SIDES
 
 
 def _both_signs(std: float) -> tuple[float, ...]:

@@ -105,7 +105,7 @@ def merged(document: dict[str, Any], changes: Mapping[str, Any], source: str) ->
     for key, change in changes.items():
         old = result.get(key)
         if key == "zones" and isinstance(change, Mapping):
-            result[key] = _zones(old, change, source)
+            result[key] = _zones(document["zones"], change, source)
         elif isinstance(change, Mapping) and isinstance(old, Mapping):
             result[key] = merged(dict(old), change, f"{source}: {key}")
         else:

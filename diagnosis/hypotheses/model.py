@@ -13,6 +13,7 @@ from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 
+from geometry.survey.measured import Measured
 from inversion.estimation.budget import Predictor
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Amplitude, Parameters
@@ -161,21 +162,32 @@ class Proposal:
 
 @runtime_checkable
 class Model(Predictor, Protocol):
-    """A model whose missing physics is searched for.
+    """A model whose missing physics is searched for."""
 
-    Attributes:
-        parameters: the calibrated parameters.
-        targets: the measurements: m numbers with the covariance of the survey.
-        candidates: effects that may be missing; those that can do nothing here are not among them.
-        curves: unknown strength curves that may be tried where no candidate explains the misfit.
-        runs: forward runs asked for, those found in the cache too; `free` candidates cost none.
-    """
+    @property
+    def parameters(self) -> Parameters:
+        """The calibrated parameters."""
+        ...
 
-    parameters: Parameters
-    targets: Targets
-    candidates: list[Candidate]
-    curves: list[Curve]
-    runs: int
+    @property
+    def targets(self) -> Targets[Measured]:
+        """The measurements: m numbers with the covariance of the survey."""
+        ...
+
+    @property
+    def candidates(self) -> list[Candidate]:
+        """Effects that may be missing; those that can do nothing here are not among them."""
+        ...
+
+    @property
+    def curves(self) -> list[Curve]:
+        """Unknown strength curves that may be tried where no candidate explains the misfit."""
+        ...
+
+    @property
+    def runs(self) -> int:
+        """Forward runs asked for, those found in the cache too; `free` candidates cost none."""
+        ...
 
     def error_std(self, state: State) -> np.ndarray:
         """Standard deviation of the engine's own error of each number, (m,)."""
@@ -188,13 +200,12 @@ class Model(Predictor, Protocol):
 
 @runtime_checkable
 class Proposing(Model, Protocol):
-    """A model that can also say what other measurements would have read.
+    """A model that can also say what other measurements would have read."""
 
-    Attributes:
-        proposals: measurements that could still be made.
-    """
-
-    proposals: list[Proposal]
+    @property
+    def proposals(self) -> list[Proposal]:
+        """Measurements that could still be made."""
+        ...
 
     def propose(self, states: Sequence[State]) -> np.ndarray:
         """Readings of all proposals, (n, their numbers); of runs made before it costs nothing."""

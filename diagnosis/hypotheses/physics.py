@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from diagnosis.hypotheses.model import Candidate
+from diagnosis.hypotheses.model import FAMILIES, Candidate, Family
 from geometry.scenes.scene import Scene
 from mpm_taichi.effects import Active, Effect, effects
+from pipeline.cli import InputError
 
 #: Share of the duration of a run within which an effect must have ended: the slide has to rest.
 LATEST = 0.8
@@ -69,6 +70,20 @@ def _within(
     return replace(candidate, ladder=ladder, low=bounds[0], high=bounds[1])
 
 
+def family_of(effect: Effect) -> Family:
+    """The family of an effect.
+
+    Raises:
+        InputError: there is no such family.
+    """
+    for family in FAMILIES:
+        if family == effect.family:
+            return family
+    raise InputError(
+        f"effect {effect.name}: family {effect.family!r}: there are {', '.join(FAMILIES)}"
+    )
+
+
 def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:
     """An effect of the library, or of a user, as a candidate; `numbers` are known of it."""
     amplitude = effect.amplitude
@@ -77,7 +92,7 @@ def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:
         ladder += [-rung for rung in ladder]
     return Candidate(
         name=effect.name,
-        family=effect.family,
+        family=family_of(effect),
         words=effect.words,
         unit=amplitude.unit,
         low=amplitude.low,

@@ -51,7 +51,8 @@ def assumptions_of(
     setup: SectionSetup, sensitivities: Sensitivities, engine: Engine, *, dear: bool = False
 ) -> Found:
     """All assumptions that can be otherwise, and why others cannot; `dear` ones if asked for."""
-    found, left_out = [], {}
+    found: list[Assumption] = []
+    left_out: dict[str, str] = {}
     for family in FAMILIES:
         if family.dear and not dear:
             continue

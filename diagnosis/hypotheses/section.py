@@ -71,7 +71,7 @@ def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundar
         no other.
     """
     names, liquid = liquefied_zones(scene), liquefied_soil(scene)
-    outline = unary_union([shapely.Polygon(zone.polygon) for zone in scene.zones]).exterior
+    outline = unary_union([shapely.Polygon(zone.polygon) for zone in scene.zones]).boundary
     height = scene.extent[1] - scene.extent[0]
     near = ON_LINE * height
     # A closed domain cuts the section off: a boundary that ends there goes on beyond.

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
@@ -68,7 +69,7 @@ def _given(scene: Scene) -> dict[str, tuple[str, Span | None, Span | None]]:
     return found
 
 
-def liquefied_soil(scene: Scene) -> shapely.Geometry:
+def liquefied_soil(scene: Scene) -> BaseGeometry:
     """What the liquefied zones cover together."""
     names = liquefied_zones(scene)
     return unary_union([shapely.Polygon(z.polygon) for z in scene.zones if z.name in names])
@@ -85,10 +86,11 @@ def thirds(scene: Scene) -> tuple[list[Span], list[Span]]:
     inside = places[shapely.contains_xy(zones, places)]
     bounds = np.quantile(inside, (0.0, 1 / 3, 2 / 3, 1.0), axis=0)
     bounds[0], bounds[-1] = (left, low), (right, high)
-    return tuple(
+    across, up = (
         [(float(a), float(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
         for ends in bounds.T
     )
+    return across, up
 
 
 def _digits(extent: float) -> int:
@@ -114,12 +116,13 @@ def _spans(name: str) -> tuple[Span | None, Span | None] | None:
     found = _PART.fullmatch(name)
     if found is None or not any(found.groups()):
         return None
-    left, right, low, high = (None if text is None else float(text) for text in found.groups())
-    spans = tuple(None if a is None else (a, b) for a, b in ((left, right), (low, high)))
-    for axis, span in zip("xy", spans, strict=True):
+    left, right, low, high = found.groups()
+    across = None if left is None else (float(left), float(right))
+    up = None if low is None else (float(low), float(high))
+    for axis, span in (("x", across), ("y", up)):
         if span is not None and not span[1] > span[0]:
             raise InputError(f"{name}: a part runs from a lower to a higher {axis}")
-    return spans
+    return across, up
 
 
 def neighbours(scene: Scene, name: str) -> list[str]:

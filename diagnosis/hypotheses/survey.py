@@ -7,7 +7,7 @@ cost no run.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,28 +47,22 @@ def survey_errors(targets: Targets) -> list[SurveyError]:
     share = np.clip((np.where(levelled, place, middle) - middle) / half, -1.0, 1.0)
     ladder = tuple(sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS)
     # A benchmark or a line that is off by more than the survey's own std is as rare as that.
-    wide = {
-        "low": -RUNGS[-1] * std,
-        "high": RUNGS[-1] * std,
-        "ladder": tuple(sorted(ladder)),
-        "prior_mean": 0.0,
-        "prior_std": std,
-    }
     shift = Candidate(
         name=DATUM_SHIFT,
         family="survey",
         words="all surveyed elevations are too high by the same amount",
         unit="m",
+        low=-RUNGS[-1] * std,
+        high=RUNGS[-1] * std,
+        ladder=tuple(sorted(ladder)),
+        prior_mean=0.0,
+        prior_std=std,
         free=True,
-        **wide,
     )
-    tilt = Candidate(
+    tilt = replace(
+        shift,
         name=DATUM_TILT,
-        family="survey",
         words="the levelling line is tilted: too high at its right end and too low at its left",
-        unit="m",
-        free=True,
-        **wide,
     )
     return [SurveyError(shift, height), SurveyError(tilt, height * share)]
 

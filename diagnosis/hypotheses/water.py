@@ -8,7 +8,7 @@ level of a pool that is known is an effect of the library (`pool_level`).
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 from shapely import LineString, Polygon
 from shapely.ops import unary_union
@@ -21,11 +21,10 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.survey.columns import SIDES, Side
 from inversion.estimation.forward import SectionSetup
 from inversion.problem.scene_changes import SAME_PLACE_M
 from pipeline.cli import InputError
-
-Side = Literal["left", "right"]
 
 NO_WATER, WEIGHT, PRESSURE = "no_water", "water_as_weight", "water_as_pressure"
 POOL, DRAWDOWN, FACE = "pool", "drawdown", "other_water_face"
@@ -79,8 +78,8 @@ def _falling(scene: Scene, level: float, side: Side) -> list[tuple[float, float]
     shore = _shores(scene, level)
     if shore is None:
         return None
-    near, far = (0, "right") if side == "left" else (1, "left")
-    foot = scene.foot(far)
+    near = 0 if side == "left" else 1
+    foot = scene.foot("right" if side == "left" else "left")
     dry = float(scene.ground.height(foot))
     if dry >= level or abs(foot - shore[near]) <= SAME_PLACE_M:
         return None
@@ -138,7 +137,7 @@ def _setting(name: str, words: str, **changes: object) -> Assumption:
 
 def _drawdown(scene: Scene) -> Assumption | None:
     """The pool had fallen by the amplitude, and the soil behind its shore was still full."""
-    sides = [side for side in ("left", "right") if _pool_depth(scene, side) > SAME_PLACE_M]
+    sides = [side for side in SIDES if _pool_depth(scene, side) > SAME_PLACE_M]
     if not sides:
         return None
     deepest = max(_pool_depth(scene, side) for side in sides)
@@ -162,7 +161,7 @@ def _drawdown(scene: Scene) -> Assumption | None:
         for side in sides:
             if high is None or low is None:
                 break
-            line = _drawn_down(own, line, side, (high, low), level)
+            line = _drawn_down(own.water_level, line, side, (high, low), level)
         changes: dict[str, Any] = {"water_level": level, "phreatic_line": line or None}
         return setup.with_scene(_changed(own, changes, DRAWDOWN))
 
@@ -172,27 +171,31 @@ def _drawdown(scene: Scene) -> Assumption | None:
 def _pool_depth(scene: Scene, side: Side) -> float:
     """Depth of the pool at the foot of one side [m]; 0 where the water table lies below it."""
     foot = scene.foot(side)
-    if float(scene.phreatic_level(foot)) < scene.water_level - SAME_PLACE_M:
+    level = scene.water_level
+    if level is None or float(scene.phreatic_level(foot)) < level - SAME_PLACE_M:
         return 0.0
-    return max(scene.water_level - float(scene.ground.height(foot)), 0.0)
+    return max(level - float(scene.ground.height(foot)), 0.0)
 
 
 def _drawn_down(
-    scene: Scene,
+    full: float,
     line: list[tuple[float, float]],
     side: Side,
     shores: tuple[tuple[float, float], tuple[float, float]],
     level: float,
 ) -> list[tuple[float, float]]:
-    """The water table with the pool of one side at `level`: from the new shore up to the old."""
+    """The water table with the pool of one side fallen from `full` to `level` [m].
+
+    It goes from the new shore up to the old one.
+    """
     high, low = shores
     if side == "left":
         kept = [(x, y) for x, y in line if x > high[0] + SAME_PLACE_M]
-        kept = kept or [(high[1], scene.water_level)]
-        return [(low[0], level), (high[0], scene.water_level), *kept]
+        kept = kept or [(high[1], full)]
+        return [(low[0], level), (high[0], full), *kept]
     kept = [(x, y) for x, y in line if x < high[1] - SAME_PLACE_M]
-    kept = kept or [(high[0], scene.water_level)]
-    return [*kept, (high[1], scene.water_level), (low[1], level)]
+    kept = kept or [(high[0], full)]
+    return [*kept, (high[1], full), (low[1], level)]
 
 
 def _changed(scene: Scene, changes: dict[str, Any], name: str) -> Scene:

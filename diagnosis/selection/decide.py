@@ -81,13 +81,13 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
             verdict: Verdicts = "adequate"
         else:
             verdict = "unknown_effect" if p_base < options.alarm else "suspect"
-        alone = {(): probability.get((), 0.0)}
+        alone: dict[tuple[str, ...], float] = {(): probability.get((), 0.0)}
         return Decision(verdict, final, alone if verdict == "adequate" else {}, probability)
     sets = credible_set(probability, options.credible)
     if drawn := by_chance.intersection(final.model.names):
-        named = [one for one in tried_models.way if by_chance.isdisjoint(one.model.names)]
+        certain = [one for one in tried_models.way if by_chance.isdisjoint(one.model.names)]
         return Decision(
-            "unknown_effect", named[-1], sets, probability, by_chance=tuple(sorted(drawn))
+            "unknown_effect", certain[-1], sets, probability, by_chance=tuple(sorted(drawn))
         )
     if reason := not_enough(tried_models.way[0].adequacy, final.adequacy, tried_models.doubted,
                             options, effects=len(final.model.names)):  # fmt: skip
@@ -97,7 +97,7 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
     untried = tuple(dict.fromkeys(key for key in tried_models.untried if not own <= set(key)))
     families, members = family_of(sets, final.model.names, explanation, options)
     one = len(sets) == 1 and next(iter(sets)) == final.model.names
-    named = (one or families) and not untried
+    named = bool(one or families) and not untried
     if len(final.model.names) > 1 and not named:
         return Decision("unknown_effect", final, sets, probability, untried,
                         not_enough="it takes several effects, and others would do")  # fmt: skip

@@ -160,7 +160,7 @@ def _survivors(
     least: float = LEAST_SHARE,
 ) -> list[Rival]:
     """Explanations that still have some probability, the most probable first."""
-    found = []
+    found: list[Rival] = []
     for names, weight in decision.probability.items():
         if weight < least or len(found) == MOST_RIVALS:
             break

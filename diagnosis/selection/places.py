@@ -87,8 +87,8 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
         rows = runs.predict(states)
         # Cells have been measured at this place alone; the neighbours have what they do here.
         cells = selection.comparison.base.cells
-        rows = [row + cells.of(states[0]) - cells.of(one)
-                for one, row in zip(states, rows, strict=True)]  # fmt: skip
+        rows = np.array([row + cells.of(states[0]) - cells.of(one)
+                         for one, row in zip(states, rows, strict=True)])  # fmt: skip
         found = judged(selection.explanation.context.of(now).data, fit, draws=1, seed=0)
         drops = {}
         for other, row in zip(there, rows[1:], strict=True):
@@ -108,6 +108,8 @@ def _refitted(
     comparison, options = selection.comparison, selection.options
     before = selection.explanation.known[now.names[0]]
     candidate = model.add_placed(name, choices=before.placed)
+    if candidate is None:
+        return None
     taken = take_signatures(
         selection.runs, comparison.base.surface, comparison.judged.system, [candidate],
         finite=options.finite_amplitudes, turns=1,

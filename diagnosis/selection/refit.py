@@ -365,8 +365,8 @@ def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedMod
         return chosen
     # The slope that a search has learnt by the way can leave it short in a long valley.
     surrogate.recall(context.runs)
-    found = search(
+    refitted = search(
         context.runs, context.data, surrogate, [fit.x], first=[], turns=TURNS, what=what
     ) or settled(context.data, surrogate, [fit.x])  # fmt: skip
-    found = weighed(context, found, around(found), surrogate)
+    found = weighed(context, refitted, around(refitted), surrogate)
     return replace(found, judged=True, sloped=True, own=chosen.own)

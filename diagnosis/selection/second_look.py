@@ -133,7 +133,7 @@ def starts(selection: Selection) -> list[tuple[str, ...]]:
     """The best switches and other single effects that were refitted, by their sum of squares."""
     known = selection.explanation.known
     models = selection.tried.models
-    totals = {
+    totals: dict[tuple[str, ...], float] = {
         key: models[key].fit.total
         for key in models
         if len(key) == 1

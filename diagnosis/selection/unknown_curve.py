@@ -105,9 +105,9 @@ def find_curve(
     fits = {variable: estimates[variable][2] for variable in order}
     calibrated = []
     for variable in order[:CALIBRATED]:
-        found = refit(context, surface, estimates[variable][1], seeds=ANCHORED)
-        if found is not None:
-            fits[variable] = judge(context, found)
+        refitted = refit(context, surface, estimates[variable][1], seeds=ANCHORED)
+        if refitted is not None:
+            fits[variable] = judge(context, refitted)
             calibrated.append(variable)
     if not calibrated:
         return None

@@ -8,6 +8,7 @@ Nothing is decided here.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -175,14 +176,18 @@ def moved_most(comparison: Comparison, explanation: Explanation) -> tuple[str, f
     return mover, moved[mover]
 
 
+def _apart(std: float, amplitude: float) -> float:
+    return abs(abs(amplitude) - std)
+
+
 def stated(explanation: Explanation) -> dict[str, np.ndarray]:
     """Changes of all predictions by one standard deviation of what is assumed with one, by name."""
     found = {}
     for candidate in explanation.candidates:
         changes = explanation.signatures[candidate.name].changes
-        if candidate.prior_std is not None:
-            rung = min(changes, key=lambda a: abs(abs(a) - candidate.prior_std))
-            found[candidate.name] = changes[rung] * (candidate.prior_std / rung)
+        if (std := candidate.prior_std) is not None:
+            rung = min(changes, key=partial(_apart, std))
+            found[candidate.name] = changes[rung] * (std / rung)
     return found
 
 

@@ -49,7 +49,7 @@ class Deposit:
     initial_position: np.ndarray
     volume: np.ndarray | float
     spacing: float
-    foot: Mapping[str, float]
+    foot: Mapping[Side, float]
     ground: np.ndarray | float | None = None
     positions: np.ndarray | None = None
     time: np.ndarray | None = None
@@ -60,7 +60,7 @@ class Deposit:
     def on(
         cls,
         scene: Scene,
-        foot: Mapping[str, float],
+        foot: Mapping[Side, float],
         position: np.ndarray,
         initial_position: np.ndarray,
         *,
@@ -252,7 +252,7 @@ class Measured(Quantity):
         """The measurement is read on all frames of a run, not on the last alone."""
         return self.history is not None
 
-    def reading_key(self, foot: Mapping[str, float]) -> str:
+    def reading_key(self, foot: Mapping[Side, float]) -> str:
         """Name of the reading among those that are kept of a run, for a type with a `history`.
 
         Measured values, errors and names are not part of it, so another survey of the same quantity

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import torch
@@ -17,8 +16,6 @@ from torch import Tensor
 from gns.data.scene_facts import SceneFacts
 from gns.network.units import ScaledScene
 from mpm_taichi.solver.water import WATER_DENSITY
-
-Property = Literal["cohesion_kpa", "friction_deg", "density", "water_level"]
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class UnknownProperty:
         vertices: (L,) bool, vertices of the phreatic line that move with the level.
     """
 
-    property: Property
+    property: str
     zones: tuple[int, ...]
     value: float
     vertices: np.ndarray | None = None

@@ -91,7 +91,10 @@ def apply_changes(setup: AnySetup, changes: Changes, where: str) -> Changed[AnyS
     """
     words: list[str] = []
     if isinstance(setup, SectionSetup):
-        setup, words = _other_section(setup, changes, where)
+        section, words = _other_section(setup, changes, where)
+        setup = replace(
+            setup, scene=section.scene, settings=section.settings, parameters=section.parameters
+        )
     elif asked := [name for name in OF_SECTIONS if getattr(changes, name)]:
         raise InputError(f"{where}: {', '.join(asked)}: {LEFT_OUT}")
     if changes.simulation:

@@ -155,10 +155,10 @@ def _stress_by_zone(scene: Scene3d, run: Run3d) -> dict[str, list[float]]:
     """Zone -> number of points, mean and standard deviation of the vertical stress [kPa]."""
     vertical = -1e-3 * run.initial_stress[:, 2].astype(float)
     found = {}
-    for number, zone in enumerate(scene.soil.zones):
+    for number, name in enumerate(zone.name for zone in scene.soil.zones):
         own = vertical[run.zone == number]
         if len(own):
-            found[zone.name] = [float(len(own)), float(own.mean()), float(own.std())]
+            found[name] = [float(len(own)), float(own.mean()), float(own.std())]
     return found
 
 
@@ -193,5 +193,5 @@ def run_key_3d(scene: Scene3d, problem: Problem3d, settings: SimulationSettings)
     arrays += [] if problem.velocity is None else [problem.velocity]
     arrays += [np.array([*raster.origin, raster.spacing]) for raster in rasters]
     for array in (*arrays, *(raster.values for raster in rasters)):
-        digest.update(np.ascontiguousarray(array))
+        digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:32]

@@ -20,7 +20,7 @@ import numpy as np
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import Section
 from inversion.engines.mpm_engine import MPMEngine
-from inversion.engines.run_store import KeptRun, RunStore
+from inversion.engines.run_store import KeepsRuns, KeptRun, RunStore
 from inversion.engines.run_store_3d import RunStore3d
 from inversion.estimation.forward import Forward, Prediction, Request, SectionSetup, WrappedEngine
 from pipeline.cli import InputError
@@ -57,8 +57,14 @@ class FiniteWidth(WrappedEngine):
         """Simulations in three dimensions so far."""
         return sum(one.computed for one in self._stores.values() if isinstance(one, RunStore3d))
 
+    @property
+    def keeps_runs(self) -> bool:
+        """The engine has whole runs, for pictures and for the stress before failure."""
+        return isinstance(self.engine, KeepsRuns)
+
     def kept_run(self, request: Request) -> KeptRun:
-        """The plane run of a request, for pictures."""
+        """The plane run of a request, for pictures, where it keeps any."""
+        assert isinstance(self.engine, KeepsRuns)
         return self.engine.kept_run(_plane(request))
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction]:

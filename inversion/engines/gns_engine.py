@@ -230,7 +230,8 @@ class GNSEngine(Forward):
         """Roll out with the derivative and keep both; the run that is known stays as it is."""
         began = time.perf_counter()
         watch = _Watch(slide, self.on_frame)
-        frames, until = slide.frames, watch.over
+        frames = slide.frames
+        until: Callable[[Tensor, int], bool] | None = watch.over
         if run is not None:  # its frames again, whatever rest would say of other digits
             frames, until = int(round(run.end_s / slide.facts.frame_time)) + 1, None
         reading = RolloutReading(

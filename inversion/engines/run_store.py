@@ -12,7 +12,7 @@ from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from mpm_taichi.effects import has_own_code
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
-    from inversion.estimation.forward import HistoryReader, Setup
+    from inversion.estimation.forward import HistoryReader, Request, Setup
     from mpm_taichi.simulate import Wanted
     from mpm_taichi.trajectory import Run
     from pipeline.config import SimulationSettings
@@ -70,6 +70,15 @@ class KeptRun:
     wall_time_s: float
     readings: dict[str, Reading] = field(default_factory=dict)
     volume: np.ndarray | None = None
+
+
+@runtime_checkable
+class KeepsRuns(Protocol):
+    """A forward engine that has whole runs, for pictures and for the stress before failure."""
+
+    def kept_run(self, request: Request) -> KeptRun:
+        """The whole run of a request."""
+        ...
 
 
 class Store:

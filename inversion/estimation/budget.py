@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,13 +17,12 @@ from inversion.problem.state import State
 
 
 class Predictor(Protocol):
-    """What answers states.
+    """What answers states."""
 
-    Attributes:
-        computed: forward runs that were really simulated.
-    """
-
-    computed: int
+    @property
+    def computed(self) -> int:
+        """Forward runs that were really simulated."""
+        ...
 
     def predict(self, states: Sequence[State]) -> np.ndarray:
         """Predictions of all states, (n, m), in one batch; a row of NaN where a run failed.
@@ -38,8 +37,11 @@ class Predictor(Protocol):
         ...
 
 
+Asked = TypeVar("Asked", bound=Predictor)
+
+
 @dataclass
-class Runs:
+class Runs(Generic[Asked]):
     """A model with a memory and an allowance.
 
     Attributes:
@@ -53,7 +55,7 @@ class Runs:
             well.
     """
 
-    model: Predictor
+    model: Asked
     allowance: int
     free: Collection[str] = ()
     reserve: int = 0

@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from geometry.survey.measured import Deposit, Measured, Reading
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
 from pipeline.config import SimulationSettings
-
-if TYPE_CHECKING:
-    from mpm_taichi.trajectory import Run
 
 
 @dataclass(frozen=True)
@@ -173,6 +170,45 @@ class Request:
         return self.section.scene_at(self.values)
 
 
+class Recorded(Protocol):
+    """A run with all frames: of the solver, or of what imitates it."""
+
+    @property
+    def scene(self) -> Scene:
+        """What slid."""
+        ...
+
+    @property
+    def positions(self) -> np.ndarray:
+        """(T, N, 2) [m]."""
+        ...
+
+    @property
+    def time(self) -> np.ndarray:
+        """(T,) [s]."""
+        ...
+
+    @property
+    def bulk_volume(self) -> float | np.ndarray:
+        """Of the points [m2]."""
+        ...
+
+    @property
+    def came_to_rest(self) -> bool:
+        """It stopped by itself."""
+        ...
+
+    @property
+    def status(self) -> str:
+        """Finished or failed."""
+        ...
+
+    @property
+    def reason(self) -> str:
+        """Why it failed."""
+        ...
+
+
 @dataclass(frozen=True)
 class HistoryReader:
     """Reads measurements on all frames of a run as it ends, so that no frames are kept.
@@ -190,7 +226,7 @@ class HistoryReader:
         """The measurements that are read, by the name of their reading."""
         return {e.reading_key(self.foot): e for e in self.entries if e.needs_history}
 
-    def read(self, run: Run) -> dict[str, Reading]:
+    def read(self, run: Recorded) -> dict[str, Reading]:
         """Readings by name."""
         if run.status == "failed":
             return {
@@ -201,7 +237,7 @@ class HistoryReader:
         return {key: entry.reading(deposit) for key, entry in self.wanted.items()}
 
 
-def deposit_of_run(run: Run, foot: Mapping[Side, float]) -> Deposit:
+def deposit_of_run(run: Recorded, foot: Mapping[Side, float]) -> Deposit:
     """A whole run as a survey sees it.
 
     Args:

@@ -340,7 +340,7 @@ class Inferred(Generic[AnyModel]):
             total = whole + std[one][:, at, None] ** 2 * np.eye(len(fitted))
             weight = np.linalg.solve(total, left[one][..., None])[..., 0]
             found[one] += weight @ shared.T
-            found[np.ix_(one, at)] += std[one][:, at] ** 2 * weight
+            found[np.ix_(one, np.array(at))] += std[one][:, at] ** 2 * weight
         return found
 
 

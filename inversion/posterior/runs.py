@@ -15,7 +15,7 @@ import numpy as np
 
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import Store
-from inversion.estimation.forward import Forward, Prediction, Setup
+from inversion.estimation.forward import Forward, Prediction, SectionSetup, Setup
 from inversion.posterior.unknown import Unknown, VariedCase
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
@@ -149,9 +149,9 @@ class CaseModel:
             if not isinstance(sensitivity, CellSize | TimeStep | OtherSetting):
                 continue
             for side in sides:
-                reason = ""
-                if self.engine.unseen is not None:
-                    reason = self.engine.unseen(self.varied.case.setup, side.setup)
+                own, reason = self.varied.case.setup, ""
+                if self.engine.unseen is not None and isinstance(own, SectionSetup):
+                    reason = self.engine.unseen(own, side.setup)
                 if reason:
                     left_out.append(f"{sensitivity.name}: left out: {reason}")
                 else:

@@ -178,8 +178,8 @@ def varied_case(case: Asked, refused: Callable[[Setup], str] = lambda setup: "")
         low, high = (-FARTHEST, FARTHEST)
         if isinstance(sensitivity, ZoneBoundary):
             low, high = (FARTHEST * f(0.0, *sensitivity.senses) for f in (min, max))
-        ends = [_reach(case, sensitivity, end) for end in (low, high)]
-        if ends != [low, high]:
+        ends = _reach(case, sensitivity, low), _reach(case, sensitivity, high)
+        if ends != (low, high):
             remarks = [
                 *remarks,
                 f"{sensitivity.name}: the section holds together from {ends[0]:.2g} to "

@@ -72,7 +72,7 @@ def predict_from_blow_counts(
     setup = case.setup(layered)
     gravity = case.simulation.gravity_m_per_s2
     layers = layers_of(case.scene, case.blow_counts, zones, gravity)
-    return document_of(case, layers, engine.forward(store), setup, relations)
+    return document_of(case, layers, engine.made(store), setup, relations)
 
 
 def with_liquefied(case: PredictionCase, zones: Sequence[str]) -> PredictionCase:

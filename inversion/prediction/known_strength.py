@@ -113,7 +113,8 @@ def placed(
     if any(not strength.zones for strength in strengths) and len(strengths) > 1:
         raise InputError(f"{OPTION}: of several, each must name its zones, such as 1=4+-1")
     known = [zone.name for zone in scene.zones]
-    found, taken = [], []
+    found: list[KnownStrength] = []
+    taken: list[str] = []
     for strength in strengths:
         own = strength.zones or tuple(zones)
         if not own:
@@ -191,9 +192,10 @@ def sampled_scores(
     strengths: Sequence[KnownStrength], samples: int, random: np.random.Generator
 ) -> np.ndarray:
     """Standard normal scores (samples, p): of draws together, of anything else independent."""
-    if not all(isinstance(strength, DrawnStrength) for strength in strengths):
+    drawn = [strength for strength in strengths if isinstance(strength, DrawnStrength)]
+    if len(drawn) < len(strengths):
         return random.standard_normal((samples, len(strengths)))
-    together = np.stack([strength.scores for strength in strengths], axis=1)
+    together = np.stack([strength.scores for strength in drawn], axis=1)
     return together[random.integers(len(together), size=samples)]
 
 

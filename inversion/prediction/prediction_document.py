@@ -124,7 +124,7 @@ def _at_the_edge(case: PredictionCase, found: Distribution, number: int) -> floa
     return _round(np.mean(found.samples[:, number] > room - 2.0 * scene.spacing))
 
 
-def _round(value: float) -> float:
+def _round(value: float | np.floating[Any]) -> float:
     return round(float(value), DIGITS)
 
 
