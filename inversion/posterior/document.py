@@ -66,6 +66,7 @@ class PredictedNumber(StrictDocument):
     """A measured number as the posterior predicts it."""
 
     name: str
+    group: str = Field("", description="name of the measurement it belongs to; empty: its own")
     unit: str
     role: Role
     measured: float

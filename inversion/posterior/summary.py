@@ -43,6 +43,8 @@ from pipeline.manifest import manifest
 from pipeline.ties import ranked
 
 DIGITS = 5
+#: Directions in which the errors of a map count: a surface moves as a whole.
+COMPONENTS = 3
 #: Standard deviations of the prior between the means of prior and posterior: three are chance
 #: once in 370 parameters.
 DISAGREE = 3.0
@@ -213,10 +215,17 @@ def _sobol(found: Inferred[CaseModel], place: int) -> list[SobolShare]:
     )
     inputs = [np.delete(values, place, axis=1)]
     labels = [one.name for k, one in enumerate(unknowns) if k != place]
-    for number in np.flatnonzero(targets.fitted & ~targets.censored):
-        column = names.index(targets.names[number])
-        inputs.append((targets.measured[number] - found.predicted[:, column])[:, None])
-        labels.append(f"errors of {targets.names[number]}")
+    known, groups = targets.fitted & ~targets.censored, np.array(targets.groups)
+    for group, entry in enumerate(targets.entries):
+        own = np.flatnonzero(known & (groups == group))
+        columns = [names.index(targets.names[number]) for number in own]
+        errors = targets.measured[own] - found.predicted[:, columns]
+        if entry.as_one and len(own) > COMPONENTS:
+            inputs.append(principal(errors, COMPONENTS))
+            labels += [f"errors of {entry.name}"] * COMPONENTS
+        else:
+            inputs.append(errors)
+            labels += [f"errors of {targets.names[number]}" for number in own]
     return [
         SobolShare(name=one.name, first=_round(one.first), total=_round(one.total))
         for one in shares(values[:, place], np.hstack(inputs), labels)
@@ -240,6 +249,7 @@ def _numbers(found: Inferred[CaseModel]) -> list[PredictedNumber]:
         made.append(
             PredictedNumber(
                 name=name,
+                group=targets.entries[targets.groups[place]].name,
                 unit=targets.entries[targets.groups[place]].unit,
                 role=targets.roles[place],
                 measured=measured,
@@ -302,14 +312,20 @@ class Share:
 
 
 def shares(output: np.ndarray, inputs: np.ndarray, names: list[str]) -> list[Share]:
-    """Shares of the variance of an output (s,) by inputs (s, i), the largest total first."""
+    """Shares of the variance of an output (s,) by inputs (s, i), the largest total first.
+
+    Columns of the same name are one input.
+    """
     spread = inputs.std(axis=0)
     moving = spread > 1e-12
     x = (inputs[:, moving] - inputs[:, moving].mean(axis=0)) / spread[moving]
+    left = np.array(names)[moving]
     found, everything = [], explained(output, _quadratic(x))
-    for place, name in enumerate(np.array(names)[moving]):
-        alone = explained(output, x[:, [place]] ** np.arange(4))
-        others = explained(output, _quadratic(np.delete(x, place, axis=1)))
+    for name in dict.fromkeys(left):
+        own = left == name
+        powers = [x[:, own] ** power for power in range(1, 4)]
+        alone = explained(output, np.hstack([np.ones((len(x), 1)), *powers]))
+        others = explained(output, _quadratic(x[:, ~own]))
         # What no input explains is nobody's: the total is what this one adds to the others.
         found.append(Share(str(name), alone, max(everything - others, 0.0)))
     return ranked(found, lambda share: share.total)
@@ -324,6 +340,12 @@ def explained(output: np.ndarray, features: np.ndarray) -> float:
     coefficients, *_ = np.linalg.lstsq(features, output, rcond=None)
     left = np.var(output - features @ coefficients) / max(np.var(output), 1e-300)
     return float(np.clip(1.0 - left * (count - 1) / max(count - rank, 1), 0.0, 1.0))
+
+
+def principal(errors: np.ndarray, count: int) -> np.ndarray:
+    """Leading principal components (s, count) of errors (s, n) that hang together."""
+    left, size, _ = np.linalg.svd(errors - errors.mean(axis=0), full_matrices=False)
+    return left[:, :count] * size[:count]
 
 
 def _quadratic(x: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from inversion.posterior.document import PosteriorDocument, PredictedNumber, Unk
 from inversion.posterior.draws import Draws, key
 from report import style
 from report.numbers import unit_of
-from report.tables.posterior import LEAST_SHARE
+from report.tables.posterior import LEAST_SHARE, named
 
 ROW, HEIGHT, CELLS = 0.3, 0.75, 120
 #: Most measured numbers that have a panel; a profile's are many.
@@ -24,7 +24,7 @@ MOST_NUMBERS = 10
 
 def draw_predicted(document: PosteriorDocument, draws: Draws, path: Path) -> Path | None:
     """Save the distribution of each measured number; None where there is none."""
-    chosen = [one for one in document.numbers if one.role != "constructed"][:MOST_NUMBERS]
+    chosen = [one for one in named(document) if one.role != "constructed"][:MOST_NUMBERS]
     if not chosen:
         return None
     figure, axes = style.chart([HEIGHT] * len(chosen), left=0.2, above=0.26, below=0.42)

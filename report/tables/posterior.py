@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from inversion.posterior.document import PosteriorDocument, Spread, UnknownAnswer
+import math
+from collections.abc import Iterable
+
+from inversion.posterior.document import (
+    PosteriorDocument,
+    PredictedNumber,
+    Spread,
+    UnknownAnswer,
+)
+from report.data.back_analysis import MANY
 from report.numbers import fixed, limited, number, percent, signed, unit_of
 from report.table import Table
 
@@ -30,8 +39,31 @@ def parameter_table(document: PosteriorDocument) -> Table:
     return Table(header, rows)
 
 
+def of_maps(document: PosteriorDocument) -> dict[str, list[PredictedNumber]]:
+    """Measurements of so many numbers that these are not named one by one."""
+    groups: dict[str, list[PredictedNumber]] = {}
+    for one in document.numbers:
+        groups.setdefault(one.group, []).append(one)
+    return {name: own for name, own in groups.items() if name and len(own) > MANY}
+
+
+def named(document: PosteriorDocument) -> list[PredictedNumber]:
+    """The numbers of all other measurements."""
+    maps = of_maps(document)
+    return [one for one in document.numbers if one.group not in maps]
+
+
+def _rms(values: Iterable[float | None]) -> float:
+    known = [value for value in values if value is not None]
+    return math.sqrt(sum(value * value for value in known) / max(len(known), 1))
+
+
+def _map_name(name: str, own: list[PredictedNumber]) -> str:
+    return f"{name}, {len(own)} numbers, rms ({unit_of(own[0].unit)})"
+
+
 def predicted_table(document: PosteriorDocument) -> Table:
-    """Measured numbers."""
+    """Measured numbers, of a map their root mean squares."""
     rows = [
         [
             f"{one.name} ({unit_of(one.unit)})",
@@ -45,7 +77,20 @@ def predicted_table(document: PosteriorDocument) -> Table:
             if one.censored and one.difference_in_std >= 0.0
             else signed(-one.difference_in_std),
         ]
-        for one in document.numbers
+        for one in named(document)
+    ]
+    rows += [
+        [
+            _map_name(name, own),
+            own[0].role,
+            None,
+            number(_rms(one.std for one in own), 2),
+            f"off by {number(_rms(one.after.mean - one.measured for one in own), 2)}",
+            None,
+            None,
+            fixed(_rms(one.difference_in_std for one in own), 1),
+        ]
+        for name, own in of_maps(document).items()
     ]
     header = ["number", "role", "measured", "std", "predicted", "95 %", "before the data",
               "predicted minus measured, in std"]  # fmt: skip
@@ -80,7 +125,13 @@ def emulator_table(document: PosteriorDocument) -> Table:
     rows = [
         [f"{one.name} ({unit_of(one.unit)})", fixed(one.left_out_std, 2),
          signed(one.correction, 2), fixed(one.correction_std, 2)]
-        for one in document.numbers
+        for one in named(document)
+    ]  # fmt: skip
+    rows += [
+        [_map_name(name, own), fixed(_rms(one.left_out_std for one in own), 2),
+         fixed(_rms(one.correction for one in own), 2),
+         fixed(_rms(one.correction_std for one in own), 2)]
+        for name, own in of_maps(document).items()
     ]  # fmt: skip
     header = ["number", "error of the emulator, left out", "fine less coarse", "scatter of it"]
     return Table(header, rows)
@@ -88,14 +139,20 @@ def emulator_table(document: PosteriorDocument) -> Table:
 
 def other_ways_table(document: PosteriorDocument) -> Table:
     """Errors of the model: other ways to simulate."""
-    names = [one.name for one in document.numbers]
+    names, maps = [one.name for one in named(document)], of_maps(document)
     rows = [
-        [way, *(signed(change[name], 2) for name in names)]
+        [
+            way,
+            *(signed(change[name], 2) for name in names),
+            *(fixed(_rms(change[one.name] for one in own), 2) for own in maps.values()),
+        ]
         for way, change in document.other_ways.items()
     ]
+    headings = [_map_name(name, own) for name, own in maps.items()]
     return Table(
-        ["simulated otherwise", *names], rows, "change of the numbers: errors of the model"
-    )
+        ["simulated otherwise", *names, *headings], rows,
+        "change of the numbers: errors of the model",
+    )  # fmt: skip
 
 
 _HEADER = ["unknown", "prior", "before", "after", "95 % after", "variance that went"]
