@@ -73,6 +73,7 @@ docs: $(READY)
 lint: $(READY)
 	$(IN_VENV) ruff check .
 	$(IN_VENV) ruff format --check .
+	$(IN_VENV) mypy --cache-dir results/mypy
 	$(IN_VENV) snakefmt --check Snakefile rules
 
 format: $(READY)

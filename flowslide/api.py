@@ -276,7 +276,7 @@ def simulate_3d(
     from report.simulation3d import FILES, RASTERS, write_simulation_3d
 
     watch = Watch(progress, cancel)
-    described = load_scene_3d(scene, spacing=spacing_m)
+    described = load_scene_3d(os.fspath(scene), spacing=spacing_m)
     described = described.changed(water=water, strengths_kpa=strengths_kpa)
     problem = problem_of(described)
     simulation = (settings or load_settings(None)).simulation
@@ -681,7 +681,7 @@ def predict_3d(
         raise InputError("--thicker-than: thicknesses must be greater than 0 m")
     watch = Watch(progress, cancel)
     with _folder(out) as folder, ExitStack() as held:
-        described = load_scene_3d(scene, spacing=spacing_m)
+        described = load_scene_3d(os.fspath(scene), spacing=spacing_m)
         soil = described.soil
         liquefied = [z.name for z in soil.zones if soil.materials[z.material].liquefied]
         read = _strengths(strengths, posterior, zones, distribution)
@@ -719,7 +719,7 @@ def _strengths(
     if bool(strengths) == (posterior is not None):
         raise InputError("predict: give strengths or a posterior, one of the two")
     if posterior is not None:
-        read: Sequence[KnownStrength] = drawn_strengths(posterior)
+        read: Sequence[KnownStrength] = drawn_strengths(os.fspath(posterior))
     else:
         read = [parse_strength(s, distribution) if isinstance(s, str) else s for s in strengths]
     if zones and read[0].zones:
@@ -817,7 +817,9 @@ def classical(
 
     watch = Watch(progress, cancel)
     with own_code((), measurement_files), _folder(out) as folder, ExitStack() as held:
-        sections = case_sections(load_case(case, settings=settings), run=run)
+        sections = case_sections(
+            load_case(case, settings=settings), run=None if run is None else os.fspath(run)
+        )
         held.enter_context(working_in(folder))
         analyses, refused = analyse_slides(
             sections, slide=slide, changes=judgement, on_slide=watch.reach
@@ -1012,7 +1014,9 @@ def write_report(
     from report.back_analysis import write_report as write_back_analysis
     from report.data.back_analysis import load_back_analysis
 
-    return write_back_analysis(load_back_analysis(folder, case), film=film)
+    return write_back_analysis(
+        load_back_analysis(folder, None if case is None else os.fspath(case)), film=film
+    )
 
 
 def write_pdf(page: str | os.PathLike[str]) -> Path:
@@ -1050,9 +1054,9 @@ def own_code(effect_files: Files, measurement_files: Files) -> Iterator[None]:
         if effect_files:
             from mpm_taichi.effects import given_effects
 
-            stack.enter_context(given_effects(effect_files))
+            stack.enter_context(given_effects([os.fspath(file) for file in effect_files]))
         if measurement_files:
             from geometry.survey.registry import given_measurements
 
-            stack.enter_context(given_measurements(measurement_files))
+            stack.enter_context(given_measurements([os.fspath(file) for file in measurement_files]))
         yield

@@ -183,7 +183,7 @@ class _Face(CommandParser):
     """The parser of `flowslide`, whose help lists the commands under headings."""
 
     def format_help(self) -> str:
-        lines = [f"usage: {self.prog} COMMAND ...", "", self.description]
+        lines = [f"usage: {self.prog} COMMAND ...", "", self.description or ""]
         for heading, commands in COMMANDS.items():
             lines += ["", f"{heading}:"]
             for name, one in commands.items():
@@ -211,15 +211,18 @@ class _CommandParser(CommandParser):
             needs = (command.extra, self.prog)
             self.set_defaults(handler=module.run, needs=needs, **command.defaults)
 
-    def parse_known_args(self, args=None, namespace=None):  # noqa: ANN001, ANN201, D102
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As `argparse`; the arguments of the command are added before."""
         self.complete()
         return super().parse_known_args(args, namespace)
 
 
 def _add(parser: CommandParser, commands: Mapping[str, Command | Group]) -> None:
     """Add commands to a parser."""
+    # A function in place of a class: which of two parsers it is depends on the command.
+    maker: Any = _parser_of
     places = parser.add_subparsers(
-        metavar="COMMAND", required=True, parser_class=_parser_of, title="commands"
+        metavar="COMMAND", required=True, parser_class=maker, title="commands"
     )
     for name, one in commands.items():
         inner = places.add_parser(name, help=one.help, description=one.help, entry=one)

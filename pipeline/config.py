@@ -401,7 +401,7 @@ class PackSettings(Settings):
 
 
 def _default_training() -> dict[str, dict[str, int | float | bool | str | list[int]]]:
-    coarse: dict[str, int | float | bool | str] = {
+    coarse: dict[str, int | float | bool | str | list[int]] = {
         "width": 48,
         "message_passing_steps": 4,
         "radius_cells": 1.0,

@@ -287,7 +287,7 @@ def _finite_int(text: str) -> int:
 
 def _not_too_deep(value: Any) -> Any:
     """The value; nesting that later steps could not follow, or within itself, is refused."""
-    layer = [[value]]
+    layer: list[dict[Any, Any] | list[Any]] = [[value]]
     for _ in range(_MOST_NESTED + 1):
         inner = (
             item
@@ -308,9 +308,10 @@ class _CheckedLoader(yaml.SafeLoader):
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
-        self._values, self._size = 0, {}
+        self._values = 0
+        self._size: dict[int, int] = {}
 
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """A node; ten lines of aliases of aliases may stand for more than a memory holds."""
         before, event = self._values, self.peek_event()
         repeated = isinstance(event, yaml.AliasEvent)
@@ -361,7 +362,7 @@ class _QuotingDumper(yaml.SafeDumper):
     """Writes what `_CheckedLoader` reads: text that looks like a number of YAML 1.2 is quoted."""
 
 
-def yaml_text(document: object, **options: object) -> str:
+def yaml_text(document: object, **options: Any) -> str:
     """A document as YAML text that `read_yaml` reads as the same document.
 
     PyYAML alone leaves a hash such as 80601e8423623564 unquoted, which YAML 1.2 takes for a number.

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from threading import Event, RLock
 from types import TracebackType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -172,7 +172,7 @@ class Progress:
         self._said: set[str] = set()
         self._terminal: TextIO | None = None
         self._bar: RichProgress | None = None
-        self._task = None
+        self._task: Any = None
 
     def __enter__(self) -> Progress:
         self._started = self._last_line = time.monotonic()

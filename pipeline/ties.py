@@ -34,12 +34,13 @@ def largest(
         ValueError: no items and no default.
     """
     known = list(items)
-    if not known and default is None:
-        raise ValueError("largest() of nothing")
+    if not known:
+        if default is None:
+            raise ValueError("largest() of nothing")
+        return default
     numbers = [_or_last(number(item)) for item in known]
-    top = max(numbers, default=0.0)
-    as_large = (item for item, one in zip(known, numbers, strict=True) if _equal(top, one, unit))
-    return next(as_large, default)
+    top = max(numbers)
+    return next(item for item, one in zip(known, numbers, strict=True) if _equal(top, one, unit))
 
 
 def smallest(

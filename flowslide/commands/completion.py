@@ -39,6 +39,6 @@ def _prepare(parser: argparse.ArgumentParser, file: dict, folder: dict) -> None:
             for inner in action.choices.values():
                 _prepare(inner, file, folder)
         elif action.metavar in FOLDERS:
-            action.complete = folder
+            setattr(action, "complete", folder)  # noqa: B010 - shtab's own attribute
         elif action.metavar and any(word in action.metavar for word in ("FILE", "SCENE", "MODEL")):
-            action.complete = file
+            setattr(action, "complete", file)  # noqa: B010

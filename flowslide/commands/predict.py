@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Literal
 
 from flowslide.commands import options
 
-OPTION, KINDS = "--residual-strength", ("lognormal", "normal")
+OPTION = "--residual-strength"
+KINDS: tuple[Literal["lognormal", "normal"], ...] = ("lognormal", "normal")
 FROM_COUNTS = "--from-blow-counts"
 FROM_POSTERIOR = "--posterior"
 OF_STRENGTHS = ("distribution", "samples", "seeds")

@@ -83,19 +83,21 @@ def _other(arguments: argparse.Namespace) -> Path | None:
     folder = Path(arguments.case)
     if (folder / "posterior.json").is_file():
         from inversion.posterior.document import load_posterior
-        from report import posterior as composer
+        from report import posterior
 
-        print(composer.summary(load_posterior(folder)))
+        page, write = posterior.PAGE, posterior.write_report
+        print(posterior.summary(load_posterior(folder)))
     elif (folder / "verdict.json").is_file():
         from diagnosis.verdict.verdict import load_verdict
-        from report import diagnosis as composer
+        from report import diagnosis
 
-        print(composer.summary(load_verdict(folder), folder))
+        page, write = diagnosis.PAGE, diagnosis.write_report
+        print(diagnosis.summary(load_verdict(folder), folder))
     else:
         return None
     if arguments.report == "none":
-        return folder / composer.PAGE
-    return composer.write_report(folder)
+        return folder / page
+    return write(folder)
 
 
 def check_case(given: str, result: Result) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from flowslide.commands import options
 
@@ -80,10 +80,10 @@ def run(arguments: argparse.Namespace) -> None:
     print("" if film == "none" else f"; film: {out / 'runout'}.{film}")
 
 
-def _default_film() -> str:
+def _default_film() -> Literal["mp4", "gif"]:
     from pipeline.extras import has
 
-    return FILMS[0] if has("video") else "gif"
+    return "mp4" if has("video") else "gif"
 
 
 def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flowslide.commands import options
+
+if TYPE_CHECKING:
+    from flowslide.studio.workspace import Workspace
 
 DESCRIPTION = (
     "Open a page in the browser: move the strengths, the water and the effects of a case, watch it "
@@ -75,7 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
         live.close()
 
 
-def workspace_of(text: str | None):  # noqa: ANN201 - its import waits
+def workspace_of(text: str | None) -> tuple[Workspace, str]:
     """The workspace of what was typed, and the case that is shown first; empty: any.
 
     Raises:

@@ -276,8 +276,8 @@ class _Studio:
         except WebSocketDisconnect:
             pass
         except Exception as error:
-            message = f"ended by an error of the program: {error!r}"
-            await socket.send_json({"type": "failed", "id": number, "message": message})
+            words = f"ended by an error of the program: {error!r}"
+            await socket.send_json({"type": "failed", "id": number, "message": words})
             raise
 
 

@@ -76,7 +76,7 @@ def with_room_made(documents: Mapping[str, Any]) -> dict[str, Any]:
     """The parts; the section with spacing, domain and base that hold what is drawn and surveyed."""
     scene = documents.get("scene")
     try:
-        scene = with_room(scene, _surveyed(documents))
+        scene = with_room(documents["scene"], _surveyed(documents))
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
         pass  # it is at fault, and the checks say how
     return {**documents, "scene": scene}

@@ -197,7 +197,9 @@ class Jobs:
         """
         folder = self._find(number)
         job = read_json(folder / JOB)
-        said = read_json(folder / STATE) if (folder / STATE).is_file() else {"state": "interrupted"}
+        said: dict[str, Any] = {"state": "interrupted"}
+        if (folder / STATE).is_file():
+            said = read_json(folder / STATE)
         if said["state"] == "running" and not self._lives(number, said.get("process")):
             # It may have ended between the two looks.
             said = read_json(folder / STATE)

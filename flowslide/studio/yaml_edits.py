@@ -6,7 +6,7 @@ they change is put into the file's text, and the rest of it stays as somebody wr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import StringIO
 from typing import Any
 
@@ -55,7 +55,7 @@ def _put(tree: Any, wanted: Any) -> None:
     if isinstance(wanted, Mapping):
         for key in [key for key in tree if key not in wanted]:
             _drop(tree, key)
-        keys = wanted.keys()
+        keys: Iterable[Any] = wanted.keys()
     else:
         _sort_by_name(tree, wanted)
         del tree[len(wanted) :]
@@ -97,7 +97,7 @@ def _sort_by_name(tree: Any, wanted: list[Any]) -> None:
     names = [one.get("name") if isinstance(one, Mapping) else None for one in wanted]
     if None in names or len(tree) == 0:
         return
-    by_name = {one.get("name"): one for one in tree if isinstance(one, Mapping)}
+    by_name: dict[Any, Any] = {one.get("name"): one for one in tree if isinstance(one, Mapping)}
     if [one.get("name") if isinstance(one, Mapping) else None for one in tree] == names:
         return
     ordered = [by_name.pop(name, None) or CommentedMap(name=name) for name in names]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from geometry.random_scenes.materials import SOILS
 from geometry.random_scenes.sketch import Frame, Outline, Point, Sketch
 from pipeline.random_numbers import Stream
 
@@ -38,7 +39,7 @@ def sketch(stream: Stream, frame: Frame) -> Sketch:
         speed = stream.uniform(*settings.speed_m_per_s)
         direction = stream.direction()
         velocity = (speed * direction[0], speed * direction[1])
-        soil = stream.integer(1, 3)
+        soil = SOILS[stream.integer(1, 3) - 1]
         outlines.append(Outline(f"block_{number + 1}", soil, box, velocity))
     return Sketch(outlines=outlines, ground=ground)
 

@@ -14,6 +14,7 @@ from geometry.random_scenes.sketch import Point
 from geometry.random_scenes.standing_dam import (
     HEIGHT,
     Soil,
+    Width,
     across,
     first_valid,
     log_uniform,
@@ -71,7 +72,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
 
     zones: list[tuple[str, list[Point]]] = []
     for side, name in enumerate(("first", "other")):
-        outer = face_at[side]
+        outer: Width = face_at[side]
         if side == 0 and dike:
             reach = min(dike_height, 1.0) * middle
             slope = dike_width * (face_at[0](0.0) - inner[0](0.0)) / max(reach, 0.1)
@@ -99,7 +100,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
     return standing_dam(stream, name, spacing, height, zones, materials, inner, face_at)
 
 
-def _behind_dike(face, core, slope: float, reach: float):
+def _behind_dike(face: Width, core: Width, slope: float, reach: float) -> Width:
     """Outer limit of the fill behind a dike that ends at the face at `reach`."""
     return lambda y: (
         face(y) - max(reach - y, 0.0) * min(slope, 0.75 * (face(0.0) - core(0.0)) / reach)

@@ -19,6 +19,7 @@ from geometry.scenes.scene import Material
 from pipeline.random_numbers import Stream
 
 Soil = Literal[1, 2, 3]
+SOILS: tuple[Soil, ...] = (1, 2, 3)
 
 DENSITY = 1800.0
 YOUNGS_MODULUS_MPA = 30.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from geometry.random_scenes.materials import SOILS, Soil
 from geometry.random_scenes.sketch import (
     BASE,
     Frame,
@@ -40,8 +41,8 @@ def sketch(stream: Stream, frame: Frame) -> Sketch:
     return Sketch(outlines=outlines, ground=frame.level_base, crest=min(p2[1], p3[1]))
 
 
-def _any_soil(stream: Stream):
-    return stream.integer(1, 3)
+def _any_soil(stream: Stream) -> Soil:
+    return SOILS[stream.integer(1, 3) - 1]
 
 
 def _inside(stream: Stream, polygon: list[Point]) -> Point:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from geometry.random_scenes.materials import Soil
+from pipeline.config import BlockSettings
 from pipeline.random_numbers import Stream
 
 Point = tuple[float, float]
@@ -25,8 +26,7 @@ class Frame:
     height: float
     spacing: float
     cell: float
-    blocks: object
-    """`BlockSettings` of the configuration, for template (e)."""
+    blocks: BlockSettings
 
     @property
     def level_base(self) -> list[Point]:

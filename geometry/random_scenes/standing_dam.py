@@ -7,7 +7,7 @@ ground, with or without a pool, as drawn or as its mirror image.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from pydantic import ValidationError
@@ -32,7 +32,8 @@ RESIDUAL = (0.01, 0.25)
 MOST_DRAWS = 200
 
 #: Half-width at a level, left and right of the axis [heights].
-Sides = list[Callable[[float], float]]
+Width = Callable[[float], float]
+Sides = Sequence[Width]
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def log_uniform(stream: Stream, low: float, high: float) -> float:
     return math.exp(stream.uniform(math.log(low), math.log(high)))
 
 
-def across(side: int, low: float, high: float, near, far) -> list[Point]:
+def across(side: int, low: float, high: float, near: Width, far: Width) -> list[Point]:
     """Outline of a zone between two levels and two half-widths, on the left (0) or right (1)."""
     sign = 1.0 if side else -1.0
     points = [(near(low), low), (far(low), low), (far(high), high), (near(high), high)]

@@ -167,7 +167,9 @@ def _sized(sketch: Sketch, factor: float) -> Sketch:
         ],
         ground=[length(point) for point in sketch.ground],
         crest=None if sketch.crest is None else factor * sketch.crest,
-        seepage=None if sketch.seepage is None else tuple(length(p) for p in sketch.seepage),
+        seepage=None
+        if sketch.seepage is None
+        else (length(sketch.seepage[0]), length(sketch.seepage[1])),
     )
 
 

@@ -243,8 +243,8 @@ def _room(
     left = min([min(x) - 2.0 * height, *places])
     right = max([max(x) + 2.0 * height, *places])
     top = lowest + cell * math.ceil(1.3 * height / cell)
-    edges = cell * math.floor(left / cell), cell * math.ceil(right / cell), top
-    return tuple(round(edge, 9) for edge in edges)  # 7.8, not 7.800000000000001
+    left, right = cell * math.floor(left / cell), cell * math.ceil(right / cell)
+    return round(left, 9), round(right, 9), round(top, 9)  # 7.8, not 7.800000000000001
 
 
 class _Snap:

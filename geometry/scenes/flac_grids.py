@@ -55,7 +55,9 @@ def read_grid(path: Path) -> dict[str, list[Point]]:
                 elements[int(words[2])] = [points[corner] for corner in corners]
                 group = None
             elif words[0].upper() == "ZGROUP":
-                name, slot = _GROUP.match(line.strip()).groups()
+                if (found := _GROUP.match(line.strip())) is None:
+                    raise ValueError(f"ZGROUP: {line.strip()!r}")
+                name, slot = found.groups()
                 group = slots.setdefault(slot or "Default", {}).setdefault(name.strip(), [])
             elif group is not None and words[0].isdigit():
                 group += [int(word) for word in words]
@@ -99,8 +101,8 @@ def _outlines(
             names.append(re.sub(r"\W+", "_", group) + (f"_{k}" if k > 1 else ""))
             parts.append(part)
     area = sum(part.area for part in parts) / len(elements)
-    parts = shapely.coverage_simplify(parts, _STRAIGHT * area**0.5)
-    for name, part in zip(names, parts, strict=True):
+    straight = shapely.coverage_simplify(parts, _STRAIGHT * area**0.5)
+    for name, part in zip(names, straight, strict=True):
         if part.interiors:
             raise InputError(f"{path}: the group {name!r} surrounds another one; cut it in two")
         yield name, [(float(x), float(y)) for x, y in part.exterior.coords[:-1]]

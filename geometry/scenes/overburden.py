@@ -56,8 +56,8 @@ def stress_by_zone(
     wet = position[:, 1] < scene.phreatic_level(position[:, 0])
     soils = [scene.materials[one.material] for one in scene.zones]
     dry = np.array([soil.density for soil in soils])
-    soaked = [soil.saturated_density for soil in soils]
-    soaked = np.array([d if s is None else s for s, d in zip(soaked, dry, strict=True)])
+    saturated = [soil.saturated_density for soil in soils]
+    soaked = np.array([d if s is None else s for s, d in zip(saturated, dry, strict=True)])
     mass = np.where(wet, soaked[zone], dry[zone]) * scene.spacing**2
     stress = 1e-3 * vertical_effective_stress(scene, position, mass, gravity)
     parts = {one.name: stress[zone == number] for number, one in enumerate(scene.zones)}

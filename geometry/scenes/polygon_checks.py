@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from shapely import contains_xy, dwithin, get_coordinates, get_num_coordinates, points, prepare
 from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 from shapely.validation import explain_validity
 
@@ -129,11 +130,12 @@ def gaps(polygons: Mapping[str, Sequence[Point]], spacing: float) -> list[tuple[
     holes = [Polygon(ring) for part in _parts(union) for ring in part.interiors]
     found = [*_parts(added), *holes]
     found = [part for part in _parts(unary_union(found)) if part.area > 0.01 * spacing**2]
-    located = [(part.area, part.representative_point().coords[0]) for part in found]
+    middles = [(part.area, part.representative_point()) for part in found]
+    located = [(area, (float(place.x), float(place.y))) for area, place in middles]
     return sorted(located, key=lambda item: -item[0])
 
 
-def is_crowded(shape: Polygon, spacing: float) -> bool:
+def is_crowded(shape: BaseGeometry, spacing: float) -> bool:
     """Whether an outline has more than `MOST_PAIRS` of vertices within squares of a spacing."""
     _, number = np.unique(np.floor(get_coordinates(shape) / spacing), axis=0, return_counts=True)
     return bool((number**2).sum() > MOST_PAIRS)
@@ -143,9 +145,10 @@ def _is_wide(shape: Polygon, spacing: float) -> bool:
     """Whether a zone is somewhere as wide as the spacing, and so can hold a point."""
     half, (x_min, y_min, x_max, y_max) = HALF * spacing, shape.bounds
     step = max(0.5 * spacing, ((x_max - x_min) * (y_max - y_min) / MOST_TRIALS) ** 0.5)
-    x, y = np.meshgrid(np.arange(x_min, x_max, step), np.arange(y_min, y_max, step))
-    x, y, outline = x.ravel(), y.ravel(), shape.boundary
-    prepare(shape), prepare(outline)
+    grid = np.meshgrid(np.arange(x_min, x_max, step), np.arange(y_min, y_max, step))
+    x, y, outline = grid[0].ravel(), grid[1].ravel(), shape.boundary
+    for one in (shape, outline):
+        prepare(one)
     within = contains_xy(shape, x, y)
     if not dwithin(outline, points(x[within], y[within]), half).all():
         return True
@@ -234,11 +237,13 @@ def _overlapping(shapes: Mapping[str, Polygon], tolerance: float) -> Iterator[Fa
                 yield Fault(message, (first, second), _outlines(shared))
 
 
-def _outlines(shape) -> tuple[tuple[Point, ...], ...]:
-    return tuple(tuple(part.exterior.coords[:-1]) for part in _parts(shape))
+def _outlines(shape: BaseGeometry) -> tuple[tuple[Point, ...], ...]:
+    return tuple(
+        tuple((float(x), float(y)) for x, y in part.exterior.coords[:-1]) for part in _parts(shape)
+    )
 
 
-def _parts(shape) -> list[Polygon]:
+def _parts(shape: BaseGeometry) -> list[Polygon]:
     if shape.is_empty:
         return []
     return [part for part in getattr(shape, "geoms", [shape]) if part.geom_type == "Polygon"]

@@ -40,7 +40,7 @@ class BlowCount(Document):
     def of_kind(self, clean_sand: bool) -> float:
         """N1,60cs or N1,60; where only the other was counted, that one."""
         pair = (self.n1_60cs, self.n1_60) if clean_sand else (self.n1_60, self.n1_60cs)
-        return pair[1] if pair[0] is None else pair[0]
+        return next(count for count in pair if count is not None)
 
     def is_other_kind(self, clean_sand: bool) -> bool:
         """The kind asked for was not counted."""

@@ -12,7 +12,7 @@ Shapes: N points, M places. Lengths in metres, volumes in m2 per metre of width.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, overload
 
 import numpy as np
 
@@ -49,6 +49,39 @@ def kernel_slope(offset: np.ndarray, length: float) -> np.ndarray:
     near = q * (1.5 * q - 2.0)
     far = -0.5 * np.maximum(2.0 - q, 0.0) ** 2
     return np.sign(offset) * np.where(q < 1.0, near, far) / length**2
+
+
+@overload
+def column_height(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    x: np.ndarray | float,
+    *,
+    length: float,
+    derivative: Literal[False] = ...,
+) -> np.ndarray: ...
+
+
+@overload
+def column_height(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    x: np.ndarray | float,
+    *,
+    length: float,
+    derivative: Literal[True],
+) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+@overload
+def column_height(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    x: np.ndarray | float,
+    *,
+    length: float,
+    derivative: bool,
+) -> np.ndarray | tuple[np.ndarray, np.ndarray]: ...
 
 
 def column_height(
@@ -210,6 +243,42 @@ def outward_of(side: Side) -> int:
     if side not in ("left", "right"):
         raise ValueError(f"side is {side!r}; allowed are 'left' and 'right'")
     return -1 if side == "left" else 1
+
+
+@overload
+def toe(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    *,
+    spacing: float,
+    side: Side,
+    anchor_x: float | None = ...,
+    derivative: Literal[False] = ...,
+) -> float: ...
+
+
+@overload
+def toe(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    *,
+    spacing: float,
+    side: Side,
+    anchor_x: float | None = ...,
+    derivative: Literal[True],
+) -> tuple[float, np.ndarray]: ...
+
+
+@overload
+def toe(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    *,
+    spacing: float,
+    side: Side,
+    anchor_x: float | None = ...,
+    derivative: bool,
+) -> float | tuple[float, np.ndarray]: ...
 
 
 def toe(

@@ -55,12 +55,12 @@ class CrestSettlement(SingleLength):
             change[crest, 1] = -1.0 / len(crest)
             return drop, change
         at_start = deposit.volume if deposit.initial_volume is None else deposit.initial_volume
-        place = {"spacing": deposit.spacing, "x": self.x_m}
-        before = surface_profile(deposit.initial_position, at_start, **place)
-        now = surface_profile(deposit.position, deposit.volume, **place, derivative=derivative)
+        points, volume, spacing = deposit.position, deposit.volume, deposit.spacing
+        before = surface_profile(deposit.initial_position, at_start, self.x_m, spacing=spacing)
         if derivative:
-            return float(before - now[0]), -now[1]
-        return float(before - now)
+            now, slope = surface_profile(points, volume, self.x_m, spacing=spacing, derivative=True)
+            return float(before - now), -slope
+        return float(before - surface_profile(points, volume, self.x_m, spacing=spacing))
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A crest on the section, and no greater settlement than the section is high."""

@@ -28,7 +28,8 @@ def check_end(deposit: Deposit, name: str, last: float) -> None:
     Raises:
         InputError: one line.
     """
-    end = float(deposit.time[-1])
+    _, time = frames_of(deposit, name)
+    end = float(time[-1])
     if last > end and not deposit.at_rest:
         raise InputError(
             f"{name}: measured at {last:g} s, but the run was stopped in motion at {end:g} s; "

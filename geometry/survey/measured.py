@@ -329,17 +329,18 @@ class SingleLength(Single, Length):
     def _in_range(self) -> Self:
         if (self.low_m is None) != (self.high_m is None):
             raise ValueError("low_m and high_m: give both or neither")
-        if self.low_m is not None and not self.low_m <= self.value_m <= self.high_m:
-            raise ValueError(
-                f"value_m {self.value_m:g} lies outside low_m {self.low_m:g} to "
-                f"high_m {self.high_m:g}"
-            )
+        if self.stated_range is not None:
+            low, high = self.stated_range
+            if not low <= self.value_m <= high:
+                raise ValueError(
+                    f"value_m {self.value_m:g} lies outside low_m {low:g} to high_m {high:g}"
+                )
         return self
 
     @property
     def stated_range(self) -> tuple[float, float] | None:
         """Lower and upper end of the stated range [m]."""
-        return None if self.low_m is None else (self.low_m, self.high_m)
+        return None if self.low_m is None or self.high_m is None else (self.low_m, self.high_m)
 
 
 def single_lengths(entries: Iterable[Measured]) -> list[SingleLength]:

@@ -82,7 +82,8 @@ def measurement_types() -> dict[str, type[Measured]]:
 
 @cache
 def _adapter(kinds: tuple[type[Measured], ...]) -> TypeAdapter[Measured]:
-    return TypeAdapter(Annotated[reduce(or_, kinds), Field(discriminator="type")])
+    entry: Any = Annotated[reduce(or_, kinds), Field(discriminator="type")]
+    return TypeAdapter(entry)
 
 
 def measurement_of(entry: Any) -> Measured:

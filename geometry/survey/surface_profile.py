@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, overload
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
@@ -192,6 +192,42 @@ class SurfaceProfile(Length):
         ]
 
 
+@overload
+def surface_profile(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    x: np.ndarray | float,
+    *,
+    spacing: float,
+    ground: np.ndarray | float = ...,
+    derivative: Literal[False] = ...,
+) -> np.ndarray: ...
+
+
+@overload
+def surface_profile(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    x: np.ndarray | float,
+    *,
+    spacing: float,
+    ground: np.ndarray | float = ...,
+    derivative: Literal[True],
+) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+@overload
+def surface_profile(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    x: np.ndarray | float,
+    *,
+    spacing: float,
+    ground: np.ndarray | float = ...,
+    derivative: bool,
+) -> np.ndarray | tuple[np.ndarray, np.ndarray]: ...
+
+
 def surface_profile(
     position: np.ndarray,
     volume: np.ndarray | float,
@@ -216,13 +252,11 @@ def surface_profile(
     """
     member = connected(position, volume, spacing)
     weight = np.where(member, volume, 0.0)
-    base = ground_elevation(ground, x)
-    result = column_height(
-        position, weight, x, length=kernel_length(spacing), derivative=derivative
-    )
+    base, length = ground_elevation(ground, x), kernel_length(spacing)
     if derivative:
-        return base + result[0], result[1]
-    return base + result
+        height, slope = column_height(position, weight, x, length=length, derivative=True)
+        return base + height, slope
+    return base + column_height(position, weight, x, length=length)
 
 
 def ground_elevation(ground: np.ndarray | float, x: np.ndarray | float) -> np.ndarray:

@@ -82,25 +82,27 @@ class ToeHistory(Length):
         check_end(deposit, self.name, self.times_s[-1])
         # At rest the toe stays where it is.
         frames, shares = frames_around(time, np.minimum(self.times_s, time[-1]))
-        read = {
-            frame: toe_runout(
-                positions[frame],
-                deposit.volume,
-                spacing=deposit.spacing,
-                side=self.side,
-                initial_toe=deposit.foot[self.side],
-                derivative=derivative,
-            )
-            for frame in np.unique(frames)
-        }
-        values = np.zeros(len(frames))
-        changes = np.zeros((len(frames), 2, *positions.shape[1:])) if derivative else None
+        values, known = np.zeros(len(frames)), np.unique(frames)
+        if not derivative:
+            toes = {frame: self._runout(deposit, positions[frame]) for frame in known}
+            for k, j in np.ndindex(frames.shape):
+                values[k] += shares[k, j] * toes[frames[k, j]]
+            return values
+        sloped = {frame: self._sloped_runout(deposit, positions[frame]) for frame in known}
+        changes = np.zeros((len(frames), 2, *positions.shape[1:]))
         for k, j in np.ndindex(frames.shape):
-            found = read[frames[k, j]]
-            values[k] += shares[k, j] * (found[0] if derivative else found)
-            if derivative:
-                changes[k, j] = shares[k, j] * found[1]
-        return (values, frames, changes) if derivative else values
+            runout, slope = sloped[frames[k, j]]
+            values[k] += shares[k, j] * runout
+            changes[k, j] = shares[k, j] * slope
+        return values, frames, changes
+
+    def _runout(self, deposit: Deposit, position: np.ndarray) -> float:
+        return toe_runout(position, deposit.volume, spacing=deposit.spacing, side=self.side,
+                          initial_toe=deposit.foot[self.side])  # fmt: skip
+
+    def _sloped_runout(self, deposit: Deposit, position: np.ndarray) -> tuple[float, np.ndarray]:
+        return toe_runout(position, deposit.volume, spacing=deposit.spacing, side=self.side,
+                          initial_toe=deposit.foot[self.side], derivative=True)  # fmt: skip
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A history has no place on the section."""

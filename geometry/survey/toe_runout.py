@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, overload
 
 import numpy as np
 from pydantic import Field
@@ -13,6 +13,42 @@ from geometry.survey.columns import Side, naked_eye_toe, outward_of, toe
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, SingleLength
 from geometry.survey.site import NOT_MADE, Site, check_in_domain
+
+
+@overload
+def toe_runout(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    *,
+    spacing: float,
+    side: Side,
+    initial_toe: float,
+    derivative: Literal[False] = ...,
+) -> float: ...
+
+
+@overload
+def toe_runout(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    *,
+    spacing: float,
+    side: Side,
+    initial_toe: float,
+    derivative: Literal[True],
+) -> tuple[float, np.ndarray]: ...
+
+
+@overload
+def toe_runout(
+    position: np.ndarray,
+    volume: np.ndarray | float,
+    *,
+    spacing: float,
+    side: Side,
+    initial_toe: float,
+    derivative: bool,
+) -> float | tuple[float, np.ndarray]: ...
 
 
 def toe_runout(
@@ -38,10 +74,10 @@ def toe_runout(
         Runout [m], or with `derivative` (runout, (N, 2)).
     """
     outward = outward_of(side)
-    result = toe(position, volume, spacing=spacing, side=side, derivative=derivative)
     if derivative:
-        return outward * (result[0] - initial_toe), outward * result[1]
-    return outward * (result - initial_toe)
+        place, slope = toe(position, volume, spacing=spacing, side=side, derivative=True)
+        return outward * (place - initial_toe), outward * slope
+    return outward * (toe(position, volume, spacing=spacing, side=side) - initial_toe)
 
 
 class ToeRunout(SingleLength):

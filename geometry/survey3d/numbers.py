@@ -27,8 +27,10 @@ class PathRunout(MapNumber, MapLength):
         ends = (self.low_m, self.high_m)
         if (ends[0] is None) != (ends[1] is None):
             raise ValueError("low_m and high_m: give both or neither")
-        if self.stated_range and not self.low_m <= self.value_m <= self.high_m:
-            raise ValueError(f"value_m {self.value_m:g} lies outside low_m to high_m")
+        if self.stated_range is not None:
+            low, high = self.stated_range
+            if not low <= self.value_m <= high:
+                raise ValueError(f"value_m {self.value_m:g} lies outside low_m to high_m")
         return self
 
     @property

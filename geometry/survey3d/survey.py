@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import reduce
 from operator import or_
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
@@ -31,7 +31,10 @@ LIBRARY: tuple[type[MapMeasured], ...] = (
     InundatedArea,
     CrossedVolume,
 )
-Entry = Annotated[reduce(or_, LIBRARY), Field(discriminator="type")]
+if TYPE_CHECKING:
+    Entry = MapMeasured
+else:
+    Entry = Annotated[reduce(or_, LIBRARY), Field(discriminator="type")]
 
 
 class Survey3d(Sets):

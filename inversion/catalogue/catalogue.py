@@ -62,7 +62,7 @@ class Strength:
     @property
     def ratio_range(self) -> tuple[float, float] | None:
         """The stated range of the strength as ratios, where stress and range are known."""
-        if self.sigma_v0_kpa is None or self.low_kpa is None:
+        if self.sigma_v0_kpa is None or self.low_kpa is None or self.high_kpa is None:
             return None
         return self.low_kpa / self.sigma_v0_kpa, self.high_kpa / self.sigma_v0_kpa
 
@@ -231,7 +231,7 @@ def _check(strength: Strength, known: set[str], where: str) -> None:
     low, high = strength.low_kpa, strength.high_kpa
     if (low is None) != (high is None):
         raise InputError(f"{where}: low_kpa, high_kpa: give both or neither")
-    if low is not None and not low <= strength.s_r_kpa <= high:
+    if low is not None and high is not None and not low <= strength.s_r_kpa <= high:
         raise InputError(
             f"{where}: s_r_kpa {strength.s_r_kpa:g} lies outside low_kpa {low:g} to "
             f"high_kpa {high:g}"

@@ -7,7 +7,7 @@ other judgement (one at a time), the range, histories; and the factors of safety
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from inversion.classical import imm, kinetics, zif
 from inversion.classical.judgement import SEARCH, WATER_WORDS, Judgement
 from inversion.classical.kinetics import Motion
 from inversion.classical.limit_equilibrium import (
+    Method,
     force_balance,
     ordinary,
     required_strength,
@@ -26,7 +27,7 @@ from inversion.classical.morph import Slide, Stage
 from inversion.classical.search import FoundCircle, critical_circle
 from inversion.classical.section import OUTSIDE
 from inversion.classical.sections_of_case import CaseSections, SurfaceAfter
-from inversion.classical.slices import Polyline, Slices
+from inversion.classical.slices import Polyline, Slices, WaterForm
 from inversion.classical.slide_forces import SlideForces, sum_forces
 from pipeline.cli import InputError, WorkFailed
 
@@ -181,7 +182,8 @@ class Workbench:
         self, judgement: Judgement, share: float, *, buoyant: bool = False
     ) -> tuple[Slices, float]:
         """Slices at a share, and the factor on the strength of soil that did not liquefy."""
-        form = "pore_pressure" if judgement.water == "pore_pressure" and not buoyant else "buoyant"
+        pressed = judgement.water == "pore_pressure" and not buoyant
+        form: WaterForm = "pore_pressure" if pressed else "buoyant"
         slide = self.slide(judgement)
         key = (id(slide), share, form, judgement.base_strength)
         if key not in self._slices:
@@ -220,7 +222,7 @@ def solve_imm(bench: Workbench, judgement: Judgement) -> MethodAnswer:
     """S_r by incremental momentum."""
     shares = np.linspace(0.0, 1.0, judgement.sections)
     forces = [bench.forces(judgement, float(share)) for share in shares]
-    strength, motion = imm.find_strength(forces, shares)
+    strength, motion = imm.find_strength(forces, shares.tolist())
     return MethodAnswer("imm", strength, motion=motion)
 
 
@@ -347,10 +349,10 @@ def _with_options(
 def _share_of_imm(bench: Workbench, judgement: Judgement) -> list[Option]:
     """The option of taking f from IMM, if it has an answer."""
     try:
-        share = solve_imm(bench, judgement).motion.zero_inertia_share
+        motion = solve_imm(bench, judgement).motion
     except WorkFailed:
         return []
-    if not math.isfinite(share):
+    if motion is None or not math.isfinite(share := motion.zero_inertia_share):
         return []
     words = f"f = {share:.3f}, where the forces of IMM balance"
     return [Option("f of IMM", words, {"zif_share": round(share, 6)}, ("zif",))]
@@ -359,12 +361,12 @@ def _share_of_imm(bench: Workbench, judgement: Judgement) -> list[Option]:
 def _stability(bench: Workbench, judgement: Judgement, share: float) -> Stability:
     slices, others = bench.slices(judgement, share)
     scene = _scene_strengths(slices, others)
-    factors = {
+    factors: dict[Method, float] = {
         "ordinary": float(ordinary(scene)),
         "force": float(force_balance(scene)),
         "spencer": float(spencer(scene)),
     }
-    strengths = {
+    strengths: dict[Method, float] = {
         method: float(required_strength(slices, method, others=others)) for method in factors
     }
     return Stability(share, _known(factors), _known(strengths))
@@ -381,18 +383,19 @@ def _scene_strengths(slices: Slices, others: float) -> Slices:
     return replace(slices, cohesion=held * cohesion, friction=others * slices.friction)
 
 
-def _known(values: dict[str, float]) -> dict[str, float | None]:
+def _known(values: Mapping[Method, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
 def _circle(slide: Slide, judgement: Judgement) -> FoundCircle | None:
     """The critical circle of the section before, between the same parts of the surface."""
     toe, head = slide.toe_before, slide.head
-    upper = tuple(sorted((toe + 0.5 * (head - toe), head)))
-    lower = tuple(sorted((toe - 0.02 * (head - toe), toe + 0.45 * (head - toe))))
+    middle, end = toe + 0.5 * (head - toe), toe + 0.45 * (head - toe)
+    begin = toe - 0.02 * (head - toe)
+    upper = (min(middle, head), max(middle, head))
     left, right = slide.before.extent
-    lower = (max(lower[0], left), min(lower[1], right))
-    form = "pore_pressure" if judgement.water == "pore_pressure" else "buoyant"
+    lower = (max(min(begin, end), left), min(max(begin, end), right))
+    form: WaterForm = "pore_pressure" if judgement.water == "pore_pressure" else "buoyant"
     try:
         return critical_circle(slide.before, judgement.side, head=upper, toe=lower, form=form)
     except WorkFailed:

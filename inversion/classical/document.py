@@ -91,19 +91,19 @@ def _energy(analysis: Analysis) -> dict[str, float] | None:
     steps = np.diff(imm.travel_of(stages))
     drops = -np.diff([stage.centre[1] for stage in stages])
     return {
-        "gravity_mj_per_m": round(_mean([s.weight for s in stages]) @ drops / 1e6, 2),
-        "driving_mj_per_m": round(_mean([s.driving for s in stages]) @ steps / 1e6, 2),
-        "others_mj_per_m": round(_mean([s.resistance for s in stages]) @ steps / 1e6, 2),
+        "gravity_mj_per_m": round(float(_mean([s.weight for s in stages]) @ drops) / 1e6, 2),
+        "driving_mj_per_m": round(float(_mean([s.driving for s in stages]) @ steps) / 1e6, 2),
+        "others_mj_per_m": round(float(_mean([s.resistance for s in stages]) @ steps) / 1e6, 2),
         "liquefied_length_times_travel_m2": round(
-            _mean([s.liquefied_length for s in stages]) @ steps, 1
+            float(_mean([s.liquefied_length for s in stages]) @ steps), 1
         ),
     }
 
 
 def _mean(values: Sequence[float]) -> np.ndarray:
     """Means of neighbours."""
-    values = np.asarray(values)
-    return 0.5 * (values[1:] + values[:-1])
+    known = np.asarray(values)
+    return 0.5 * (known[1:] + known[:-1])
 
 
 def labels(analysis: Analysis) -> list[str]:
@@ -227,9 +227,9 @@ def table(case: CaseSections, analysis: Analysis, *, every_option: bool = True) 
             ]
         )
     for key, entry in published(case.measurements, analysis).items():
-        span = f"{entry['low']:g}-{entry['high']:g}" if "low" in entry else ""
+        stated = f"{entry['low']:g}-{entry['high']:g}" if "low" in entry else ""
         words = f"published elsewhere: {entry.get('confidence', '')}"
-        rows.append([key.replace("_", " "), f"{entry['value']:g}", span, "", "", words])
+        rows.append([key.replace("_", " "), f"{entry['value']:g}", stated, "", "", words])
     parts = [
         f"{case.scene.name.replace('_', ' ').title()}, {analysis.judgement.name} slide "
         f"(to the {analysis.judgement.side})",

@@ -205,16 +205,17 @@ def body_of(
             f"the centre of gravity moved {distance:.3g} m outwards and {drop:.3g} m down; "
             "both must be positive"
         )
-    slopes = [-_tangent(before.driving / before.weight), 0.0]
-    if end_slope == "slip":
-        slopes[1] = -_tangent(after.driving / after.weight)
-    ends = {"varying": (before, after), "before": (before,) * 2, "after": (after,) * 2}[stages]
+    first = -_tangent(before.driving / before.weight)
+    last = -_tangent(after.driving / after.weight) if end_slope == "slip" else 0.0
+    start, end = {
+        "varying": (before, after), "before": (before, before), "after": (after, after)
+    }[stages]  # fmt: skip
     return Body(
-        weight=tuple(stage.weight for stage in ends),
-        length=tuple(stage.liquefied_length for stage in ends),
-        resistance=tuple(stage.resistance for stage in ends),
+        weight=(start.weight, end.weight),
+        length=(start.liquefied_length, end.liquefied_length),
+        resistance=(start.resistance, end.resistance),
         mass=before.mass,
-        path=Path(before.centre, distance, drop, *slopes, direction),
+        path=Path(before.centre, distance, drop, first, last, direction),
     )
 
 

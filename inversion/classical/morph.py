@@ -284,7 +284,8 @@ class Slide:
         above = Polygon([*map(tuple, self.slip.points), (right, top), (left, top)])
         column = box(left, -1e9, right, 1e9)
         longest = EDGE_SHARE * (right - left)
-        moving, standing = [], []
+        moving: list[tuple[np.ndarray, int]] = []
+        standing: list[tuple[np.ndarray, int]] = []
         for number, polygon in enumerate(self.before.polygons):
             shape = Polygon(polygon)
             for part in _pieces(shape.intersection(above)):

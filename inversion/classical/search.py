@@ -256,7 +256,7 @@ def _within(section: Section, surfaces: np.ndarray, not_above: Polyline | None) 
     ends = np.sort(surfaces[:, [0, -1], 0], axis=1)
     x = ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, 81)[1:-1]
     base = _levels(surfaces, x)
-    keep = (base <= section.surface(x)).all(axis=1)
+    keep: np.ndarray = np.all(base <= section.surface(x), axis=1)
     keep &= (base >= section.ground_level(x) - 1e-6).all(axis=1)
     if not_above is not None:
         keep &= (base <= not_above.level(x) + 1e-6).all(axis=1)

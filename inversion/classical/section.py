@@ -91,7 +91,7 @@ class Section:
     @property
     def area(self) -> float:
         """Area of all zones [m2]."""
-        return float(sum(abs(signed_area(polygon)) for polygon in self.polygons))
+        return sum(abs(signed_area(polygon.tolist())) for polygon in self.polygons)
 
     def ground_level(self, x: np.ndarray | float) -> np.ndarray:
         """Elevation of the rigid base [m] at `x` [m]."""
@@ -271,7 +271,7 @@ def _edge_arrays(polygons: Sequence[np.ndarray], soils: Sequence[Soil]) -> dict[
     parts = []
     for number, (polygon, soil) in enumerate(zip(polygons, soils, strict=True)):
         ring = np.asarray(polygon, dtype=float)
-        if signed_area(ring) < 0:
+        if signed_area(ring.tolist()) < 0:
             ring = ring[::-1]
         start, end = ring, np.roll(ring, -1, axis=0)
         steps = np.abs(end[:, 0] - start[:, 0])

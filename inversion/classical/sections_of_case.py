@@ -93,7 +93,8 @@ class CaseSections(Case):
         )
         if section.water is None or judgement.water_line == "phreatic":
             return section
-        level = float(self.scene.water_level)
+        assert self.scene.water_level is not None
+        level = self.scene.water_level
         if head is None or len(section.water) == 1:
             return replace(section, water=np.array([[self.scene.domain.x_min, level]]))
         drawn, left = section.water, judgement.side == "left"
@@ -234,4 +235,5 @@ def _foot_range(section: Section, toe: float, head: float) -> tuple[float, float
     if not len(near):
         raise InputError(f"no liquefied soil between x = {low:g} and {high:g} m")
     start = near.min() if toe < head else near.max()
-    return tuple(sorted((float(start), head - 0.05 * (head - toe))))
+    near_toe, near_head = float(start), head - 0.05 * (head - toe)
+    return min(near_toe, near_head), max(near_toe, near_head)

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import TypeGuard
 
 import numpy as np
 
@@ -245,7 +246,7 @@ class DirectEngine(Forward):
         asked.start.read = prediction.at_start
         values, place, before = prediction.values.copy(), 0, asked.toes_before
         for entry in setup.targets.entries:
-            if isinstance(entry, ToeRunout | NoFlow):
+            if _of_toe(entry):
                 number = 0 if entry.side == "left" else 1
                 travel = outward_of(entry.side) * (forecast.toes[number] - before[number])
                 values[place] = prediction.at_start[place] + travel
@@ -277,6 +278,10 @@ def shipped(name: str) -> DirectEngine:
 @cache
 def _loaded(path: Path) -> Predictor:
     return Predictor.load(path)
+
+
+def _of_toe(entry: Measured) -> TypeGuard[ToeRunout | NoFlow]:
+    return entry.type in ("toe_runout", "no_flow")
 
 
 def readable(entry: Measured) -> bool:
@@ -379,7 +384,7 @@ def _std(entry: Measured, forecast: Forecast, asked: Asked) -> np.ndarray:
     count, x = len(entry.values), asked.section.x
     if timed(entry):
         return time_error_std(entry, forecast, asked.toes_before)
-    if isinstance(entry, ToeRunout | NoFlow):
+    if _of_toe(entry):
         return np.array([forecast.toe_interval[0 if entry.side == "left" else 1] / NORMAL])
     along = entry.along
     if entry.type == "surface_profile" and along is not None:

@@ -28,9 +28,13 @@ NORMAL = 1.645
 
 def timed(entry: Measured) -> TypeGuard[SlideDuration | ToeHistory]:
     """Whether these times tell a measurement."""
-    if isinstance(entry, SlideDuration):
+    if _lasts(entry):
         return SHARES[0] <= entry.between[0] and entry.between[1] <= SHARES[-1]
-    return isinstance(entry, ToeHistory)
+    return entry.type in TIMED
+
+
+def _lasts(entry: Measured) -> TypeGuard[SlideDuration]:
+    return entry.type == "slide_duration"
 
 
 def read_times(
@@ -47,7 +51,7 @@ def read_times(
         before: toes before the slide, x (2,) [m].
         foot: x from which a runout counts, of each side [m].
     """
-    if isinstance(entry, SlideDuration):
+    if entry.type == "slide_duration":
         return np.diff(np.interp(entry.between, SHARES, forecast.times[WAY]))
     number = SIDES.index(entry.side)
     outward = outward_of(entry.side)
@@ -60,7 +64,7 @@ def time_error_std(
     entry: SlideDuration | ToeHistory, forecast: Forecast, before: np.ndarray
 ) -> np.ndarray:
     """Standard deviation of the model's error of each number of a measurement that is `timed`."""
-    if isinstance(entry, SlideDuration):
+    if entry.type == "slide_duration":
         own = forecast.times[WAY] * np.log(forecast.times_within[WAY]) / NORMAL
         return np.array([np.interp(entry.between[1], SHARES, own)])
     number, at = SIDES.index(entry.side), np.array(entry.times_s)

@@ -22,7 +22,7 @@ from typing import Any
 from geometry.case import load_case
 from geometry.scenes.drawings import read_materials, read_section, section_scene
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side
+from geometry.survey.columns import SIDES, Side
 from geometry.survey.profiles import Profile, load_profile
 from inversion.back_analysis.case import inversion_case
 from inversion.new_case.case_files import (
@@ -76,7 +76,7 @@ class Given:
     runouts: Sequence[str] = ()
     profile: str | None = None
     profile_std_m: float = 0.5
-    upstream: str = "left"
+    upstream: Side = "left"
 
 
 @dataclass(frozen=True)
@@ -222,10 +222,11 @@ def _runouts(given: Sequence[str], profile: Profile | None, scene: Scene) -> lis
 
 
 def _side(text: str) -> Side:
-    side = text.partition("=")[0].strip()
-    if side not in ("left", "right"):
-        raise InputError(f"--runout {text}: must look like left=53 or right=6.5+-1")
-    return side
+    word = text.partition("=")[0].strip()
+    for side in SIDES:
+        if side == word:
+            return side
+    raise InputError(f"--runout {text}: must look like left=53 or right=6.5+-1")
 
 
 def _runout(text: str, side: Side, scene: Scene) -> Runout:

@@ -134,7 +134,9 @@ def _known(
     source: str,
 ) -> ParameterSpec:
     where = f"{source}: parameters: {spec.name}: prior"
-    prior, relation = spec.prior, RELATIONS[spec.prior.relation]
+    prior = spec.prior
+    assert prior is not None and prior.relation is not None
+    relation = RELATIONS[prior.relation]
     if prior.n1_60 is not None:
         stated = BlowCount(
             zones=spec.zones, n1_60=prior.n1_60, n1_60cs=prior.n1_60, confidence="assumed",

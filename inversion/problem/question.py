@@ -132,11 +132,12 @@ class ParameterSpec(Document):
         if self.prior is not None and self.prior.relation is not None:
             if self.property != RESIDUAL_STRENGTH:
                 raise ValueError(f"prior.relation: is of {RESIDUAL_STRENGTH}, not {self.property}")
-        elif self.prior is not None and not self.low <= self.prior.mean <= self.high:
-            raise ValueError(
-                f"prior.mean {self.prior.mean:g} lies outside low {self.low:g} to high "
-                f"{self.high:g}"
-            )
+        elif self.prior is not None and self.prior.mean is not None:
+            mean = self.prior.mean
+            if not self.low <= mean <= self.high:
+                raise ValueError(
+                    f"prior.mean {mean:g} lies outside low {self.low:g} to high {self.high:g}"
+                )
         return self
 
     @builtins.property  # the field of that name hides it here
@@ -355,7 +356,7 @@ def _check_bounds(parameter: ParameterSpec, scene: Scene | Terrain, where: str) 
     """The scene must hold together at both bounds, wherever the search goes."""
     for name, value in (("low", parameter.low), ("high", parameter.high)):
         try:
-            if parameter.property == "water_level":
+            if parameter.property == "water_level" and isinstance(scene, Scene):
                 check_level(name, value, *scene.extent)
             elif parameter.property == "density":
                 check_density(name, value)

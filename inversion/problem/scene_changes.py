@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def with_properties(base: Soil, changes: Sequence[tuple[str, str, float | bool]]
         zone["material"] = name
     document["materials"] = materials
     # Shapes are those of `base`, which were checked with it; only soils can be at fault now.
-    return type(base).model_validate(document, context=UNCHECKED)
+    return cast(Soil, type(base).model_validate(document, context=UNCHECKED))
 
 
 #: Two places nearer than this are one and the same [m].

@@ -51,7 +51,13 @@ def test_a_posterior_outside_its_prior_is_drawn_and_said(tmp_path):
         nuisances=[other],
         numbers=[
             SimpleNamespace(
-                name="toe", unit="m", role="fitted", measured=53.0, std=0.0, censored=False
+                name="toe",
+                group="toe",
+                unit="m",
+                role="fitted",
+                measured=53.0,
+                std=0.0,
+                censored=False,
             )
         ],
     )

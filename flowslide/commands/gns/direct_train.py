@@ -59,8 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
     with Progress(0, "direct model", quiet=arguments.quiet) as bar:
         data = Path(arguments.data or base / "runs")
         if alone is not None:
-            samples = read_samples(data, ["train"])
-            train(samples, folder, size, plan, bar.say, alone=alone - 1)
+            train(read_samples(data, ["train"]), folder, size, plan, bar.say, alone=alone - 1)
             return
         samples = list(read_samples(data))
         model = train(samples, folder, size, plan, bar.say)

@@ -10,6 +10,11 @@ from flowslide.commands import options
 from pipeline.cli import InputError, add_common
 
 if TYPE_CHECKING:
+    from gns.data.dataset import Windows
+    from gns.data.metadata import Metadata
+    from gns.evaluation.card import Accuracy, Card
+    from gns.evaluation.evaluate import Evaluated
+    from gns.network.simulator import Simulator
     from pipeline.config import Config
 
 SPLITS = ("valid", "test")
@@ -90,12 +95,12 @@ def run(arguments: argparse.Namespace) -> int:
         model / CARD_FILE,
         _card(name, arguments, config, simulator, model, document, learned_from, found, result),
     )
-    _print(result, found)
+    _print(result)
     print(f"wrote {model / CARD_FILE}")
     return 0
 
 
-def _unseen(simulator, windows) -> list[int]:
+def _unseen(simulator: Simulator, windows: Windows) -> list[int]:
     """The runs of a split that can judge a model.
 
     It has not learned from their scenes, in this training or in one that it went on from, and they
@@ -127,7 +132,17 @@ def _folders(arguments: argparse.Namespace, config: Config) -> tuple[Path, Path]
     return Path(arguments.data or folder / "dataset"), Path(arguments.model or folder / "model")
 
 
-def _card(name, arguments, config, simulator, model, document, learned_from, found, result):
+def _card(
+    name: str,
+    arguments: argparse.Namespace,
+    config: Config,
+    simulator: Simulator,
+    model: Path,
+    document: dict[str, Any],
+    learned_from: dict[str, Any],
+    found: list[Evaluated],
+    result: Accuracy,
+) -> Card:
     """The card of a model that has been evaluated."""
     from gns.evaluation.card import Card, Training, known_failures
     from gns.training.checkpoints import MODEL_FILE
@@ -160,7 +175,7 @@ def _card(name, arguments, config, simulator, model, document, learned_from, fou
     )
 
 
-def _learned_from(document, metadata, model: Path) -> dict[str, Any]:
+def _learned_from(document: dict[str, Any], metadata: Metadata, model: Path) -> dict[str, Any]:
     """Scale, number and spacing of the runs that a model has learned from.
 
     A model that does not say so itself has them from the data, if it has learned from these.
@@ -182,7 +197,7 @@ def _learned_from(document, metadata, model: Path) -> dict[str, Any]:
     }
 
 
-def _draw_worst(simulator, windows, found, path: Path) -> None:
+def _draw_worst(simulator: Simulator, windows: Windows, found: list[Evaluated], path: Path) -> None:
     from gns.evaluation.score_tables import worst
     from gns.rollout.rollout import rolled_out
     from report.pictures.rollouts import Pair, save_pairs
@@ -196,7 +211,7 @@ def _draw_worst(simulator, windows, found, path: Path) -> None:
     save_pairs(pairs, path, f"The {len(pairs)} worst of {len(found)} rollouts by their runout")
 
 
-def _print(result, found) -> None:
+def _print(result: Accuracy) -> None:
     from pipeline.table import aligned
 
     columns = list(result.by_template["all"])

@@ -6,9 +6,13 @@ import argparse
 import math
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flowslide.commands import options
 from pipeline.cli import InputError, WorkFailed, add_common
+
+if TYPE_CHECKING:
+    from gns.rollout.rollout import Rollout
 
 DESCRIPTION = (
     "Simulate a scene by a trained model and write rollout.npz (positions of every "
@@ -97,7 +101,7 @@ def _say_distance(away: float | None, anywhere: bool) -> None:
     print(words)
 
 
-def save(result, folder: Path, name: str) -> None:
+def save(result: Rollout, folder: Path, name: str) -> None:
     """Write the frames and a picture."""
     import numpy as np
 
@@ -120,7 +124,7 @@ def save(result, folder: Path, name: str) -> None:
     print(f"wrote {folder / 'rollout.npz'} and {folder / 'rollout.png'}")
 
 
-def _print(result) -> None:
+def _print(result: Rollout) -> None:
     from geometry.survey.columns import SIDES
     from gns.evaluation.metrics import runout
     from pipeline.table import aligned

@@ -28,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "data", metavar="DATA[:RUN]", help="folder of packed data or one shard, number of a run"
     )
     options.add_out(parser, "png, svg or pdf", metavar="FILE", required=True)
-    return parser
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -21,6 +21,11 @@ from pipeline.cli import InputError, WorkFailed, add_common, at_least_one
 
 if TYPE_CHECKING:
     from gns.data.dataset import Windows
+    from gns.network.simulator import Simulator
+    from gns.training.checkpoints import ModelFolder
+    from gns.training.distributed import Group
+    from gns.training.train import Outcome
+    from gns.training.validation import Validation
     from pipeline.config import Config, TrainSettings
     from pipeline.progress import Progress
 
@@ -151,7 +156,14 @@ def _what(arguments: argparse.Namespace, config: Config) -> tuple[TrainSettings,
     )
 
 
-def _train(arguments, settings, learned, held_out, folder, members) -> int:
+def _train(
+    arguments: argparse.Namespace,
+    settings: TrainSettings,
+    learned: Windows,
+    held_out: Windows,
+    folder: ModelFolder,
+    members: Group,
+) -> int:
     from gns.training.stopping import StopRequest
     from gns.training.train import train
 
@@ -184,7 +196,7 @@ def _train(arguments, settings, learned, held_out, folder, members) -> int:
     return 0
 
 
-def _start(path: str | None, settings: TrainSettings):
+def _start(path: str | None, settings: TrainSettings) -> Simulator | None:
     """The model to learn on from."""
     if path is None:
         return None
@@ -203,7 +215,7 @@ def _start(path: str | None, settings: TrainSettings):
     return simulator
 
 
-def _tell(outcome, folder, settings: TrainSettings) -> None:
+def _tell(outcome: Outcome, folder: ModelFolder, settings: TrainSettings) -> None:
     """The result, as a table of two columns."""
     state = "trained" if outcome.finished else "stopped; start again to continue"
     print(f"{folder.model}: {state}, step {outcome.step} of {settings.steps}")
@@ -219,11 +231,14 @@ def _tell(outcome, folder, settings: TrainSettings) -> None:
 class _Watch:
     """Progress, and the question whether a long training is meant."""
 
-    def __init__(self, settings: TrainSettings, quiet: bool, members, confirmed: bool) -> None:
+    def __init__(
+        self, settings: TrainSettings, quiet: bool, members: Group, confirmed: bool
+    ) -> None:
         self.settings, self.quiet, self.members = settings, quiet, members
         self.confirmed = confirmed or members.device.type == "cuda"
         self.bar: Progress | None = None
-        self.first, self.mean, self.began = 0, None, 0.0
+        self.first, self.began = 0, 0.0
+        self.mean: float | None = None
         self.note = ""
 
     def begin(self, done: int) -> None:
@@ -237,7 +252,8 @@ class _Watch:
     def step(self, number: int, loss: float) -> None:
         """A step is done."""
         self.mean = loss if self.mean is None else 0.99 * self.mean + 0.01 * loss
-        self.bar.advance(1, f"loss {self.mean:.3f}{self.note}")
+        if self.bar is not None:
+            self.bar.advance(1, f"loss {self.mean:.3f}{self.note}")
         taken = number - self.first
         if taken == 1:
             self.began = time.monotonic()
@@ -250,7 +266,7 @@ class _Watch:
                     f"({hours:.0f} h); give --yes to start it all the same"
                 )
 
-    def validated(self, step: int, found) -> None:
+    def validated(self, step: int, found: Validation) -> None:
         """Held-out rollouts are there."""
         self.note = f", held out {found.score:.2f} spacings"
         if not self.quiet and not sys.stderr.isatty():

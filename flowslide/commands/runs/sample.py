@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
     config = load_config(arguments.config, arguments.overrides)
     indices = chosen_indices(config, arguments.scale, arguments.indices)
     folder = make_folder(arguments.out)
-    written, draws = 0, Counter()
+    written, draws = 0, Counter[str]()
     with Progress(len(indices), f"drawing {arguments.scale}", quiet=arguments.quiet) as progress:
         for index in indices:
             scene = draw_scene(config, arguments.scale, index)
@@ -48,7 +48,8 @@ def run(arguments: argparse.Namespace) -> None:
             if not _holds(path, scene):
                 save_scene(scene, path)
                 written += 1
-            draws[scene.origin.template] += scene.origin.draws - 1
+            if scene.origin is not None:
+                draws[scene.origin.template] += scene.origin.draws - 1
             progress.advance()
     again = sum(draws.values())
     by_template = ", ".join(

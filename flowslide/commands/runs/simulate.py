@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from pipeline.cli import InputError, WorkFailed, add_common
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
-    from mpm_taichi.batch import BatchResult
+    from mpm_taichi.batch import BatchResult, RunSummary
     from pipeline.config import Config, SimulationSettings
 
 DESCRIPTION = (
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> None:
     scenes, settings, name = _chosen_scenes(arguments, config)
     with Progress(len(scenes), f"simulating {name}", quiet=arguments.quiet) as progress:
 
-        def on_run(run) -> None:  # noqa: ANN001
+        def on_run(run: RunSummary) -> None:
             progress.advance(note=run.scene)
             if run.status == "failed":
                 print(failure_line(run), file=sys.stderr, flush=True)
@@ -100,7 +101,8 @@ def _chosen_scenes(
             raise InputError(
                 f"--index {arguments.index}: allowed are 0 to {scale.number_of_scenes - 1}"
             )
-        numbers, name = [arguments.index], f"{arguments.scale}_{arguments.index:05d}"
+        numbers: Sequence[int] = [arguments.index]
+        name = f"{arguments.scale}_{arguments.index:05d}"
     elif arguments.batch is not None:
         numbers, name = scale.batch_indices(arguments.batch), f"batch_{arguments.batch:03d}"
     else:
