@@ -10,23 +10,16 @@ In: case folders, names of shipped cases, settings. Out: the same objects that t
 documents. Nothing is printed here. The functions share these arguments:
 
 `case`: what `load_case` returns; or a folder, or the name of a case that ships with the program.
-`settings`: of all stages (`flowslide.load_settings`); None: those that the case was loaded with, or
-    the defaults.
 `measurement_set`: name of a set in `measurements.yaml`; None: the one that the file names.
 `use_constructed`: let constructed data enter the fit.
 `engine`: what predicts, a name of `inversion.engines.registry`, without a trained model unless
     stated otherwise.
 `spacing_m`: distance between material points [m]; None: the case's own.
-`device`, `threads`: "cpu" or "cuda"; CPU threads, None: all.
 `out`: folder of the results, made where it is missing. Finished simulations are kept there, so that
     a call that was stopped continues where it was. None: nothing is kept.
-`effect_files`, `measurement_files`: Python files with effects and measurement types of your own.
-    They are executed, and known for the length of the call only.
-`progress`: called as `progress(done, total, message)` after every simulation and at every stage;
-    `total` is an estimate where the number of simulations is not known beforehand.
 `hypothesis`: of a diagnosis, to go on from: a file, or its name in `out`; None: the base model.
-`cancel`: a function that returns True, or a `threading.Event` that is set, to stop. It is asked
-    between simulations and raises `Cancelled`.
+`options`: settings, device, threads, code of your own, progress, a way to stop
+    (`flowslide.run.Options`, and those like it of functions that have fewer).
 
 Bad input raises `InputError`, work that cannot be done `WorkFailed`: one line for a person.
 """
@@ -38,17 +31,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Unpack
 
+from flowslide.run import (
+    BodyOptions,
+    DiagnosisOptions,
+    Options,
+    Place,
+    Run,
+    SurveyOptions,
+)
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import Config
 from pipeline.config import load_config as load_settings
 from pipeline.extras import require
 from pipeline.files import working_in
-from pipeline.progress import Cancel, Cancelled, Evaluated, Report, Watch
+from pipeline.progress import Cancelled, Evaluated
 
 if TYPE_CHECKING:
+    from diagnosis.answers import Extended, Track
+    from diagnosis.diagnose import Diagnosis
     from diagnosis.session import Session
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
     from geometry.case import Case
@@ -57,12 +59,13 @@ if TYPE_CHECKING:
     from inversion.back_analysis.back_analysis import BackAnalysis
     from inversion.back_analysis.by_engine import Choice
     from inversion.back_analysis.result import Result
+    from inversion.classical.analysis import Analysis
+    from inversion.classical.sections_of_case import CaseSections
     from inversion.posterior.document import PosteriorDocument
-    from inversion.prediction.in_plan import BodyPrediction
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
     from mpm_taichi.readings3d import Maps
-    from mpm_taichi.trajectory import Run
+    from mpm_taichi.trajectory import Run as SimulatedRun
     from mpm_taichi.trajectory3d import Run3d
 
 __all__ = [
@@ -80,7 +83,6 @@ __all__ = [
     "load_settings",
     "posterior",
     "predict",
-    "predict_3d",
     "predict_from_blow_counts",
     "simulate",
     "simulate_3d",
@@ -90,35 +92,29 @@ __all__ = [
 
 PREDICTION = "prediction.json"
 BLOW_COUNT_PREDICTION = "from_blow_counts.json"
-Files = Sequence[str | os.PathLike[str]]
+#: Jitter seeds that measure the noise of a predicted runout, where nothing else is asked for: a run
+#: in three dimensions takes a minute.
+SEEDS, SEEDS_3D = 3, 0
+Answer = TypeVar("Answer")
 
 
 def load_case(
-    case: str | os.PathLike[str] | Case,
-    *,
-    settings: Config | None = None,
-    measurement_set: str | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
+    case: Place | Case, *, measurement_set: str | None = None, **options: Unpack[Options]
 ) -> Case:
     """Read and check a case: its section and what was measured on it.
 
     Args:
         case: folder with `scene.yaml`, and `measurements.yaml` where something was measured; or the
             name of a case that ships with the program.
-        settings: of all stages; None: the defaults.
+        options: see above; settings and code of your own count here.
 
     Raises:
         InputError: file, field, value and what is allowed.
     """
-    from geometry import case as cases
-
-    with own_code(effect_files, measurement_files):
-        if not isinstance(case, cases.Case):
-            case = cases.load_case(os.fspath(case), settings)
-        elif settings is not None:
-            case = replace(case, config=settings, simulation=settings.simulation)
-        return case if measurement_set is None else case.with_set(measurement_set)
+    run = Run.of(Options, options)
+    with run.own_code():
+        found = run.case(case)
+        return found if measurement_set is None else found.with_set(measurement_set)
 
 
 @dataclass(frozen=True)
@@ -132,26 +128,20 @@ class Simulation:
     """
 
     case: Case
-    run: Run
+    run: SimulatedRun
     readings: list[Reading]
 
 
 def simulate(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case,
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     film: Literal["mp4", "gif", "none"] = "none",
     strengths_kpa: Mapping[str, float] | None = None,
     water: bool = True,
     spacing_m: float | None = None,
     measurement_set: str | None = None,
-    settings: Config | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[Options],
 ) -> Simulation:
     """Simulate the section of a case by the material point method, and read what was measured.
 
@@ -161,8 +151,7 @@ def simulate(
         film: what kind of film is written to `out`.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
         water: False takes the reservoir and the groundwater away.
-        progress: called with the seconds of motion simulated.
-        cancel: asked every few time steps.
+        options: see above; progress is in seconds of motion, and cancel asked every few steps.
 
     Raises:
         InputError: bad input.
@@ -171,24 +160,25 @@ def simulate(
     """
     from mpm_taichi.comparison import read_deposit, simulate_case
 
-    watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), ExitStack() as held:
-        case = load_case(case, settings=settings, measurement_set=measurement_set)
-        case = case.with_set(None).resolved(spacing_m=spacing_m)
-        case = case.changed(water=water, strengths=strengths_kpa)
+    own = Run.of(Options, options)
+    with own.own_code(), ExitStack() as held:
+        found = own.case(case)
+        found = found if measurement_set is None else found.with_set(measurement_set)
+        found = found.with_set(None).resolved(spacing_m=spacing_m)
+        found = found.changed(water=water, strengths=strengths_kpa)
         if out is not None:
             _ready(Path(out), film)
             held.enter_context(working_in(out))
-        seconds = max(round(case.simulation.duration_s), 1)
-        words = f"simulating {case.title} (up to {seconds} s of motion)"
+        seconds = max(round(found.simulation.duration_s), 1)
+        words = f"simulating {found.title} (up to {seconds} s of motion)"
         run = simulate_case(
-            case,
-            device=device,
-            threads=threads,
-            on_time=lambda time: watch.reach(min(int(time), seconds), seconds, words),
+            found,
+            device=own.device,
+            threads=own.threads,
+            on_time=lambda time: own.watch.reach(min(int(time), seconds), seconds, words),
         )
-        watch.reach(seconds, seconds, words)
-        done = Simulation(case, run, read_deposit(case, run))
+        own.watch.reach(seconds, seconds, words)
+        done = Simulation(found, run, read_deposit(found, run))
         if out is not None:
             _write_simulation(done, Path(out), film)
         return done
@@ -236,17 +226,14 @@ class Simulation3d:
 
 
 def simulate_3d(
-    scene: str | os.PathLike[str],
+    scene: Place,
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     film: Literal["mp4", "gif", "none"] = "none",
     strengths_kpa: Mapping[str, float] | None = None,
     water: bool = True,
     spacing_m: float | None = None,
-    settings: Config | None = None,
-    threads: int | None = None,
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[BodyOptions],
 ) -> Simulation3d:
     """Simulate a slide in three dimensions, on the CPU.
 
@@ -257,8 +244,7 @@ def simulate_3d(
         film: what kind of film is written to `out`, from above and in perspective.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
         water: False takes pool and groundwater away.
-        progress: called with the seconds of motion simulated.
-        cancel: asked at every frame.
+        options: see above; progress is in seconds of motion, and cancel asked at every frame.
 
     Raises:
         InputError: bad input.
@@ -275,11 +261,12 @@ def simulate_3d(
     from report.pictures.video import check_video
     from report.simulation3d import FILES, RASTERS, write_simulation_3d
 
-    watch = Watch(progress, cancel)
+    own = Run.of(BodyOptions, options)
+    watch = own.watch
     described = load_scene_3d(os.fspath(scene), spacing=spacing_m)
     described = described.changed(water=water, strengths_kpa=strengths_kpa)
     problem = problem_of(described)
-    simulation = (settings or load_settings(None)).simulation
+    simulation = own.config.simulation
     if described.document.duration_s is not None:
         simulation = simulation.model_copy(update={"duration_s": described.document.duration_s})
     moving = None if out is None or film == "none" else Path(out) / f"slide.{film}"
@@ -295,7 +282,7 @@ def simulate_3d(
         run = solve(
             problem,
             simulation,
-            threads=threads,
+            threads=own.threads,
             checkpoint=folder and folder / "checkpoint.npz",
             on_frame=lambda time, _: watch.reach(min(int(time), seconds), seconds, words),
         )
@@ -318,25 +305,19 @@ def simulate_3d(
 
 
 def back_analyse(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case,
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     engine: str | None = None,
-    model: str | os.PathLike[str] | None = None,
+    model: Place | None = None,
     method: Literal["gauss_newton", "lbfgsb"] | None = None,
     quick: bool = False,
     spacing_m: float | None = None,
     measurement_set: str | None = None,
     use_constructed: bool = False,
     report: Literal["film", "page", "none"] = "none",
-    settings: Config | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
     evaluated: Evaluated | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[Options],
 ) -> Result:
     """Find the strengths that the question of a case asks for, and how certain they are.
 
@@ -364,24 +345,21 @@ def back_analyse(
         WorkFailed: no simulation of the case can be read.
         Cancelled: the caller asked for it.
     """
-    watch = Watch(progress, cancel, evaluated)
-    with own_code(effect_files, measurement_files), _folder(out) as folder:
+    run = Run.of(Options, options, evaluated=evaluated)
+    with run.folder(out) as folder:
         asked = load_question(
             case,
-            settings=settings,
+            settings=run.settings,
             method=method,
             quick=quick,
             measurement_set=measurement_set,
             spacing_m=spacing_m,
             use_constructed=use_constructed,
         )
-        choice = choose_engine(asked, engine, model)
-        return answer(asked, choice, folder, watch, report=report, device=device, threads=threads)
+        return answer(asked, choose_engine(asked, engine, model), folder, run, report=report)
 
 
-def choose_engine(
-    asked: Asked, engine: str | None = None, model: str | os.PathLike[str] | None = None
-) -> Choice:
+def choose_engine(asked: Asked, engine: str | None = None, model: Place | None = None) -> Choice:
     """What answers a question; arguments as of `back_analyse`.
 
     Raises:
@@ -396,20 +374,19 @@ def answer(
     asked: Asked,
     choice: Choice,
     folder: Path,
-    watch: Watch,
+    run: Run,
     *,
     report: Literal["film", "page", "none"] = "none",
-    device: str = "cpu",
-    threads: int | None = None,
 ) -> Result:
     """Answer a question that was read, by an engine that was chosen; see `back_analyse`."""
     from inversion.back_analysis.by_engine import back_analysis_by
     from inversion.back_analysis.result_files import answered
-    from inversion.engines.run_store import RunStore
 
-    plain = RunStore(folder / "runs", device=device, threads=threads, **_reports(watch))
+    watch = run.watch
     with working_in(folder):
-        analysis = back_analysis_by(choice.engine, asked, plain, watch, choice.model, folder)
+        analysis = back_analysis_by(
+            choice.engine, asked, run.store(folder), watch, choice.model, folder
+        )
         with analysis.store.workers():
             result = answered(analysis, folder)
         if report != "none":
@@ -419,7 +396,7 @@ def answer(
 
 
 def load_question(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case,
     *,
     settings: Config | None = None,
     method: str | None = None,
@@ -448,13 +425,8 @@ def load_question(
     if not isinstance(case, Case) and is_body(case):
         config = _chosen(settings or load_settings(None), method, quick)
         return body_case(os.fspath(case), config, **chosen)
-    found = load_case(case, settings=settings)
+    found = Run(settings=settings).case(case)
     return inversion_case(replace(found, config=_chosen(found.config, method, quick)), **chosen)
-
-
-def _reports(watch: Watch) -> dict[str, Any]:
-    """How a store of runs reports to a watch."""
-    return {"on_run": watch.run_done, "on_frame": watch.frame_done}
 
 
 def _write_back_analysis(
@@ -480,20 +452,14 @@ def _chosen(config: Config, method: str | None, quick: bool) -> Config:
 
 
 def posterior(
-    case: str | os.PathLike[str] | Case | Asked,
+    case: Place | Case | Asked,
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     engine: str | None = None,
     spacing_m: float | None = None,
     measurement_set: str | None = None,
     use_constructed: bool = False,
-    settings: Config | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[Options],
 ) -> PosteriorDocument:
     """Everything unknown of a case, before and after its measurements.
 
@@ -505,7 +471,7 @@ def posterior(
         engine: what predicts, a name of `inversion.engines.registry`, without a trained model;
             None: "mpm", of a body "mpm3d". "mpm3d" of a section: over the width of the case's
             `scene3d.yaml`.
-        settings: see above; the group `posterior` says how many runs and draws.
+        options: see above; the group `posterior` of the settings has the numbers of runs and draws.
 
     Returns:
         what `posterior.json` holds; strengths in kPa, lengths in m.
@@ -517,7 +483,6 @@ def posterior(
     """
     from inversion.back_analysis.asked import Asked as Question
     from inversion.back_analysis.by_engine import untrained_engine
-    from inversion.engines.run_store import RunStore
     from inversion.posterior.infer import Inference
     from inversion.posterior.runs import CaseModel
     from inversion.posterior.summary import save_all
@@ -525,66 +490,61 @@ def posterior(
     from report.posterior import write_report as write_posterior
 
     require("posterior", "a posterior")
-    watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
-        if not isinstance(case, Question):
-            case = load_question(
-                case,
-                settings=settings,
-                measurement_set=measurement_set,
-                spacing_m=spacing_m,
-                use_constructed=use_constructed,
-            )
-        asked = case
+    run = Run.of(Options, options)
+    with run.folder(out) as folder:
+        asked = case if isinstance(case, Question) else load_question(
+            case,
+            settings=run.settings,
+            measurement_set=measurement_set,
+            spacing_m=spacing_m,
+            use_constructed=use_constructed,
+        )  # fmt: skip
         chosen = untrained_engine(asked, engine)
-        plain = RunStore(folder / "runs", device=device, threads=threads, **_reports(watch))
-        store = chosen.store_of(asked.folder, asked.setup, plain)
+        store = chosen.store_of(asked.folder, asked.setup, run.store(folder))
         inference = Inference(
             CaseModel(varied_case(asked, store.refused), store, chosen),
             asked.setup.targets,
             asked.config.posterior,
-            watch,
+            run.watch,
         )
-        held.enter_context(working_in(folder))
-        with store.workers():
-            document = save_all(inference.run(), folder)
-        write_posterior(folder)
-        return document
+        with working_in(folder):
+            with store.workers():
+                document = save_all(inference.run(), folder)
+            write_posterior(folder)
+            return document
 
 
 def predict(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case,
     strengths: Sequence[str | KnownStrength] = (),
     *,
-    posterior: str | os.PathLike[str] | None = None,
-    out: str | os.PathLike[str] | None = None,
+    posterior: Place | None = None,
+    out: Place | None = None,
     zones: Sequence[str] = (),
     distribution: Literal["lognormal", "normal"] = "lognormal",
+    thicker_than_m: Sequence[float] = (),
     samples: int = 20_000,
-    seeds: int = 3,
-    engine: str = "mpm",
+    seeds: int | None = None,
+    engine: str | None = None,
     spacing_m: float | None = None,
-    settings: Config | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[Options],
 ) -> dict[str, Any]:
     """The distribution of the runout that follows from that of the residual strength.
 
     Args:
-        case: with a section, at least.
+        case: with a section, at least; or a body in three dimensions: `scene3d.yaml` or its folder.
         strengths: mean and standard deviation [kPa] such as "18+-5", of some zones "1,6=4+-1".
             Empty: those of `posterior`.
         posterior: in place of strengths: `out` of a `posterior`, whose draws are the strengths.
-        out: `prediction.json` and its page are written there.
+        out: `prediction.json` and its page are written there, of a body exceedance maps as well.
         zones: of a single strength; empty: those whose strength `inversion.yaml` seeks, else the
             liquefied ones.
         distribution: of strengths that are given as text.
+        thicker_than_m: of a body: thicknesses of the deposit [m] of which the probability is
+            mapped; empty: that from which soil counts as a deposit.
         samples: drawn from the strengths, at least 100.
-        seeds: jitter seeds that measure the numerical noise; 0: none.
+        seeds: jitter seeds that measure the numerical noise, 0: none; None: 3, of a body 0.
+        engine: see above; None: "mpm", of a body "mpm3d".
 
     Returns:
         what `prediction.json` holds (docs/files.md).
@@ -594,8 +554,42 @@ def predict(
         WorkFailed: the simulations fail.
         Cancelled: the caller asked for it.
     """
+    from geometry.case import Case
+    from geometry.scenes3d.scene3d import is_body
+
+    run = Run.of(Options, options)
+    read = _strengths(strengths, posterior, zones, distribution)
+    for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
+        if value is not None and value < least:
+            raise InputError(f"--{name} {value}: at least {least}")
+    with run.folder(out) as folder:
+        if not isinstance(case, Case) and is_body(case):
+            if engine not in (None, "mpm", "mpm3d"):
+                raise InputError(f"--engine {engine}: not in three dimensions ({case})")
+            return _predict_body(
+                case, read, zones, thicker_than_m, samples,
+                SEEDS_3D if seeds is None else seeds, spacing_m, folder, run,
+            )  # fmt: skip
+        if thicker_than_m:
+            raise InputError("--thicker-than: only in three dimensions, of a scene3d.yaml")
+        return _predict_section(
+            case, read, zones, samples, SEEDS if seeds is None else seeds, engine or "mpm",
+            spacing_m, folder, run,
+        )  # fmt: skip
+
+
+def _predict_section(
+    case: Place | Case,
+    read: Sequence[KnownStrength],
+    zones: Sequence[str],
+    samples: int,
+    seeds: int,
+    engine: str,
+    spacing_m: float | None,
+    folder: Path,
+    run: Run,
+) -> dict[str, Any]:
     from inversion.engines.registry import untrained
-    from inversion.engines.run_store import RunStore
     from inversion.prediction import predict as prediction
     from inversion.prediction.known_strength import placed
     from inversion.prediction.prediction_case import prediction_case
@@ -603,23 +597,16 @@ def predict(
     from pipeline.files import write_json
     from report.prediction import write_report as write_page
 
-    for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
-        if value < least:
-            raise InputError(f"--{name} {value}: at least {least}")
-    watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
-        read = _strengths(strengths, posterior, zones, distribution)
-        section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
-        known = placed(read, list(zones) or section.default_zones, section.scene)
-        chosen = untrained(engine)
-        plain = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        forward = chosen.made(chosen.store_of(section.folder, section.setup(known), plain))
-        watch.plan({"simulating": (1 + seeds) * 7})
-        held.enter_context(working_in(folder))
-        with watch.stage("simulating"):
+    section = prediction_case(run.case(case), spacing_m=spacing_m)
+    known = placed(read, list(zones) or section.default_zones, section.scene)
+    chosen, setup = untrained(engine), section.setup(known)
+    forward = chosen.made(chosen.store_of(section.folder, setup, run.store(folder)))
+    run.watch.plan({"simulating": (1 + seeds) * 7})
+    with working_in(folder):
+        with run.watch.stage("simulating"):
             found = prediction.predict(
                 forward,
-                section.setup(known),
+                setup,
                 known,
                 jittered=[section.setup(known, jitter_seed=s) for s in range(1, seeds + 1)],
                 samples=samples,
@@ -631,85 +618,56 @@ def predict(
         return document
 
 
-def predict_3d(
-    scene: str | os.PathLike[str],
-    strengths: Sequence[str | KnownStrength] = (),
-    *,
-    posterior: str | os.PathLike[str] | None = None,
-    out: str | os.PathLike[str] | None = None,
-    zones: Sequence[str] = (),
-    distribution: Literal["lognormal", "normal"] = "lognormal",
-    thicker_than_m: Sequence[float] = (),
-    samples: int = 20_000,
-    spacing_m: float | None = None,
-    settings: Config | None = None,
-    threads: int | None = None,
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
-) -> BodyPrediction:
-    """How far a slide would run in three dimensions, and where it would come to lie.
-
-    Args:
-        scene: `scene3d.yaml` or its folder.
-        strengths: see `predict`; zones are those of the section or of the terrain.
-        posterior: see `predict`.
-        out: `prediction.json`, its page and the exceedance maps are written there.
-        zones: of a single strength; empty: the liquefied ones.
-        distribution: of strengths that are given as text.
-        thicker_than_m: thicknesses of the deposit [m] of which the probability is mapped; empty:
-            that from which soil counts as a deposit.
-        samples: drawn from the strengths, at least 100.
-        cancel: asked at every frame.
-
-    Raises:
-        InputError: bad input.
-        WorkFailed: the simulations fail.
-        Cancelled: the caller asked for it.
-    """
+def _predict_body(
+    scene: Place,
+    read: Sequence[KnownStrength],
+    zones: Sequence[str],
+    thicker_than_m: Sequence[float],
+    samples: int,
+    seeds: int,
+    spacing_m: float | None,
+    folder: Path,
+    run: Run,
+) -> dict[str, Any]:
     from geometry.scenes3d.scene3d import load_scene_3d
-    from inversion.engines.body_engine import BodyEngine, body_store
-    from inversion.engines.run_store import RunStore
+    from inversion.engines.registry import engine_named
     from inversion.prediction.in_plan import predict_in_plan, prediction_setup
     from inversion.prediction.known_strength import placed
     from inversion.prediction.response import design
     from pipeline.files import write_json
     from report.prediction3d import write_report as write_page
 
-    if samples < 100:
-        raise InputError(f"--samples {samples}: at least 100")
     if any(not 0.0 < thickness < float("inf") for thickness in thicker_than_m):
         raise InputError("--thicker-than: thicknesses must be greater than 0 m")
-    watch = Watch(progress, cancel)
-    with _folder(out) as folder, ExitStack() as held:
-        described = load_scene_3d(os.fspath(scene), spacing=spacing_m)
-        soil = described.soil
-        liquefied = [z.name for z in soil.zones if soil.materials[z.material].liquefied]
-        read = _strengths(strengths, posterior, zones, distribution)
-        known = placed(read, list(zones) or liquefied, soil)
-        simulation = (settings or load_settings(None)).simulation
-        if described.document.duration_s is not None:
-            simulation = simulation.model_copy(update={"duration_s": described.document.duration_s})
-        setup = prediction_setup(described, simulation, known)
-        plain = RunStore(folder / "runs", threads=threads, **_reports(watch))
-        engine = BodyEngine(body_store(setup, plain))
-        watch.plan({"simulating": len(design(len(known)))})
-        held.enter_context(working_in(folder))
-        with watch.stage("simulating"):
+    described = load_scene_3d(os.fspath(scene), spacing=spacing_m)
+    soil, simulation = described.soil, run.config.simulation
+    liquefied = [z.name for z in soil.zones if soil.materials[z.material].liquefied]
+    known = placed(read, list(zones) or liquefied, soil)
+    if described.document.duration_s is not None:
+        simulation = simulation.model_copy(update={"duration_s": described.document.duration_s})
+    setup, chosen = prediction_setup(described, simulation, known), engine_named("mpm3d")
+    store = chosen.store_of(Path(scene), setup, run.store(folder))
+    jitter = run.config.inversion.noise_jitter
+    run.watch.plan({"simulating": len(design(len(known))) + 3 * seeds})
+    with working_in(folder):
+        with run.watch.stage("simulating"):
             found = predict_in_plan(
-                engine,
+                chosen.made(store),
+                store,
                 setup,
                 known,
                 thicker_than_m=sorted(thicker_than_m) or [setup.before.least],
+                jittered=[setup.jittered(jitter, seed) for seed in range(1, seeds + 1)],
                 samples=samples,
             )
         write_json(folder / PREDICTION, found.document)
         write_page(found, folder)
-        return found
+        return found.document
 
 
 def _strengths(
     strengths: Sequence[str | KnownStrength],
-    posterior: str | os.PathLike[str] | None,
+    posterior: Place | None,
     zones: Sequence[str],
     distribution: Literal["lognormal", "normal"],
 ) -> Sequence[KnownStrength]:
@@ -728,19 +686,13 @@ def _strengths(
 
 
 def predict_from_blow_counts(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case,
     *,
     zones: Sequence[str] = (),
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
-    settings: Config | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[Options],
 ) -> dict[str, Any]:
     """The slides that published relations give for the blow counts of a case, without a fit.
 
@@ -759,39 +711,34 @@ def predict_from_blow_counts(
     """
     from inversion.catalogue.correlations import RELATIONS
     from inversion.engines.registry import of_section
-    from inversion.engines.run_store import RunStore
     from inversion.prediction import from_blow_counts
     from inversion.prediction.prediction_case import prediction_case
     from pipeline.files import write_json
     from report.from_blow_counts import write_report as write_page
 
-    watch = Watch(progress, cancel)
-    with own_code(effect_files, measurement_files), _folder(out) as folder, ExitStack() as held:
-        section = prediction_case(load_case(case, settings=settings), spacing_m=spacing_m)
+    run = Run.of(Options, options)
+    with run.folder(out) as folder:
+        section = prediction_case(run.case(case), spacing_m=spacing_m)
         chosen = of_section(engine)
-        store = RunStore(folder / "runs", device=device, threads=threads, on_run=watch.run_done)
-        watch.plan({"simulating": len(RELATIONS) * len(from_blow_counts.SCORES)})
-        held.enter_context(working_in(folder))
-        with watch.stage("simulating"):
-            document = from_blow_counts.predict_from_blow_counts(
-                section, store, zones=zones, engine=chosen
-            )
-        write_json(folder / BLOW_COUNT_PREDICTION, document)
-        write_page(document, folder)
-        return document
+        run.watch.plan({"simulating": len(RELATIONS) * len(from_blow_counts.SCORES)})
+        with working_in(folder):
+            with run.watch.stage("simulating"):
+                document = from_blow_counts.predict_from_blow_counts(
+                    section, run.store(folder), zones=zones, engine=chosen
+                )
+            write_json(folder / BLOW_COUNT_PREDICTION, document)
+            write_page(document, folder)
+            return document
 
 
 def classical(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case,
     *,
-    out: str | os.PathLike[str] | None = None,
-    run: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
+    run: Place | None = None,
     slide: str | None = None,
     judgement: Mapping[str, Any] | None = None,
-    settings: Config | None = None,
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[SurveyOptions],
 ) -> dict[str, Any]:
     """Find S_r by the classical methods on the sections before and after a slide.
 
@@ -801,8 +748,7 @@ def classical(
         run: trajectory whose deposit is the section after the slide; None: as surveyed.
         slide: the only one; None: every slide of the case.
         judgement: calls that replace those of `classical.yaml`, by name (docs/method/classical.md).
-        progress: called for each slide.
-        cancel: asked between slides.
+        options: see above; progress is in slides, and cancel asked between them.
 
     Returns:
         what `classical.json` holds.
@@ -811,42 +757,118 @@ def classical(
         InputError: bad input, or a slide that cannot be analysed.
         Cancelled: the caller asked for it.
     """
+    own = Run.of(SurveyOptions, options)
+    with own.folder(out) as folder, working_in(folder):
+        return analysed_classically(own.case(case), own, run, slide, judgement).save(folder)
+
+
+@dataclass(frozen=True)
+class ClassicalAnswers:
+    """What the classical methods say of a case.
+
+    Attributes:
+        sections: before and after its slides.
+        analyses: of the slides.
+        refused: why others could not be analysed.
+    """
+
+    sections: CaseSections
+    analyses: Sequence[Analysis]
+    refused: Sequence[str]
+
+    def save(self, folder: Path) -> dict[str, Any]:
+        """Write document, pictures and page; the document."""
+        from report.classical import save_all
+
+        return save_all(self.sections, self.analyses, self.refused, folder)
+
+
+def analysed_classically(
+    case: Case,
+    own: Run,
+    run: Place | None = None,
+    slide: str | None = None,
+    judgement: Mapping[str, Any] | None = None,
+) -> ClassicalAnswers:
+    """The classical methods on a case that was read; arguments as of `classical`."""
     from inversion.classical.sections_of_case import case_sections
     from inversion.classical.slides import analyse_slides
-    from report.classical import save_all
 
-    watch = Watch(progress, cancel)
-    with own_code((), measurement_files), _folder(out) as folder, ExitStack() as held:
-        sections = case_sections(
-            load_case(case, settings=settings), run=None if run is None else os.fspath(run)
-        )
-        held.enter_context(working_in(folder))
-        analyses, refused = analyse_slides(
-            sections, slide=slide, changes=judgement, on_slide=watch.reach
-        )
-        return save_all(sections, analyses, refused, folder)
+    sections = case_sections(case, run=None if run is None else os.fspath(run))
+    analyses, refused = analyse_slides(
+        sections, slide=slide, changes=judgement, on_slide=own.watch.reach
+    )
+    return ClassicalAnswers(sections, analyses, refused)
 
 
-def diagnose(
-    case: str | os.PathLike[str] | Case,
+@contextmanager
+def open_session(
+    what: str,
+    case: Place | Case | Session,
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     hypothesis: str | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
-    settings: Config | None = None,
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[DiagnosisOptions],
+) -> Iterator[Session]:
+    """A session of a diagnosis, for the length of a `with` block; one that is open stays so.
+
+    Args:
+        what: the stage, for the progress.
+        case: with a section, measurements and a question.
+        out: None: the results are not kept.
+        options: see above; the total of the progress is the budget, which is rarely used up.
+
+    Raises:
+        InputError: bad input.
+    """
+    from diagnosis.session import Session, open_session
+    from inversion.engines.registry import of_section
+
+    if isinstance(case, Session):
+        yield case
+        return
+    run = Run.of(DiagnosisOptions, options)
+    with run.folder(out) as folder:
+        found = run.case(case)
+        run.watch.plan({what: found.config.diagnosis.max_runs})
+        session = open_session(
+            found,
+            out=folder,
+            hypothesis=hypothesis,
+            spacing_m=spacing_m,
+            engine=of_section(engine),
+            threads=run.threads,
+            say=run.watch.say,
+            on_run=run.watch.run_done,
+        )
+        with working_in(session.folder), run.watch.stage(what):
+            yield session
+
+
+def _timed(found: Answer, session: Session, question: str) -> Answer:
+    """What was found, when the time that it took is written as well."""
+    session.write_timing(question)
+    return found
+
+
+def diagnose(
+    case: Place | Case | Session,
+    *,
+    out: Place | None = None,
+    hypothesis: str | None = None,
+    engine: str = "mpm",
+    spacing_m: float | None = None,
+    **options: Unpack[DiagnosisOptions],
 ) -> Verdict:
     """Say whether the model of a case explains its measurements, and which effect it lacks if not.
 
     Args:
-        case: with a section, measurements and a question.
+        case: with a section, measurements and a question; or what `open_session` gives, which has
+            everything else already.
         out: `verdict.json`, `sections.npz` and the hypotheses are written there.
-        progress: called for each run; the total is the budget, which is rarely used up.
+        options: see above; the total of the progress is the budget, which is rarely used up.
 
     Returns:
         what `verdict.json` holds.
@@ -858,36 +880,27 @@ def diagnose(
     """
     from diagnosis.answers import diagnosed
 
-    with (
-        own_code(effect_files, measurement_files),
-        _session("diagnosis", case, out, hypothesis, engine, spacing_m, settings, threads,
-                 Watch(progress, cancel)) as session,
-    ):  # fmt: skip
-        found = diagnosed(session)
-        session.write_timing("run")
-        return found
+    with open_session("diagnosis", case, out=out, hypothesis=hypothesis, engine=engine,
+                      spacing_m=spacing_m, **options) as session:  # fmt: skip
+        return _timed(diagnosed(session), session, "run")
 
 
 def compare(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case | Session,
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     hypothesis: str | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
-    settings: Config | None = None,
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[DiagnosisOptions],
 ) -> CompareDocument:
     """Calibrate the model of a case, and test whether it explains the measurements.
 
     Args:
-        case: with a section, measurements and a question.
+        case: with a section, measurements and a question; or what `open_session` gives, which has
+            everything else already.
         out: `compare.json`, `sections.npz` and the hypothesis are written there.
-        progress: called for each run; the total is the budget, which is rarely used up.
+        options: see above; the total of the progress is the budget, which is rarely used up.
 
     Returns:
         what `compare.json` holds.
@@ -899,36 +912,27 @@ def compare(
     """
     from diagnosis.answers import compared
 
-    with (
-        own_code(effect_files, measurement_files),
-        _session("comparison", case, out, hypothesis, engine, spacing_m, settings, threads,
-                 Watch(progress, cancel)) as session,
-    ):  # fmt: skip
-        found = compared(session)
-        session.write_timing("compare")
-        return found
+    with open_session("comparison", case, out=out, hypothesis=hypothesis, engine=engine,
+                      spacing_m=spacing_m, **options) as session:  # fmt: skip
+        return _timed(compared(session), session, "compare")
 
 
 def explain(
-    case: str | os.PathLike[str] | Case,
+    case: Place | Case | Session,
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: Place | None = None,
     hypothesis: str | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
-    settings: Config | None = None,
-    threads: int | None = None,
-    effect_files: Files = (),
-    measurement_files: Files = (),
-    progress: Report | None = None,
-    cancel: Cancel | None = None,
+    **options: Unpack[DiagnosisOptions],
 ) -> ExplainDocument:
     """Rank the effects that would explain the misfit of a case, and say what cannot be told apart.
 
     Args:
-        case: with a section, measurements and a question.
+        case: with a section, measurements and a question; or what `open_session` gives, which has
+            everything else already.
         out: `explain.json` and `sections.npz` are written there.
-        progress: called for each run; the total is the budget, which is rarely used up.
+        options: see above; the total of the progress is the budget, which is rarely used up.
 
     Returns:
         what `explain.json` holds.
@@ -940,53 +944,39 @@ def explain(
     """
     from diagnosis.answers import explained
 
-    with (
-        own_code(effect_files, measurement_files),
-        _session("explanation", case, out, hypothesis, engine, spacing_m, settings, threads,
-                 Watch(progress, cancel)) as session,
-    ):  # fmt: skip
-        found = explained(session)
-        session.write_timing("explain")
-        return found
+    with open_session("explanation", case, out=out, hypothesis=hypothesis, engine=engine,
+                      spacing_m=spacing_m, **options) as session:  # fmt: skip
+        return _timed(explained(session), session, "explain")
 
 
-@contextmanager
-def _session(
-    what: str,
-    case: str | os.PathLike[str] | Case,
-    out: str | os.PathLike[str] | None,
-    hypothesis: str | None,
-    engine: str,
-    spacing_m: float | None,
-    settings: Config | None,
-    threads: int | None,
-    watch: Watch,
-) -> Iterator[Session]:
-    """A session of a diagnosis within a stage of this name."""
-    from diagnosis.session import open_session
-    from inversion.engines.registry import of_section
+def extend(session: Session, add: str, notes: str = "") -> Extended:
+    """Add an effect to the model of a session; its model file and step are written."""
+    from diagnosis.answers import extended
 
-    with _folder(out) as folder:
-        case = load_case(case, settings=settings)
-        watch.plan({what: case.config.diagnosis.max_runs})
-        session = open_session(
-            case,
-            out=folder,
-            hypothesis=hypothesis,
-            spacing_m=spacing_m,
-            engine=of_section(engine),
-            threads=threads,
-            say=watch.say,
-            on_run=watch.run_done,
-        )
-        with working_in(session.folder), watch.stage(what):
-            yield session
+    done = extended(session, add, notes)
+    return _timed(done, done.asked, "extend")
+
+
+def track(session: Session) -> Track:
+    """The error over the models of a session so far. Nothing is simulated."""
+    from diagnosis.answers import tracked
+
+    return tracked(session)
+
+
+def suggest(session: Session, count: int) -> Diagnosis:
+    """A diagnosis that also says which measurements, `count` of them, would tell most."""
+    from diagnosis.diagnose import diagnose
+
+    return _timed(
+        diagnose(session.model, session.options, session.say, count=count), session, "suggest"
+    )
 
 
 def write_report(
-    folder: str | os.PathLike[str],
+    folder: Place,
     *,
-    case: str | os.PathLike[str] | None = None,
+    case: Place | None = None,
     film: bool = True,
 ) -> Path:
     """Write the page of a back-analysis or of a diagnosis, with its pictures next to it.
@@ -1019,7 +1009,7 @@ def write_report(
     )
 
 
-def write_pdf(page: str | os.PathLike[str]) -> Path:
+def write_pdf(page: Place) -> Path:
     """Print a page that this program has written into a PDF next to it.
 
     Args:
@@ -1035,28 +1025,3 @@ def write_pdf(page: str | os.PathLike[str]) -> Path:
     from report import pdf
 
     return pdf.write_pdf(page)
-
-
-@contextmanager
-def _folder(out: str | os.PathLike[str] | None) -> Iterator[Path]:
-    """The folder of the results; a temporary one where nothing is to be kept."""
-    if out is not None:
-        yield Path(out)
-        return
-    with TemporaryDirectory(prefix="flowslide_") as temporary:
-        yield Path(temporary)
-
-
-@contextmanager
-def own_code(effect_files: Files, measurement_files: Files) -> Iterator[None]:
-    """Effects and measurement types of the caller's own, for the length of a call."""
-    with ExitStack() as stack:
-        if effect_files:
-            from mpm_taichi.effects import given_effects
-
-            stack.enter_context(given_effects([os.fspath(file) for file in effect_files]))
-        if measurement_files:
-            from geometry.survey.registry import given_measurements
-
-            stack.enter_context(given_measurements([os.fspath(file) for file in measurement_files]))
-        yield

@@ -246,7 +246,7 @@ def _run(parser: CommandParser, argv: Sequence[str] | None) -> int:
     measurements = getattr(arguments, "measurement_files", ())
     if not (effects or measurements):
         return arguments.handler(arguments) or 0
-    from flowslide.api import own_code
+    from flowslide.run import own_code
 
     with own_code(effects, measurements):
         return arguments.handler(arguments) or 0

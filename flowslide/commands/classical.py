@@ -103,25 +103,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
-    from geometry.case import load_case
+    from flowslide import api
+    from flowslide.run import Run
     from inversion.classical.document import table
-    from inversion.classical.sections_of_case import case_sections
-    from inversion.classical.slides import analyse_slides
     from pipeline.config import load_config
     from pipeline.files import working_in
 
-    config = load_config(arguments.config, arguments.overrides)
-    case = case_sections(load_case(arguments.case, config), run=arguments.run)
-    out = Path(arguments.out or Path(config.results_folder) / case.name / "classical")
+    settings = load_config(arguments.config, arguments.overrides)
+    case = api.load_case(arguments.case, settings=settings)
+    out = Path(arguments.out or Path(settings.results_folder) / case.name / "classical")
     with working_in(out):
-        analyses, refused = analyse_slides(case, slide=arguments.slide, changes=_changes(arguments))
-    for analysis in analyses:
-        print(table(case, analysis, every_option=not arguments.quiet), end="\n\n")
-    for reason in refused:
-        print(f"Not analysed: {reason}")
-    from report.classical import save_all  # takes a second
-
-    save_all(case, analyses, refused, out)
+        found = api.analysed_classically(
+            case, Run(), arguments.run, arguments.slide, _changes(arguments)
+        )
+        for analysis in found.analyses:
+            print(table(found.sections, analysis, every_option=not arguments.quiet), end="\n\n")
+        for reason in found.refused:
+            print(f"Not analysed: {reason}")
+        found.save(out)
     print(f"wrote {out}")
     return 0
 

@@ -58,8 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Find the answer, write it, print it."""
     from flowslide import api
+    from flowslide.run import Run
     from pipeline.config import load_config
-    from pipeline.progress import Progress, Watch
+    from pipeline.progress import Progress
 
     settings = load_config(arguments.config, arguments.overrides)
     asked = api.load_question(
@@ -79,9 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
     own = "inversion_on_maps" if asked.dimensions == 3 else choice.engine.folder
     folder = Path(arguments.out or Path(settings.results_folder) / asked.name / own)
     with Progress(0, asked.title, quiet=arguments.quiet) as bar:
-        result = api.answer(
-            asked, choice, folder, Watch(bar.report), report=arguments.report,
-            device=arguments.device, threads=arguments.threads,
-        )  # fmt: skip
+        run = Run(progress=bar.report, device=arguments.device, threads=arguments.threads)
+        result = api.answer(asked, choice, folder, run, report=arguments.report)
         bar.say(f"wrote {folder}")
     print(summary(load_back_analysis(folder, asked, result)))

@@ -7,8 +7,9 @@ With `--posterior` in place of strengths: those that `flowslide posterior` has d
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from flowslide.commands import options
 
@@ -61,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--thicker-than", type=options.numbers, default=[], metavar="M,...",
         help="in 3-D: thicknesses [m] whose probability is mapped; default: that of a deposit",
     )  # fmt: skip
-    options.add_engine(parser)
+    options.add_engine(parser, default=None)
     options.add_spacing(parser)
     options.add_out(
         parser,
@@ -74,17 +75,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Predict, write, print."""
     from flowslide import api
+    from geometry.scenes3d.scene3d import is_body
     from inversion.engines.registry import engine_named
     from pipeline.cli import InputError
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
-    # A section next to its scene3d.yaml is predicted as a section, unless the file is named.
-    if options.is_3d(arguments.case) and not (Path(arguments.case) / "scene.yaml").is_file():
-        _run_3d(arguments)
-        return
-    if arguments.thicker_than:
-        raise InputError("--thicker-than: only in three dimensions, of a scene3d.yaml")
+    body = is_body(arguments.case)
+    refused = {FROM_COUNTS: arguments.from_blow_counts}
+    if body:
+        options.refuse_in_3d(arguments, refused)
     chosen = {
         name: getattr(arguments, name)
         for name in OF_STRENGTHS
@@ -95,63 +95,44 @@ def run(arguments: argparse.Namespace) -> None:
             raise InputError(f"--{name}: belongs to {OPTION}; {FROM_COUNTS} has none")
     if arguments.posterior is not None and "distribution" in chosen:
         raise InputError(f"--distribution: belongs to {OPTION}; {FROM_POSTERIOR} has its own")
-    zones = [zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()]
     settings = load_config(arguments.config, arguments.overrides)
-    case = api.load_case(arguments.case, settings=settings)
-    engine = engine_named(arguments.engine)
+    case = arguments.case if body else api.load_case(arguments.case, settings=settings)
+    name = options.name_3d(arguments.case) if body else case.name
+    engine = engine_named(arguments.engine or "mpm")
     own = "prediction_over_width" if engine.name == "mpm3d" else f"prediction{engine.suffix}"
-    folder = Path(arguments.out or Path(settings.results_folder) / case.name / own)
-    with Progress(0, case.title, quiet=arguments.quiet) as bar:
+    own = "prediction_3d" if body else own
+    folder = Path(arguments.out or Path(settings.results_folder) / name / own)
+    with Progress(0, name if body else case.title, quiet=arguments.quiet) as bar:
         shared = {
-            "out": folder, "zones": zones, "spacing_m": arguments.spacing,
-            "device": arguments.device, "threads": arguments.threads, "progress": bar.report,
-            "engine": arguments.engine,
-        }  # fmt: skip
+            "out": folder,
+            "zones": [zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()],
+            "spacing_m": arguments.spacing,
+            "device": arguments.device,
+            "threads": arguments.threads,
+            "settings": settings,
+            "progress": bar.report,
+        }
         if arguments.from_blow_counts:
-            from report.from_blow_counts import summary
-
-            document = api.predict_from_blow_counts(case, **shared)
+            document = api.predict_from_blow_counts(case, engine=engine.name, **shared)
         else:
-            from report.prediction import summary
-
             document = api.predict(
                 case, arguments.strengths or (), posterior=arguments.posterior,
-                **chosen, **shared,
+                engine=arguments.engine, thicker_than_m=arguments.thicker_than, **chosen, **shared,
             )  # fmt: skip
         bar.say(f"wrote {folder}")
-    print(summary(document))
+    print(_summary(arguments, body)(document))
 
 
-def _run_3d(arguments: argparse.Namespace) -> None:
-    from flowslide import api
-    from pipeline.config import load_config
-    from pipeline.progress import Progress
-    from report.prediction3d import summary
+def _summary(arguments: argparse.Namespace, body: bool) -> Callable[[dict[str, Any]], str]:
+    """What is printed of a document."""
+    if arguments.from_blow_counts:
+        from report import from_blow_counts
 
-    refused = {
-        FROM_COUNTS: arguments.from_blow_counts,
-        "--seeds": arguments.seeds is not None,
-        f"--engine {arguments.engine}": arguments.engine not in ("mpm", "mpm3d"),
-        "--distribution with --posterior": arguments.posterior and arguments.distribution,
-    }
-    options.refuse_in_3d(arguments, refused)
-    settings = load_config(arguments.config, arguments.overrides)
-    name = options.name_3d(arguments.case)
-    folder = Path(arguments.out or Path(settings.results_folder) / name / "prediction_3d")
-    with Progress(0, name, quiet=arguments.quiet) as bar:
-        found = api.predict_3d(
-            arguments.case,
-            arguments.strengths or (),
-            posterior=arguments.posterior,
-            out=folder,
-            zones=[zone.strip() for zone in (arguments.zones or "").split(",") if zone.strip()],
-            distribution=arguments.distribution or KINDS[0],
-            thicker_than_m=arguments.thicker_than,
-            samples=arguments.samples or 20_000,
-            spacing_m=arguments.spacing,
-            settings=settings,
-            threads=arguments.threads,
-            progress=bar.report,
-        )
-        bar.say(f"wrote {folder}")
-    print(summary(found.document))
+        return from_blow_counts.summary
+    if body:
+        from report import prediction3d
+
+        return prediction3d.summary
+    from report import prediction
+
+    return prediction.summary

@@ -17,9 +17,11 @@ from geometry.scenes3d.scene3d import Scene3d
 from geometry.survey.quantity import Confidence
 from geometry.survey3d.measured import DepositMap, MapMeasured
 from geometry.terrain.raster import Raster
-from inversion.engines.body_engine import BodyEngine
+from inversion.engines.body_engine import BodyStore
 from inversion.engines.body_setup import BodySetup, KeptMaps
+from inversion.engines.run_store import Store
 from inversion.estimation.data import Targets
+from inversion.estimation.forward import Forward
 from inversion.prediction.known_strength import KnownStrength, strength_parameters
 from inversion.prediction.predict import ENVELOPE_SAMPLES, Distribution, predict
 from inversion.prediction.prediction_document import distribution_of, head_of
@@ -128,27 +130,32 @@ class BodyPrediction:
 
 
 def predict_in_plan(
-    engine: BodyEngine,
+    engine: Forward,
+    store: Store,
     setup: BodySetup,
     strengths: Sequence[KnownStrength],
     *,
     thicker_than_m: Sequence[float],
+    jittered: Sequence[BodySetup] = (),
     samples: int = 20_000,
 ) -> BodyPrediction:
     """The distribution of the readings and the exceedance maps.
 
     Args:
         engine: simulates.
+        store: of its runs.
         setup: the scene and the zones of the strengths.
         strengths: p of them.
         thicker_than_m: thicknesses [m] of which the probability is mapped.
+        jittered: setups that differ in the seed of the jitter alone; fewer than two: no noise.
         samples: strengths that are put through the response.
 
     Raises:
         WorkFailed: more than a quarter of the runs failed.
     """
-    found = predict(engine, setup, strengths, samples=samples)
-    kept = [engine.kept_maps(setup.at(values)) for values in found.strengths]
+    assert isinstance(store, BodyStore)
+    found = predict(engine, setup, strengths, jittered=jittered, samples=samples)
+    kept = [store.fetch(setup, values) for values in found.strengths]
     before = setup.before.before
     maps = {
         thickness: Raster(before.origin, before.spacing, chance, before.crs)

@@ -125,7 +125,7 @@ def test_a_run_that_fails_is_reported_with_its_reason(gully, tmp_path):
     (found,) = engine.predict([setup.at(np.array([4.0]))])
     assert found.failed and found.reason and np.isnan(found.values).all()
     with pytest.raises(WorkFailed, match="15 of 15 simulations failed"):
-        flowslide.predict_3d(
+        flowslide.predict(
             gully, ["4+-1"], threads=1,
             settings=flowslide.load_settings(None, ["simulation.time_step_s=10"]),
         )  # fmt: skip
@@ -135,7 +135,7 @@ def test_a_run_that_fails_is_reported_with_its_reason(gully, tmp_path):
     ("more", "words"),
     [
         (["--from-blow-counts"], "--from-blow-counts: not in three dimensions"),
-        (["--residual-strength", "4+-1", "--seeds", "2"], "--seeds: not in three dimensions"),
+        (["--residual-strength", "4+-1", "--seeds", "-2"], "--seeds -2: at least 0"),
         (["--residual-strength", "clay=4+-1"], "zone 'clay' is not in the scene"),
         (["--residual-strength", "4+-1", "--thicker-than", "0"], "must be greater than 0 m"),
     ],

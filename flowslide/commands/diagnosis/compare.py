@@ -23,11 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Compare, write, print."""
-    from diagnosis.answers import compared
+    from flowslide import api
     from report.diagnosis import summary
 
     with session_of(arguments, "comparison") as session:
-        document = compared(session)
+        document = api.compare(session)
     print(f"{summary(document, session.folder)}\n\n{session.runs_line()}")
-    session.write_timing("compare")
     write_page(arguments, session, "write_compare")

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from flowslide.commands.diagnosis.session_options import (
     add_session_options,
     session_of,
     write_page,
 )
-
-if TYPE_CHECKING:
-    pass
 
 DESCRIPTION = (
     "Compare, rank the effects, add them one after another until the model of CASE is adequate, "
@@ -28,11 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Diagnose, write, print."""
-    from diagnosis.answers import diagnosed
+    from flowslide import api
     from report.diagnosis import summary
 
     with session_of(arguments, "diagnosis") as session:
-        verdict = diagnosed(session)
+        verdict = api.diagnose(session)
     print(f"{summary(verdict, session.folder)}\n\n{session.runs_line()}")
-    session.write_timing("run")
     write_page(arguments, session, "write_report")

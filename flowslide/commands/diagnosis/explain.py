@@ -24,11 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Explain, write, print."""
-    from diagnosis.answers import explained
+    from flowslide import api
     from report.diagnosis import summary
 
     with session_of(arguments, "explanation") as session:
-        document = explained(session)
+        document = api.explain(session)
     print(f"{summary(document, session.folder)}\n\n{session.runs_line()}")
-    session.write_timing("explain")
     write_page(arguments, session, "write_explain")

@@ -25,14 +25,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Extend, write, print."""
-    from diagnosis.answers import extended
     from diagnosis.hypotheses.hypothesis_file import FOLDER
     from diagnosis.verdict.fitted_models import effect_answers, measurement_lines
+    from flowslide import api
     from report.diagnosis import measurements_text
     from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "extension") as session:
-        done = extended(session, arguments.add, arguments.notes)
+        done = api.extend(session, arguments.add, arguments.notes)
     found, data = done.found, done.comparison.base.data
     words = {c.name: (c.unit, c.words) for c in done.asked.model.candidates}
     for answer in effect_answers(data, found.after.fit, words):
@@ -53,5 +53,4 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"\n{measurements_text(lines)}")
     print(f"\nwrote {session.folder / FOLDER / done.after.hypothesis}.yaml")
     print(done.asked.runs_line())
-    done.asked.write_timing("extend")
     write_page_of_track(arguments, session)

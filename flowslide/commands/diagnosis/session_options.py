@@ -38,30 +38,29 @@ def add_session_options(parser: argparse.ArgumentParser) -> None:
 @contextmanager
 def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
     """The session that the options ask for, with a bar for the length of the `with` block."""
-    from diagnosis.session import open_session
-    from geometry.case import load_case
-    from inversion.engines.registry import of_section
+    from flowslide import api
+    from inversion.engines.registry import engine_named
     from pipeline.config import load_config
-    from pipeline.files import working_in
-    from pipeline.progress import Progress, Watch
+    from pipeline.progress import Progress
 
-    config = load_config(arguments.config, arguments.overrides)
-    case = load_case(arguments.case, config)
-    with Progress(0, case.title, quiet=arguments.quiet) as bar:
-        watch = Watch(bar.report)
-        watch.plan({what: config.diagnosis.max_runs})
-        session = open_session(
+    settings = load_config(arguments.config, arguments.overrides)
+    case = api.load_case(arguments.case, settings=settings)
+    own = f"diagnosis{engine_named(arguments.engine).suffix}"
+    with (
+        Progress(0, case.title, quiet=arguments.quiet) as bar,
+        api.open_session(
+            what,
             case,
-            out=arguments.out,
+            out=arguments.out or Path(settings.results_folder) / case.name / own,
             hypothesis=arguments.hypothesis,
+            engine=arguments.engine,
             spacing_m=arguments.spacing,
-            engine=of_section(arguments.engine),
             threads=arguments.threads,
-            say=bar.say,
-            on_run=watch.run_done,
-        )
-        with working_in(session.folder):
-            yield session
+            progress=bar.report,
+        ) as session,
+    ):
+        session.say = bar.say
+        yield session
 
 
 def write_page(arguments: argparse.Namespace, session: Session, composer: str) -> None:

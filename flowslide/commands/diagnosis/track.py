@@ -23,13 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the way, write its page."""
-    from diagnosis.answers import tracked
     from diagnosis.hypotheses.hypothesis_file import hypothesis_files
     from diagnosis.verdict.fitted_models import kept_step
+    from flowslide import api
     from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "track") as session:
-        track = tracked(session)
+        track = api.track(session)
     print(steps_table(track.steps, track.by_hand, track.notes).text())
     for name in hypothesis_files(session.folder):
         if not kept_step(session.folder, name):
@@ -41,9 +41,9 @@ def run(arguments: argparse.Namespace) -> None:
 def write_page_of_track(arguments: argparse.Namespace, session: Session) -> None:
     """Write the page of all models so far, where one is wanted."""
     if arguments.page == "yes":
-        from diagnosis.answers import tracked
+        from flowslide import api
         from report.diagnosis import write_track
 
-        track = tracked(session)
+        track = api.track(session)
         page = write_track(session.folder, session.case.title, track.steps, by_hand=track.by_hand)
         session.say(f"wrote {page}")
