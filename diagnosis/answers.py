@@ -209,10 +209,11 @@ def extended(session: Session, add: str, notes: str) -> Extended:
     found = extend(asked.model, comparison, asked.options, before=fitted, add=add)
     data = comparison.base.data
     before = step_of(
-        session.hypothesis_name, _place(session, session.hypothesis_name),
+        session.hypothesis_name,
+        _place(session, session.hypothesis_name),
         judge(data, found.before.fit),
         note="base model" if session.is_base else "",
-    )  # fmt: skip
+    )
     if session.is_base:
         base = Hypothesis(by="compare")
         keep(session.folder, BASE, base, before, session.made_from(base))

@@ -129,8 +129,10 @@ class DiagnosisCase(Case):
             name: "ruled out by the engineer" + (f": {why}" if why else "")
             for name, why in self.question.forbid.items()
         }
-        return {**{name: f"can do nothing here: {why}" for name, why in model.left_out.items()},
-                **ruled_out}  # fmt: skip
+        return {
+            **{name: f"can do nothing here: {why}" for name, why in model.left_out.items()},
+            **ruled_out,
+        }
 
     @cached_property
     def files(self) -> list[Path]:

@@ -103,6 +103,11 @@ def next_measurements(found: Diagnosis, count: int) -> list[Suggestion]:
     if not isinstance(found.model, Proposing):
         return []
     return suggest(
-        found.model, found.comparison, found.explanation, found.tried_models, found.decision,
-        found.options, count=count,
-    )  # fmt: skip
+        found.model,
+        found.comparison,
+        found.explanation,
+        found.tried_models,
+        found.decision,
+        found.options,
+        count=count,
+    )

@@ -152,8 +152,15 @@ class Session:
         files = {path.name: file_hash(path)[:HASH_DIGITS] for path in self.case.files}
         versions = self.manifest_core["physics_versions"]
         settings = self.manifest_core["settings"]
-        return content_hash({"files": files, "settings": settings, "versions": versions,
-                             "options": asdict(self.root.options), "model": own})  # fmt: skip
+        return content_hash(
+            {
+                "files": files,
+                "settings": settings,
+                "versions": versions,
+                "options": asdict(self.root.options),
+                "model": own,
+            }
+        )
 
     def without(self, effects: Sequence[str]) -> Session:
         """The same question asked of the model without some of its effects."""

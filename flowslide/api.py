@@ -492,13 +492,17 @@ def posterior(
     require("posterior", "a posterior")
     run = Run.of(Options, options)
     with run.folder(out) as folder:
-        asked = case if isinstance(case, Question) else load_question(
-            case,
-            settings=run.settings,
-            measurement_set=measurement_set,
-            spacing_m=spacing_m,
-            use_constructed=use_constructed,
-        )  # fmt: skip
+        asked = (
+            case
+            if isinstance(case, Question)
+            else load_question(
+                case,
+                settings=run.settings,
+                measurement_set=measurement_set,
+                spacing_m=spacing_m,
+                use_constructed=use_constructed,
+            )
+        )
         chosen = untrained_engine(asked, engine)
         store = chosen.store_of(asked.folder, asked.setup, run.store(folder))
         inference = Inference(
@@ -567,15 +571,29 @@ def predict(
             if engine not in (None, "mpm", "mpm3d"):
                 raise InputError(f"--engine {engine}: not in three dimensions ({case})")
             return _predict_body(
-                case, read, zones, thicker_than_m, samples,
-                SEEDS_3D if seeds is None else seeds, spacing_m, folder, run,
-            )  # fmt: skip
+                case,
+                read,
+                zones,
+                thicker_than_m,
+                samples,
+                SEEDS_3D if seeds is None else seeds,
+                spacing_m,
+                folder,
+                run,
+            )
         if thicker_than_m:
             raise InputError("--thicker-than: only in three dimensions, of a scene3d.yaml")
         return _predict_section(
-            case, read, zones, samples, SEEDS if seeds is None else seeds, engine or "mpm",
-            spacing_m, folder, run,
-        )  # fmt: skip
+            case,
+            read,
+            zones,
+            samples,
+            SEEDS if seeds is None else seeds,
+            engine or "mpm",
+            spacing_m,
+            folder,
+            run,
+        )
 
 
 def _predict_section(
@@ -880,8 +898,15 @@ def diagnose(
     """
     from diagnosis.answers import diagnosed
 
-    with open_session("diagnosis", case, out=out, hypothesis=hypothesis, engine=engine,
-                      spacing_m=spacing_m, **options) as session:  # fmt: skip
+    with open_session(
+        "diagnosis",
+        case,
+        out=out,
+        hypothesis=hypothesis,
+        engine=engine,
+        spacing_m=spacing_m,
+        **options,
+    ) as session:
         return _timed(diagnosed(session), session, "run")
 
 
@@ -912,8 +937,15 @@ def compare(
     """
     from diagnosis.answers import compared
 
-    with open_session("comparison", case, out=out, hypothesis=hypothesis, engine=engine,
-                      spacing_m=spacing_m, **options) as session:  # fmt: skip
+    with open_session(
+        "comparison",
+        case,
+        out=out,
+        hypothesis=hypothesis,
+        engine=engine,
+        spacing_m=spacing_m,
+        **options,
+    ) as session:
         return _timed(compared(session), session, "compare")
 
 
@@ -944,8 +976,15 @@ def explain(
     """
     from diagnosis.answers import explained
 
-    with open_session("explanation", case, out=out, hypothesis=hypothesis, engine=engine,
-                      spacing_m=spacing_m, **options) as session:  # fmt: skip
+    with open_session(
+        "explanation",
+        case,
+        out=out,
+        hypothesis=hypothesis,
+        engine=engine,
+        spacing_m=spacing_m,
+        **options,
+    ) as session:
         return _timed(explained(session), session, "explain")
 
 

@@ -150,8 +150,13 @@ class Run:
         from inversion.engines.run_store import RunStore
 
         watch = self.watch
-        return RunStore(folder / "runs", device=self.device, threads=self.threads,
-                        on_run=watch.run_done, on_frame=watch.frame_done)  # fmt: skip
+        return RunStore(
+            folder / "runs",
+            device=self.device,
+            threads=self.threads,
+            on_run=watch.run_done,
+            on_frame=watch.frame_done,
+        )
 
     def case(self, case: Place | Case) -> Case:
         """A case with the settings of the call.

@@ -225,9 +225,12 @@ class Flight:
         energies = np.stack(self.energies)
         potential = np.array([self._potential(frame) for frame in self.frames])
         names = {
-            "kinetic": layout.KINETIC, "elastic": layout.ELASTIC, "plastic": layout.PLASTIC,
-            "contact_loss": layout.CONTACT_LOSS, "water_work": layout.WATER_WORK,
-        }  # fmt: skip
+            "kinetic": layout.KINETIC,
+            "elastic": layout.ELASTIC,
+            "plastic": layout.PLASTIC,
+            "contact_loss": layout.CONTACT_LOSS,
+            "water_work": layout.WATER_WORK,
+        }
         energy = {name: energies[:, column].copy() for name, column in names.items()}
         energy["potential"] = potential
         if prepared.effects:

@@ -124,9 +124,12 @@ def _compile(slots: Slots) -> None:
 
 
 def _simulate_group(
-    members: Sequence[tuple[int, Wanted]], device: str, kernels: object, in_flight: int,
+    members: Sequence[tuple[int, Wanted]],
+    device: str,
+    kernels: object,
+    in_flight: int,
     on_frame: OnFrame | None,
-) -> Iterator[tuple[int, Run]]:  # fmt: skip
+) -> Iterator[tuple[int, Run]]:
     """`simulate_each` for scenes, with their places, that share their kernels."""
     number = min(in_flight, len(members))
     waiting = list(members)[::-1]
@@ -155,8 +158,11 @@ def _simulate_group(
             flight.wall_time += share
             flight.collect(slot, slots)
             if on_frame is not None and flight.energies:
-                on_frame(flight.place, len(flight.energies) * flight.prepared.frame_time,
-                         float(flight.energies[-1][layout.KINETIC]))  # fmt: skip
+                on_frame(
+                    flight.place,
+                    len(flight.energies) * flight.prepared.frame_time,
+                    float(flight.energies[-1][layout.KINETIC]),
+                )
             if flight.ended:
                 slots.fetch()
                 yield flight.place, flight.finish(slot, slots)
@@ -187,9 +193,13 @@ def check_scene(scene: Scene, law: MaterialLaw) -> None:
 
 
 def _make_room(
-    slots: Slots | None, flying: dict[int, Flight], arrivals: dict[int, Flight], number: int,
-    device: str, kernels: object,
-) -> Slots:  # fmt: skip
+    slots: Slots | None,
+    flying: dict[int, Flight],
+    arrivals: dict[int, Flight],
+    number: int,
+    device: str,
+    kernels: object,
+) -> Slots:
     """Slots large enough for all scenes in flight and arriving; those in flight move over."""
     everyone = [flight.prepared for flight in (*flying.values(), *arrivals.values())]
     points = max(len(prepared.order) for prepared in everyone)
@@ -197,8 +207,9 @@ def _make_room(
     if slots is not None and points <= slots.points and nodes <= slots.nodes:
         return slots
     kind = DeviceSlots if SCHEDULES[device] == "point" else Slots
-    larger = kind(number, points + points // 8, nodes + nodes // 4, CHUNK,
-                   device=device, kernels=kernels)  # fmt: skip
+    larger = kind(
+        number, points + points // 8, nodes + nodes // 4, CHUNK, device=device, kernels=kernels
+    )
     if slots is None:
         _compile(larger)
     else:

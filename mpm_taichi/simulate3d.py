@@ -150,9 +150,19 @@ class Flight3d:
         state = self.state
         nx, ny, nz = state.grid.shape
         self.kernels.step(
-            len(state.block_reach), nx * ny, ny, nz, int(settling), state.grid.cell, dt, blend,
-            share, self.settings.pressure_smoothing, self.gravity, *self.arrays,
-        )  # fmt: skip
+            len(state.block_reach),
+            nx * ny,
+            ny,
+            nz,
+            int(settling),
+            state.grid.cell,
+            dt,
+            blend,
+            share,
+            self.settings.pressure_smoothing,
+            self.gravity,
+            *self.arrays,
+        )
 
     def settle(self) -> None:
         """Relax the stress elastically on points that do not move; nothing if the run goes on."""
@@ -256,8 +266,17 @@ class Flight3d:
 
     # -- checkpoint -----------------------------------------------------------------------------
 
-    PLAIN = ("speed", "travelled", "steps", "settle_steps", "unbalanced", "quiet", "wall_time",
-             "peak", "ended")  # fmt: skip
+    PLAIN = (
+        "speed",
+        "travelled",
+        "steps",
+        "settle_steps",
+        "unbalanced",
+        "quiet",
+        "wall_time",
+        "peak",
+        "ended",
+    )
 
     def _hash(self) -> str:
         """Hash of all that the bits of this run depend on, before its first step."""
@@ -273,11 +292,18 @@ class Flight3d:
         plain = {name: getattr(self, name) for name in self.PLAIN}
         with atomic_path(path) as temporary, temporary.open("wb") as file:
             np.savez(
-                file, key=self.key, label=state.label, first=state.first,
-                frames=np.stack(self.frames), energies=np.array(self.energies), work=self.work,
-                top_speed=self.top_speed, initial_stress=self.initial_stress,
-                plain=json.dumps(plain), **arrays,
-            )  # fmt: skip
+                file,
+                key=self.key,
+                label=state.label,
+                first=state.first,
+                frames=np.stack(self.frames),
+                energies=np.array(self.energies),
+                work=self.work,
+                top_speed=self.top_speed,
+                initial_stress=self.initial_stress,
+                plain=json.dumps(plain),
+                **arrays,
+            )
 
     def resume(self, path: Path) -> None:
         """Go on from a checkpoint of this very run; nothing if there is none."""

@@ -240,9 +240,11 @@ def _not_determined(data: BackAnalysisData) -> Section:
         "standard deviation after the fit, or all above a lower bound; orange where the data added "
         "nothing.",
     )
-    paper = "" if papers_answer(data) is None else (
-        " Dashed: the paper's single answer, fitted to its own measured runouts."
-    )  # fmt: skip
+    paper = (
+        ""
+        if papers_answer(data) is None
+        else (" Dashed: the paper's single answer, fitted to its own measured runouts.")
+    )
     parts += shown(
         draw_equally_good(data, data.folder / "equally_good.svg"),
         "Lines across the parameters, one for each equally good answer.",

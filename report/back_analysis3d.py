@@ -43,13 +43,22 @@ def draw_maps(analysis: BackAnalysis, folder: Path) -> None:
     lines = {name: np.asarray(line) for name, line in scene.document.lines.items()}
     maps = Maps(deposit.base, deposit.before, deposit.after, None, deposit.least)
     save_measured_map(
-        folder / back_analysis.CHANGE_PICTURE, scene.name, deposit, measured=measured, lines=lines,
+        folder / back_analysis.CHANGE_PICTURE,
+        scene.name,
+        deposit,
+        measured=measured,
+        lines=lines,
         edges={one.name: one.places for one in entries if isinstance(one, DepositEdge)},
-    )  # fmt: skip
+    )
     save_map(
-        folder / back_analysis.MAP_PICTURE, scene.name, maps, paths=paths_of(scene, maps),
-        lines=lines, water_level=scene.soil.water_level, measured=measured,
-    )  # fmt: skip
+        folder / back_analysis.MAP_PICTURE,
+        scene.name,
+        maps,
+        paths=paths_of(scene, maps),
+        lines=lines,
+        water_level=scene.soil.water_level,
+        measured=measured,
+    )
     if has("terrain"):
         for name, raster in zip(RASTERS, (deposit.after, maps.surface), strict=True):
             write_raster(raster, folder / name, origin=scene.origin)

@@ -73,17 +73,29 @@ def _slide(entry: dict[str, Any], picture: Path) -> Section:
 
 def _methods(entry: dict[str, Any]) -> Table:
     rows = [
-        [method["title"], fixed(method["value_kpa"]), span(method["low_kpa"], method["high_kpa"]),
-         None if method["motion"] is None else fixed(method["motion"]["duration_s"]),
-         None if method["motion"] is None else fixed(method["motion"]["highest_velocity_m_per_s"]),
-         method["reason"]]
+        [
+            method["title"],
+            fixed(method["value_kpa"]),
+            span(method["low_kpa"], method["high_kpa"]),
+            None if method["motion"] is None else fixed(method["motion"]["duration_s"]),
+            None
+            if method["motion"] is None
+            else fixed(method["motion"]["highest_velocity_m_per_s"]),
+            method["reason"],
+        ]
         for method in entry["methods"]
-    ]  # fmt: skip
+    ]
     rows += [
-        [key.replace("_", " "), f"{one['value']:g}", span(one.get("low"), one.get("high")),
-         None, None, f"published elsewhere, {one.get('confidence', '')}"]
+        [
+            key.replace("_", " "),
+            f"{one['value']:g}",
+            span(one.get("low"), one.get("high")),
+            None,
+            None,
+            f"published elsewhere, {one.get('confidence', '')}",
+        ]
         for key, one in entry["published"].items()
-    ]  # fmt: skip
+    ]
     header = ["method", "S_r (kPa)", "range (kPa)", "time to stop (s)", "highest speed (m/s)", ""]
     return Table(header, rows, "range: over the judgement calls, one changed at a time")
 

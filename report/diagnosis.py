@@ -102,8 +102,14 @@ def summary(document: Document, folder: str | Path) -> str:
     if verdict is None:
         parts += [table.text() for table in (tables.tests_table(data), tables.groups_table(data))]
         parts += [words.window_sentence(data.base.window, "base model"), _held_out(data)]
-    parts += [table.text() for table in (tables.candidates_table(data), tables.refits_table(data),
-                                         tables.left_out_table(data))]  # fmt: skip
+    parts += [
+        table.text()
+        for table in (
+            tables.candidates_table(data),
+            tables.refits_table(data),
+            tables.left_out_table(data),
+        )
+    ]
     parts += [" ".join(words.confounding_sentences(data)), measurements_text(data.measurements)]
     if verdict is not None:
         parts += [tables.steps_table(verdict.steps).text(), words.validation_sentence(data)]
@@ -257,8 +263,11 @@ def _effects(data: DiagnosisData) -> Section:
     if not parts:
         return Section(title)
     rivals = tables.answers_table(data)
-    numbers = [tables.refits_table(data), tables.candidates_table(data),
-               tables.left_out_table(data)]  # fmt: skip
+    numbers = [
+        tables.refits_table(data),
+        tables.candidates_table(data),
+        tables.left_out_table(data),
+    ]
     return Section(
         title,
         [

@@ -94,12 +94,18 @@ def strength_table(document: dict[str, Any]) -> Table:
     relations = document["relations"]
     header = ["layer", "N1,60", "N1,60cs", "σ'_v0 (kPa)", *(one["label"] for one in relations)]
     rows = [
-        [layer["zone"], _count(layer["n1_60"]), _count(layer["n1_60cs"]),
-         f"{layer['sigma_v0_kpa']:.0f}",
-         *(f"{fixed(one['strengths_kpa'][layer['zone']])}{'*' * (layer['zone'] in one['beyond'])}"
-           for one in relations)]
+        [
+            layer["zone"],
+            _count(layer["n1_60"]),
+            _count(layer["n1_60cs"]),
+            f"{layer['sigma_v0_kpa']:.0f}",
+            *(
+                fixed(one["strengths_kpa"][layer["zone"]]) + "*" * (layer["zone"] in one["beyond"])
+                for one in relations
+            ),
+        ]
         for layer in document["layers"]
-    ]  # fmt: skip
+    ]
     starred = any(one["beyond"] for one in relations)
     caption = "S_r (kPa)" + (
         "; *: blow count beyond the data, taken at their end" if starred else ""

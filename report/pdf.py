@@ -59,13 +59,20 @@ def write_pdf(page: str | os.PathLike[str]) -> Path:
         raise InputError(f"{page.with_suffix('.pdf')}: {NEEDS}")
     # Chromium's sandbox refuses to work for root.
     alone = ["--no-sandbox"] if os.geteuid() == 0 else []
-    with TemporaryDirectory(prefix="flowslide_pdf_") as folder, atomic_path(
-        page.with_suffix(".pdf")
-    ) as path:  # fmt: skip
+    with (
+        TemporaryDirectory(prefix="flowslide_pdf_") as folder,
+        atomic_path(page.with_suffix(".pdf")) as path,
+    ):
         # A profile of its own: a browser that is open would take the page into its window.
         printed = Path(folder) / "page.pdf"
-        command = [program, *OPTIONS, *alone, f"--user-data-dir={folder}/profile",
-                   f"--print-to-pdf={printed}", page.as_uri()]  # fmt: skip
+        command = [
+            program,
+            *OPTIONS,
+            *alone,
+            f"--user-data-dir={folder}/profile",
+            f"--print-to-pdf={printed}",
+            page.as_uri(),
+        ]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S)
         except (OSError, subprocess.TimeoutExpired) as error:

@@ -33,11 +33,14 @@ def summary(document: dict[str, Any]) -> str:
     """The answer for a terminal or a log."""
     toes = toes_of(document)
     lines = [
-        f"{document['case']}: {strength_words(document)}{_by(document)}", "",
-        quantity_table(document).text(), "",
-        exceedance_table(toes).text() if toes else "no toe moves", *remarks(document),
+        f"{document['case']}: {strength_words(document)}{_by(document)}",
+        "",
+        quantity_table(document).text(),
+        "",
+        exceedance_table(toes).text() if toes else "no toe moves",
+        *remarks(document),
         f"{len(document['runs'])} simulations, {document['samples']} samples",
-    ]  # fmt: skip
+    ]
     return "\n".join(lines)
 
 
@@ -63,9 +66,13 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
         ),
         *tabulated(quantity_table(document), exceedance_table(toes) if toes else None),
         *said([f"{line[0].upper()}{line[1:]}." for line in remarks(document)]),
-        *said([f"{len(document['runs'])} simulations, {document['samples']} samples, points every "
-               f"{document['spacing_m']:g} m."]),
-    ]  # fmt: skip
+        *said(
+            [
+                f"{len(document['runs'])} simulations, {document['samples']} samples, points every "
+                f"{document['spacing_m']:g} m."
+            ]
+        ),
+    ]
     title = f"{document['case'].replace('_', ' ')}: prediction"
     lead = f"Assumed S_r: {strength_words(document)}{_by(document)}."
     write_page(folder / PAGE, title, [Section("How far it would run", parts)], lead=lead)
@@ -88,13 +95,23 @@ def quantity_table(document: dict[str, Any]) -> Table:
     for entry in document["quantities"]:
         probability = entry["probability_beyond_measured"]
         rows.append(
-            [f"{entry['name']} ({entry['unit']})", fixed(entry["mean"]), fixed(entry["std"]),
-             *map(fixed, entry["quantiles"].values()),
-             None if entry["measured"] is None else _measured(entry),
-             None if probability is None else f"{100 * probability:.1f} %"]
-        )  # fmt: skip
-    header = ["quantity", "mean", "std", *(f"{percent} %" for percent in QUANTILES), "measured",
-              "P(beyond it)"]  # fmt: skip
+            [
+                f"{entry['name']} ({entry['unit']})",
+                fixed(entry["mean"]),
+                fixed(entry["std"]),
+                *map(fixed, entry["quantiles"].values()),
+                None if entry["measured"] is None else _measured(entry),
+                None if probability is None else f"{100 * probability:.1f} %",
+            ]
+        )
+    header = [
+        "quantity",
+        "mean",
+        "std",
+        *(f"{percent} %" for percent in QUANTILES),
+        "measured",
+        "P(beyond it)",
+    ]
     return Table(header, rows)
 
 
@@ -173,8 +190,14 @@ def save_prediction_picture(scene: Scene, document: dict[str, Any], path: str | 
     ax.set(xlim=(left, right), ylim=(scene.ground.lowest - 0.05 * top, top))
     _draw_band(ax, document["sections"])
     labels(ax, "x (m)", "y (m)")
-    figure.text(0.075, 1 - 0.3 / total, document["case"].replace("_", " "), fontsize=12,
-                weight="bold", va="center")  # fmt: skip
+    figure.text(
+        0.075,
+        1 - 0.3 / total,
+        document["case"].replace("_", " "),
+        fontsize=12,
+        weight="bold",
+        va="center",
+    )
     figure.text(
         0.075, 1 - 0.55 / total, f"S_r = {strength_words(document)}", fontsize=9, va="center"
     )
@@ -199,8 +222,16 @@ def _draw_band(ax: Axes, sections: dict[str, Any] | None) -> None:
     if sections is None:
         return
     x = np.array(sections["x_m"])
-    ax.fill_between(x, sections["y_5_m"], sections["y_95_m"], color=BAND, alpha=0.28, zorder=5,
-                    linewidth=0, label="final surface, 5 to 95 %")  # fmt: skip
+    ax.fill_between(
+        x,
+        sections["y_5_m"],
+        sections["y_95_m"],
+        color=BAND,
+        alpha=0.28,
+        zorder=5,
+        linewidth=0,
+        label="final surface, 5 to 95 %",
+    )
     ax.plot(x, sections["y_50_m"], color=MEDIAN, linewidth=1.6, zorder=6, label="50 %")
     ax.legend(fontsize=8, loc="upper right", frameon=False)
 
@@ -210,11 +241,21 @@ def draw_curves(ax: Axes, document: dict[str, Any]) -> None:
     for entry, colour in zip(toes_of(document), TOES, strict=False):
         curve = entry["exceedance"]
         beyond = np.array(curve["beyond"])
-        ax.plot(beyond, 100 * np.array(curve["probability"]), color=colour, linewidth=1.8,
-                label=entry["name"])  # fmt: skip
+        ax.plot(
+            beyond,
+            100 * np.array(curve["probability"]),
+            color=colour,
+            linewidth=1.8,
+            label=entry["name"],
+        )
         if entry["measured"] is not None:
-            ax.axvline(entry["measured"], color=colour, linestyle="--", linewidth=1.2,
-                       label=f"measured: {_measured(entry)} m")  # fmt: skip
+            ax.axvline(
+                entry["measured"],
+                color=colour,
+                linestyle="--",
+                linewidth=1.2,
+                label=f"measured: {_measured(entry)} m",
+            )
     ax.set(ylim=(0, 100))
     labels(ax, "runout of the toe (m)", "probability of a longer runout (%)")
     ax.grid(color=LINE, linewidth=0.6)

@@ -30,11 +30,16 @@ MAP, CURVES = "exceedance.png", "runout.png"
 def summary(document: dict[str, Any]) -> str:
     """The answer for a terminal or a log."""
     lines = [
-        f"{document['case']}: {strength_words(document)}", "", quantity_table(document).text(), "",
-        area_table(document).text(), "", exceedance_table(toes_of(document)).text(),
+        f"{document['case']}: {strength_words(document)}",
+        "",
+        quantity_table(document).text(),
+        "",
+        area_table(document).text(),
+        "",
+        exceedance_table(toes_of(document)).text(),
         *doubts(document),
         f"{len(document['runs'])} simulations, {document['samples']} samples",
-    ]  # fmt: skip
+    ]
     return "\n".join(lines)
 
 
@@ -72,11 +77,15 @@ def write_report(found: BodyPrediction, folder: Path) -> Path:
                     quantity_table(document).without_empty_columns(),
                     exceedance_table(toes_of(document)),
                 ),
-                *page.said([f"{len(document['runs'])} simulations, {document['samples']} samples, "
-                            f"points every {document['spacing_m']:g} m."]),
+                *page.said(
+                    [
+                        f"{len(document['runs'])} simulations, {document['samples']} samples, "
+                        f"points every {document['spacing_m']:g} m."
+                    ]
+                ),
             ],
         ),
-    ]  # fmt: skip
+    ]
     title = f"{document['case'].replace('_', ' ')}: prediction"
     lead = f"Assumed S_r: {strength_words(document)}."
     page.write_page(folder / PAGE, title, sections, lead=lead)
@@ -85,8 +94,11 @@ def write_report(found: BodyPrediction, folder: Path) -> Path:
 
 def doubts(document: dict[str, Any]) -> list[str]:
     """What the numbers do not say by themselves."""
-    thin = [f"{one['thicker_than_m']:g} m" for one in document["inundation"]
-            if one["thicker_than_m"] < document["spacing_m"]]  # fmt: skip
+    thin = [
+        f"{one['thicker_than_m']:g} m"
+        for one in document["inundation"]
+        if one["thicker_than_m"] < document["spacing_m"]
+    ]
     lines = remarks(document)
     if thin:
         lines.append(
@@ -104,10 +116,13 @@ def raster_name(thickness: float) -> str:
 def area_table(document: dict[str, Any]) -> Table:
     """Area where the soil was thinner before and comes to be thicker, by probability."""
     rows = [
-        [f"{one['thicker_than_m']:g}", f"{one['mean_area_m2']:.0f}",
-         *(f"{area:.0f}" for area in one["area_m2"].values())]
+        [
+            f"{one['thicker_than_m']:g}",
+            f"{one['mean_area_m2']:.0f}",
+            *(f"{area:.0f}" for area in one["area_m2"].values()),
+        ]
         for one in document["inundation"]
-    ]  # fmt: skip
+    ]
     shares = document["inundation"][0]["area_m2"]
     header = ["thicker than (m)", "mean area (m2)", *(f"with at least {p} %" for p in shares)]
     return Table(header, rows)

@@ -185,8 +185,11 @@ def tell(
     style: dict[str, Any] = {
         "ha": "right" if away[0] < 0 else "left" if away[0] > 0 else "center",
         "va": "center" if not away[1] else "bottom" if away[1] > 0 else "top",
-        "fontsize": SMALL, "color": TEXT_COLOUR, "zorder": 6, "annotation_clip": False,
-    }  # fmt: skip
+        "fontsize": SMALL,
+        "color": TEXT_COLOUR,
+        "zorder": 6,
+        "annotation_clip": False,
+    }
     return ax.annotate(
         text, (x, y), xytext=away, textcoords="offset points", path_effects=HALO, **style | more
     )
@@ -206,10 +209,18 @@ def legend(
 ) -> None:
     """Marks and words across the foot of a figure, `y` inches above its edge."""
     style: dict[str, Any] = {
-        "loc": "lower center", "ncols": columns, "fontsize": SMALL, "frameon": False,
-        "bbox_to_anchor": (0.5, y / figure.get_figheight()), "borderaxespad": 0.0, "borderpad": 0.0,
-        "handlelength": 1.6, "handletextpad": 0.5, "columnspacing": 1.3, "labelcolor": TEXT_COLOUR,
-    }  # fmt: skip
+        "loc": "lower center",
+        "ncols": columns,
+        "fontsize": SMALL,
+        "frameon": False,
+        "bbox_to_anchor": (0.5, y / figure.get_figheight()),
+        "borderaxespad": 0.0,
+        "borderpad": 0.0,
+        "handlelength": 1.6,
+        "handletextpad": 0.5,
+        "columnspacing": 1.3,
+        "labelcolor": TEXT_COLOUR,
+    }
     figure.legend(handles=list(handles), **style | more)
 
 

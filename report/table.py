@@ -23,9 +23,18 @@ SPACE = "\N{NO-BREAK SPACE}"
 TERMINAL = 120
 #: Replacements for characters outside ASCII on a plain terminal or in a log.
 PLAIN = str.maketrans(
-    {"\N{MINUS SIGN}": "-", "±": "+-", "²": "2", "³": "3", "σ": "sigma", "°": " deg", SPACE: " ",
-     "\N{RIGHTWARDS ARROW}": "->", "\N{HORIZONTAL ELLIPSIS}": "..."}
-)  # fmt: skip
+    {
+        "\N{MINUS SIGN}": "-",
+        "±": "+-",
+        "²": "2",
+        "³": "3",
+        "σ": "sigma",
+        "°": " deg",
+        SPACE: " ",
+        "\N{RIGHTWARDS ARROW}": "->",
+        "\N{HORIZONTAL ELLIPSIS}": "...",
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -68,8 +77,10 @@ class Table:
         table = self.without_empty_columns(without)
         if not table.rows:
             return ""
-        rows = [[plain("" if _missing(cell) else _shown(cell)) for cell in row]
-                for row in (table.header, *table.rows)]  # fmt: skip
+        rows = [
+            [plain("" if _missing(cell) else _shown(cell)) for cell in row]
+            for row in (table.header, *table.rows)
+        ]
         if left is None:
             left = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if _words(column)]
         caption = f"{plain(self.caption)}\n" if self.caption else ""
@@ -80,10 +91,16 @@ class Table:
 
     def without_empty_columns(self, without: Collection[str] = ()) -> Table:
         """The table without columns that have nothing in them, or a header in `without`."""
-        kept = [k for k in range(len(self.header)) if self.header[k] not in without and
-                any(row[k] not in (None, "") for row in self.rows)]  # fmt: skip
-        return replace(self, header=[self.header[k] for k in kept],
-                       rows=[[row[k] for k in kept] for row in self.rows])  # fmt: skip
+        kept = [
+            k
+            for k in range(len(self.header))
+            if self.header[k] not in without and any(row[k] not in (None, "") for row in self.rows)
+        ]
+        return replace(
+            self,
+            header=[self.header[k] for k in kept],
+            rows=[[row[k] for k in kept] for row in self.rows],
+        )
 
 
 def _folded(rows: Sequence[Sequence[str]], left: Collection[int]) -> str:

@@ -201,9 +201,14 @@ def _first_fit(runs: Runs, data: Data, space: Unknowns, options: Options) -> Fit
         surrogate.recall(runs)
         valleys = best_of(data, surrogate, [x, *starts], options.starts)
         found = search(
-            runs, data, surrogate, [x, *starts], first=[at for at, _ in valleys], turns=3,
+            runs,
+            data,
+            surrogate,
+            [x, *starts],
+            first=[at for at, _ in valleys],
+            turns=3,
             what="search of the base model",
-        )  # fmt: skip
+        )
         if found is None:
             break
         moved, fit = np.max(np.abs(found.x - x)), found

@@ -130,10 +130,12 @@ class EngineModel:
         if self._limit is None:
             return own
         start = self._multiplied(self._limit[1])
-        return Parameters([
-            spec.model_copy(update={"start": value})
-            for spec, value in zip(own.specs, start.tolist(), strict=True)
-        ])  # fmt: skip
+        return Parameters(
+            [
+                spec.model_copy(update={"start": value})
+                for spec, value in zip(own.specs, start.tolist(), strict=True)
+            ]
+        )
 
     @cached_property
     def targets(self) -> Targets:

@@ -138,9 +138,13 @@ def _below(scene: Scene) -> list[Assumption]:
     height = scene.extent[1] - scene.extent[0]
     shapes = {
         LEVEL: (LEVEL_STD, (1.0, 1.0), "the base below the section lies higher (below 0: lower)"),
-        TILT: (TILT_STD, (-0.5, 0.5), "the base below the section rises to the right "
-               "(below 0: to the left), by the amplitude from foot to foot"),
-    }  # fmt: skip
+        TILT: (
+            TILT_STD,
+            (-0.5, 0.5),
+            "the base below the section rises to the right "
+            "(below 0: to the left), by the amplitude from foot to foot",
+        ),
+    }
     found = []
     for name, (share, ends, words) in shapes.items():
         std = min(share * height, WORST_KNOWN_M)

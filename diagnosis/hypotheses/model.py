@@ -91,9 +91,15 @@ class Candidate:
 def switch_of(name: str, family: Family, words: str) -> Candidate:
     """Another form of the model, on or off."""
     return Candidate(
-        name=name, family=family, words=words, unit="", low=0.0, high=1.0, ladder=(1.0,),
+        name=name,
+        family=family,
+        words=words,
+        unit="",
+        low=0.0,
+        high=1.0,
+        ladder=(1.0,),
         switch=True,
-    )  # fmt: skip
+    )
 
 
 def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None) -> Amplitude:

@@ -82,8 +82,9 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
     """
     word, unit = WORDS[key]
     name = slug(of) if word in slug(of) else f"{word}_of_{slug(of)}"
-    values = [getattr(scene.materials[zone.material], key) for zone in scene.zones
-              if zone.name in zones]  # fmt: skip
+    values = [
+        getattr(scene.materials[zone.material], key) for zone in scene.zones if zone.name in zones
+    ]
     # No soil has less than no strength.
     lowest = -min(values) if key in ("cohesion_kpa", "friction_deg") else -math.inf
     rungs = [sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS]

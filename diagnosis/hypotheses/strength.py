@@ -161,9 +161,7 @@ def _interval(centre: str, half: str, span: Span, digits: int) -> dict[str, floa
     return {centre: round(middle, digits), half: round(reach, digits)}
 
 
-def _part(
-    name: str, words: str, x: Span | None, y: Span | None, digits: int = 2
-) -> Assumption:  # fmt: skip
+def _part(name: str, words: str, x: Span | None, y: Span | None, digits: int = 2) -> Assumption:
     """Another strength in one part."""
     place: dict[str, float] = {}
     for span, centre, half in ((x, "x_m", "half_width_m"), (y, "y_m", "half_height_m")):

@@ -89,8 +89,13 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
         return Decision(
             "unknown_effect", certain[-1], sets, probability, by_chance=tuple(sorted(drawn))
         )
-    if reason := not_enough(tried_models.way[0].adequacy, final.adequacy, tried_models.doubted,
-                            options, effects=len(final.model.names)):  # fmt: skip
+    if reason := not_enough(
+        tried_models.way[0].adequacy,
+        final.adequacy,
+        tried_models.doubted,
+        options,
+        effects=len(final.model.names),
+    ):
         return Decision("unknown_effect", final, sets, probability, not_enough=reason)
     # A model that extends the answer does not compete with it.
     own = set(final.model.names)
@@ -99,10 +104,23 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
     one = len(sets) == 1 and next(iter(sets)) == final.model.names
     named = bool(one or families) and not untried
     if len(final.model.names) > 1 and not named:
-        return Decision("unknown_effect", final, sets, probability, untried,
-                        not_enough="it takes several effects, and others would do")  # fmt: skip
-    return Decision("identified" if named else "ambiguous", final, sets, probability, untried,
-                    families=families, members=members)  # fmt: skip
+        return Decision(
+            "unknown_effect",
+            final,
+            sets,
+            probability,
+            untried,
+            not_enough="it takes several effects, and others would do",
+        )
+    return Decision(
+        "identified" if named else "ambiguous",
+        final,
+        sets,
+        probability,
+        untried,
+        families=families,
+        members=members,
+    )
 
 
 def not_enough(

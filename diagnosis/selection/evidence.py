@@ -51,9 +51,13 @@ def ln_evidence(data: Data, fit: Fit, candidates: int) -> float:
     odds = -ln_choices(candidates, len(space.effects))
     flanks = _at_bounds(data, fit, linear, left)
     return float(
-        -0.5 * left @ left + volume + flanks - space.ln_prior_width
-        + math.log(max(share, LEAST_SHARE)) + odds
-    )  # fmt: skip
+        -0.5 * left @ left
+        + volume
+        + flanks
+        - space.ln_prior_width
+        + math.log(max(share, LEAST_SHARE))
+        + odds
+    )
 
 
 def _at_bounds(data: Data, fit: Fit, linear: System, left: np.ndarray) -> float:

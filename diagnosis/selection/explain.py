@@ -114,9 +114,15 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     candidates, left_out = tested_candidates(model, options)
     amplitudes = {c.name: amplitude_of(c, options.priors.get(c.name)) for c in candidates}
     context = RefitContext(
-        base.runs, base.data, base.fit.space, amplitudes, base.jitter, max(len(candidates), 1),
-        share=options.source_effects, exact=frozenset(c.name for c in candidates if c.free),
-    )  # fmt: skip
+        base.runs,
+        base.data,
+        base.fit.space,
+        amplitudes,
+        base.jitter,
+        max(len(candidates), 1),
+        share=options.source_effects,
+        exact=frozenset(c.name for c in candidates if c.free),
+    )
     linear = comparison.judged.system
     taken = take_signatures(
         base.runs,
@@ -156,9 +162,13 @@ def with_candidate(
     context = replace(found.context, count=len(found.candidates) + 1)
     context.amplitudes[candidate.name] = amplitude_of(candidate, options.priors.get(candidate.name))
     grown = _assembled(
-        context, comparison, options, [*found.candidates, candidate], found.left_out,
+        context,
+        comparison,
+        options,
+        [*found.candidates, candidate],
+        found.left_out,
         {**found.signatures, candidate.name: signature},
-    )  # fmt: skip
+    )
     return replace(grown, adequacy=found.adequacy)
 
 

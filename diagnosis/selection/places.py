@@ -87,8 +87,12 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
         rows = runs.predict(states)
         # Cells have been measured at this place alone; the neighbours have what they do here.
         cells = selection.comparison.base.cells
-        rows = np.array([row + cells.of(states[0]) - cells.of(one)
-                         for one, row in zip(states, rows, strict=True)])  # fmt: skip
+        rows = np.array(
+            [
+                row + cells.of(states[0]) - cells.of(one)
+                for one, row in zip(states, rows, strict=True)
+            ]
+        )
         found = judged(selection.explanation.context.of(now).data, fit, draws=1, seed=0)
         drops = {}
         for other, row in zip(there, rows[1:], strict=True):
@@ -111,9 +115,13 @@ def _refitted(
     if candidate is None:
         return None
     taken = take_signatures(
-        selection.runs, comparison.base.surface, comparison.judged.system, [candidate],
-        finite=options.finite_amplitudes, turns=1,
-    )  # fmt: skip
+        selection.runs,
+        comparison.base.surface,
+        comparison.judged.system,
+        [candidate],
+        finite=options.finite_amplitudes,
+        turns=1,
+    )
     if name not in taken:
         return None
     selection.explanation = with_candidate(

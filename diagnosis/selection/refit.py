@@ -264,9 +264,14 @@ def refit(
         found = settled(context.data, surrogate, starts)
     hopeless = near is None and found.total > rival + FAR
     fit = search(
-        context.runs, context.data, surrogate, starts, first=[], turns=0 if hopeless else TURNS,
+        context.runs,
+        context.data,
+        surrogate,
+        starts,
+        first=[],
+        turns=0 if hopeless else TURNS,
         what=what,
-    )  # fmt: skip
+    )
     return None if fit is None else weighed(context, fit, around(fit), surrogate)
 
 
@@ -367,6 +372,6 @@ def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedMod
     surrogate.recall(context.runs)
     refitted = search(
         context.runs, context.data, surrogate, [fit.x], first=[], turns=TURNS, what=what
-    ) or settled(context.data, surrogate, [fit.x])  # fmt: skip
+    ) or settled(context.data, surrogate, [fit.x])
     found = weighed(context, refitted, around(refitted), surrogate)
     return replace(found, judged=True, sloped=True, own=chosen.own)

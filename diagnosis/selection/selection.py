@@ -67,10 +67,13 @@ class Selection:
         self.tried = TriedModels({(): base})
         self.tried.way.append(
             AdoptedModel(
-                base, self.explanation.adequacy, self.comparison.judged, self.explanation.scores,
+                base,
+                self.explanation.adequacy,
+                self.comparison.judged,
+                self.explanation.scores,
                 "base model",
             )
-        )  # fmt: skip
+        )
 
     @property
     def runs(self) -> Runs:
@@ -213,9 +216,13 @@ class Selection:
         spare = self.explanation.adequacy.dof - len(fitted) - 1 >= options.spare
         if adequacy.p_combined < options.suspect and again and spare:
             fresh = take_signatures(
-                self.runs, model.surface, found.system, again,
-                finite=options.finite_amplitudes, turns=1,
-            )  # fmt: skip
+                self.runs,
+                model.surface,
+                found.system,
+                again,
+                finite=options.finite_amplitudes,
+                turns=1,
+            )
             self.signatures.update(fresh)
             ladders = {name: signature.ladder for name, signature in fresh.items()}
             model = replace(model, surface=model.surface.with_ladders(ladders))

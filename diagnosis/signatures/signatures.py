@@ -112,9 +112,11 @@ def take_signatures(
         kept = [
             c
             for c in candidates
-            if found is None or not c.screened or c.name not in raw
+            if found is None
+            or not c.screened
+            or c.name not in raw
             or _promise(found, c, *raw[c.name]) >= PROMISE
-        ]  # fmt: skip
+        ]
         middles = [(c.name, a) for c in kept for a in _middles(c) if not c.switch]
         ladders.run([(name, a, ladders.meeting(name, a)) for name, a in middles])
         others = [(c.name, ladders.others(c.name, sign)) for c in kept for sign in (1.0, -1.0)]

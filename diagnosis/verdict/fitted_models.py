@@ -44,11 +44,15 @@ def parameter_words(parameters: Parameters) -> list[verdict.ParameterWords]:
     """The calibrated parameters, in words."""
     return [
         verdict.ParameterWords(
-            name=spec.name, words=spec.words, unit=spec.unit,
-            strength=spec.property == RESIDUAL_STRENGTH, low=spec.low, high=spec.high,
+            name=spec.name,
+            words=spec.words,
+            unit=spec.unit,
+            strength=spec.property == RESIDUAL_STRENGTH,
+            low=spec.low,
+            high=spec.high,
         )
         for spec in parameters.specs
-    ]  # fmt: skip
+    ]
 
 
 def fitted_to_part(base: Base, targets: Targets) -> FittedTo:

@@ -119,8 +119,14 @@ def load_sections(folder: str | Path) -> Sections | None:
             for name, (foot, outward) in zip(kept["toe_names"], kept["toes"], strict=True)
         }
     except (
-        OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error
-    ) as error:  # fmt: skip
+        OSError,
+        EOFError,
+        KeyError,
+        RuntimeError,
+        ValueError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         raise InputError(
             f"{path}: cannot be read ({error}); delete it and ask for the diagnosis again"
         ) from None
@@ -128,9 +134,7 @@ def load_sections(folder: str | Path) -> Sections | None:
     margin = 0.03 * np.ptp(everything[:, 0])
     x = np.linspace(everything[:, 0].min() - margin, everything[:, 0].max() + margin, PLACES)
     bottom = ground_elevation(ground, x)
-    surfaces = {
-        name: _surface(one, spacing, ground, x, bottom) for name, one in points.items()
-    }  # fmt: skip
+    surfaces = {name: _surface(one, spacing, ground, x, bottom) for name, one in points.items()}
     return Sections(x=x, ground=bottom, toes=toes, **surfaces)
 
 

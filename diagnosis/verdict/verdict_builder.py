@@ -55,11 +55,15 @@ def compare_document(
         fitted_to=fitted_to_part(base, model.targets),
         base=base_stage(model, comparison),
         measurements=measurement_lines(
-            model.targets, comparison.places, base.data, base.covariance.survey,
-            base.fit.prediction, None,
+            model.targets,
+            comparison.places,
+            base.data,
+            base.covariance.survey,
+            base.fit.prediction,
+            None,
         ),
         runs=runs_part(base.runs),
-    )  # fmt: skip
+    )
 
 
 def explain_document(
@@ -141,13 +145,20 @@ def base_stage(
     """The base model; with an explanation the largest score is among its tests."""
     if explanation is None:
         return stage(
-            comparison.base.data, comparison.base.fit, comparison.adequacy, comparison.window,
+            comparison.base.data,
+            comparison.base.fit,
+            comparison.adequacy,
+            comparison.window,
             model.targets,
-        )  # fmt: skip
+        )
     found = stage(
-        comparison.base.data, comparison.base.fit, explanation.adequacy, comparison.window,
-        model.targets, stated(explanation),
-    )  # fmt: skip
+        comparison.base.data,
+        comparison.base.fit,
+        explanation.adequacy,
+        comparison.window,
+        model.targets,
+        stated(explanation),
+    )
     mover, moved = moved_most(comparison, explanation)
     held_out = found.held_out.model_copy(update={"mover": mover, "moved": moved})
     return found.model_copy(update={"held_out": held_out})
@@ -240,9 +251,17 @@ def _tested(
 
 def _untested(name: str, candidate: Candidate | None, why: str) -> verdict.CandidateVerdict:
     nothing = dict.fromkeys(
-        ("z", "expected_drop", "p_family", "amplitude_by_score", "visible_fraction",
-         "smallest_detectable", "resolved", "refit")
-    )  # fmt: skip
+        (
+            "z",
+            "expected_drop",
+            "p_family",
+            "amplitude_by_score",
+            "visible_fraction",
+            "smallest_detectable",
+            "resolved",
+            "refit",
+        )
+    )
     return verdict.CandidateVerdict(
         name=name,
         family="physics" if candidate is None else candidate.family,

@@ -81,8 +81,18 @@ def catalogue_table(entries: Sequence[Entry], strengths: Sequence[Strength]) -> 
     """Cases and strengths as text; what is recalled says so."""
     from pipeline.table import aligned
 
-    heading = ["case", "length m", "height m", "template", "S_r kPa", "range", "by", "sigma'_v0",
-               "(N1)60", ""]  # fmt: skip
+    heading = [
+        "case",
+        "length m",
+        "height m",
+        "template",
+        "S_r kPa",
+        "range",
+        "by",
+        "sigma'_v0",
+        "(N1)60",
+        "",
+    ]
     rows = [heading]
     for entry in entries:
         size = [f"{entry.length_m:g}", f"{entry.height_m:g}", entry.template]

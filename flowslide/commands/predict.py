@@ -35,33 +35,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_case(parser)
     asked = parser.add_mutually_exclusive_group(required=True)
     asked.add_argument(
-        OPTION, dest="strengths", metavar="MEAN+-STD", action="append",
+        OPTION,
+        dest="strengths",
+        metavar="MEAN+-STD",
+        action="append",
         help="kPa, such as 18+-5; of some zones: 1,6=4+-1; may be repeated",
-    )  # fmt: skip
+    )
     asked.add_argument(
-        FROM_POSTERIOR, metavar="DIR",
+        FROM_POSTERIOR,
+        metavar="DIR",
         help="strengths as `flowslide posterior` has drawn them: its folder, or a file in it",
-    )  # fmt: skip
+    )
     asked.add_argument(
-        FROM_COUNTS, action="store_true",
+        FROM_COUNTS,
+        action="store_true",
         help="strengths from CASE/blow_counts.yaml by five published relations, each with its "
         "scatter",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--zones", metavar="NAMES", help="zones of a single strength, such as 1,6; default: those "
+        "--zones",
+        metavar="NAMES",
+        help="zones of a single strength, such as 1,6; default: those "
         "whose strength inversion.yaml seeks, else the liquefied ones. From blow counts: zones "
         "that liquefy, those of the scene among them",
-    )  # fmt: skip
+    )
     parser.add_argument("--distribution", choices=KINDS, help=f"default: {KINDS[0]}")
     parser.add_argument("--samples", type=int, metavar="N", help="default: 20000")
     parser.add_argument(
-        "--seeds", type=int, metavar="N",
+        "--seeds",
+        type=int,
+        metavar="N",
         help="jitter seeds that measure the numerical noise; 0: none. Default: 3",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--thicker-than", type=options.numbers, default=[], metavar="M,...",
+        "--thicker-than",
+        type=options.numbers,
+        default=[],
+        metavar="M,...",
         help="in 3-D: thicknesses [m] whose probability is mapped; default: that of a deposit",
-    )  # fmt: skip
+    )
     options.add_engine(parser, default=None)
     options.add_spacing(parser)
     options.add_out(
@@ -116,9 +128,14 @@ def run(arguments: argparse.Namespace) -> None:
             document = api.predict_from_blow_counts(case, engine=engine.name, **shared)
         else:
             document = api.predict(
-                case, arguments.strengths or (), posterior=arguments.posterior,
-                engine=arguments.engine, thicker_than_m=arguments.thicker_than, **chosen, **shared,
-            )  # fmt: skip
+                case,
+                arguments.strengths or (),
+                posterior=arguments.posterior,
+                engine=arguments.engine,
+                thicker_than_m=arguments.thicker_than,
+                **chosen,
+                **shared,
+            )
         bar.say(f"wrote {folder}")
     print(_summary(arguments, body)(document))
 

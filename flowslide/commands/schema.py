@@ -24,9 +24,12 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument(
-        "document", nargs="?", choices=tuple(DOCUMENTS), default="settings",
+        "document",
+        nargs="?",
+        choices=tuple(DOCUMENTS),
+        default="settings",
         help="default: settings",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--write", action="store_true", help="write it to config/, where an editor finds it"
     )

@@ -66,9 +66,15 @@ def run(arguments: argparse.Namespace) -> None:
             live.warm(workspace.case(first).resolved())
     server = uvicorn.Server(
         # Nothing leaves the machine: to compress a deposit takes longer than to pass it on.
-        uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio",
-                       ws_max_size=MOST_BYTES, ws_per_message_deflate=False)
-    )  # fmt: skip
+        uvicorn.Config(
+            app,
+            log_level="warning",
+            access_log=False,
+            ws="websockets-sansio",
+            ws_max_size=MOST_BYTES,
+            ws_per_message_deflate=False,
+        )
+    )
     try:
         with suppress(KeyboardInterrupt), TemporaryDirectory(prefix="flowslide_studio_") as folder:
             if not arguments.no_browser:  # some end only when they are closed

@@ -108,17 +108,19 @@ class _Studio:
 
     async def overview(self, request: Request) -> Response:
         """Cases, effects, kinds of jobs."""
-        return JSONResponse({
-            "folder": str(self.workspace.folder),
-            "cases": self.workspace.cases(),
-            "first": self.first,
-            "version": __version__,
-            "drawings": FORMATS,
-            "job_kinds": KINDS,
-            "effects": await run_in_threadpool(_effects),
-            "materials": material_fields(),
-            "measurements": measurement_forms(),
-        })  # fmt: skip
+        return JSONResponse(
+            {
+                "folder": str(self.workspace.folder),
+                "cases": self.workspace.cases(),
+                "first": self.first,
+                "version": __version__,
+                "drawings": FORMATS,
+                "job_kinds": KINDS,
+                "effects": await run_in_threadpool(_effects),
+                "materials": material_fields(),
+                "measurements": measurement_forms(),
+            }
+        )
 
     async def create(self, request: Request) -> Response:
         """A new case."""

@@ -173,8 +173,10 @@ def marks_of(case: Case) -> list[dict[str, Any]]:
     for entry in case.survey.chosen(case.measurement_set or None):
         for mark in entry.marks(case.feet):
             kind = type(mark).__name__.lower()
-            values = {key: value.tolist() if hasattr(value, "tolist") else value
-                      for key, value in vars(mark).items()}  # fmt: skip
+            values = {
+                key: value.tolist() if hasattr(value, "tolist") else value
+                for key, value in vars(mark).items()
+            }
             found.append({"kind": kind, "name": entry.name, **values})
     return found
 
@@ -230,8 +232,9 @@ def _question_text(scene: Scene, documents: Mapping[str, Any]) -> str:
     toes = []
     if documents.get("measurements") is not None:
         survey = checked_document(Measurements, documents["measurements"], MEASUREMENTS_FILE)
-        toes = [one.name for one in survey.chosen()
-                if one.toe_side is not None and not one.held_out]  # fmt: skip
+        toes = [
+            one.name for one in survey.chosen() if one.toe_side is not None and not one.held_out
+        ]
     return inversion_text(scene, toes)
 
 

@@ -37,8 +37,12 @@ def measurement_forms() -> list[dict[str, Any]]:
 def _rank(field: dict[str, Any]) -> tuple[bool, bool, bool, bool]:
     """The name, what was measured, how well, where it is written; then what may be left out."""
     key = field["key"]
-    return (key != "name", not field["required"], key in ("source", "confidence"),
-            key.startswith("std_"))  # fmt: skip
+    return (
+        key != "name",
+        not field["required"],
+        key in ("source", "confidence"),
+        key.startswith("std_"),
+    )
 
 
 def _field(key: str, info: FieldInfo) -> dict[str, Any]:

@@ -30,8 +30,14 @@ def message(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> byte
     for name, array in arrays.items():
         data = np.ascontiguousarray(array).tobytes()
         data += b"\0" * (-len(data) % 4)
-        entries.append({"name": name, "dtype": known[array.dtype], "shape": list(array.shape),
-                        "offset": offset})  # fmt: skip
+        entries.append(
+            {
+                "name": name,
+                "dtype": known[array.dtype],
+                "shape": list(array.shape),
+                "offset": offset,
+            }
+        )
         parts.append(data)
         offset += len(data)
     text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()

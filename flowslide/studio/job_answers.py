@@ -43,8 +43,16 @@ def _strength(
     zones: Sequence[str] = (),
 ) -> Found:
     """A strength [kPa] with the ends of its range; `words`: what the range is."""
-    return {"method": method, "label": label, "value": value, "low": ends[0], "high": ends[1],
-            "range": words, "std": std, "zones": list(zones)}  # fmt: skip
+    return {
+        "method": method,
+        "label": label,
+        "value": value,
+        "low": ends[0],
+        "high": ends[1],
+        "range": words,
+        "std": std,
+        "zones": list(zones),
+    }
 
 
 def simulation(done: Simulation) -> Found:
@@ -72,9 +80,16 @@ def back_analysis(result: Result) -> Found:
             strengths.append(_strength("back-analysis", p.label, ends[0], ends, "at least, 95 %"))
         elif p.property in STRENGTHS:
             strengths.append(
-                _strength("back-analysis", p.label, p.value, p.interval_95, "95 %",
-                          std=p.std_total, zones=p.zones)
-            )  # fmt: skip
+                _strength(
+                    "back-analysis",
+                    p.label,
+                    p.value,
+                    p.interval_95,
+                    "95 %",
+                    std=p.std_total,
+                    zones=p.zones,
+                )
+            )
     return _found(lines, strengths)
 
 
@@ -103,7 +118,7 @@ def posterior(document: PosteriorDocument) -> Found:
             "95 %",
             std=one.after.std,
             zones=one.zones,
-        )  # fmt: skip
+        )
         for one in document.parameters
         if one.property in STRENGTHS
     ]
@@ -129,13 +144,16 @@ def classical(document: Found) -> Found:
     """The strength of every method, slide by slide."""
     strengths = [
         _strength(
-            method["title"], f"{slide['name']} slide", method["value_kpa"],
-            (method["low_kpa"], method["high_kpa"]), "over the judgement calls",
+            method["title"],
+            f"{slide['name']} slide",
+            method["value_kpa"],
+            (method["low_kpa"], method["high_kpa"]),
+            "over the judgement calls",
         )
         for slide in document["analyses"]
         for method in slide["methods"]
         if method["value_kpa"] is not None
-    ]  # fmt: skip
+    ]
     refused = [f"Not analysed: {reason}" for reason in document["not_analysed"]]
     return _found([classical_report.lead(document), *refused], strengths)
 
@@ -160,8 +178,9 @@ def verdict(document: Verdict) -> Found:
             lines.append(f"{p.words}: {value}")
             if p.strength:
                 ends = (used.at_least, None)
-                strengths.append(_strength("diagnosis", p.words, used.at_least, ends,
-                                           "at least, 95 %"))  # fmt: skip
+                strengths.append(
+                    _strength("diagnosis", p.words, used.at_least, ends, "at least, 95 %")
+                )
             continue
         if only:
             lines.append(f"{p.words}: only a range, no result: 95 % {value}")

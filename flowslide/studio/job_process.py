@@ -63,8 +63,9 @@ def main(folder: Path) -> int:
     told = Told(folder)
     told.report(0, 0, "starting")
     end: dict[str, Any] = {
-        "state": "failed", "message": "ended by an error of the program: log.txt",
-    }  # fmt: skip
+        "state": "failed",
+        "message": "ended by an error of the program: log.txt",
+    }
     try:
         end = {"state": "done", "message": "", **_work(job, folder, told)}
     except (InputError, WorkFailed) as error:
@@ -108,10 +109,12 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
         case "predict":
             strengths, drawn = job.options.strengths, job.options.posterior
             found = flowslide.predict(
-                job.folder, strengths, distribution=job.options.distribution,
+                job.folder,
+                strengths,
+                distribution=job.options.distribution,
                 posterior=None if drawn is None else folder.parent / drawn / RESULTS["posterior"],
                 **common,
-            )  # fmt: skip
+            )
             return job_answers.prediction(found)
         case "from_blow_counts":
             found = flowslide.predict_from_blow_counts(job.folder, **common)

@@ -32,9 +32,16 @@ from pipeline.processes import python_command, python_environment
 from report.pdf import write_pdf
 
 Kind = Literal[
-    "simulate", "back_analyse", "classical", "posterior", "predict", "from_blow_counts", "compare",
-    "explain", "diagnose",
-]  # fmt: skip
+    "simulate",
+    "back_analyse",
+    "classical",
+    "posterior",
+    "predict",
+    "from_blow_counts",
+    "compare",
+    "explain",
+    "diagnose",
+]
 KINDS: dict[Kind, str] = {
     "simulate": "simulation with a film",
     "back_analyse": "back-analysis",
@@ -123,8 +130,15 @@ class Jobs:
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
         folder = make_folder(self._folder(case, number))
         source = self.workspace.snapshot(case, folder / CASE)
-        job = Job(id=number, kind=kind, case=case, folder=str(source), options=wanted,
-                  revision=revision_of(read_documents(source)), threads=self.threads)  # fmt: skip
+        job = Job(
+            id=number,
+            kind=kind,
+            case=case,
+            folder=str(source),
+            options=wanted,
+            revision=revision_of(read_documents(source)),
+            threads=self.threads,
+        )
         write_json(folder / JOB, job.model_dump(mode="json"))
         self._launch(folder, number)
         return self.state(number)
@@ -148,9 +162,12 @@ class Jobs:
         with (folder / LOG).open("ab") as log:
             process = subprocess.Popen(
                 python_command("-m", JOB_PROCESS, folder),
-                env=python_environment(), start_new_session=True,
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-            )  # fmt: skip
+                env=python_environment(),
+                start_new_session=True,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
         self._running[number] = process
         Thread(target=process.wait, daemon=True).start()  # an ended process is waited for
         write_json(folder / STATE, {"state": "running", "process": process.pid})
@@ -186,8 +203,10 @@ class Jobs:
     def all(self) -> list[dict[str, Any]]:
         """Every job, the newest first."""
         found = self.workspace.folder.glob(f".studio/*/jobs/*/{JOB}")
-        return [self.state(path.parent.name) for path in
-                sorted(found, key=lambda path: path.parent.name, reverse=True)]  # fmt: skip
+        return [
+            self.state(path.parent.name)
+            for path in sorted(found, key=lambda path: path.parent.name, reverse=True)
+        ]
 
     def state(self, number: str) -> dict[str, Any]:
         """A job and how far it is.

@@ -199,10 +199,12 @@ class Live:
         if stop.is_set():
             return None
         case = asked.case
-        key = content_hash({
-            "scene": scene_hash(case.scene),
-            "settings": case.simulation.model_dump(mode="json"),
-        })  # fmt: skip
+        key = content_hash(
+            {
+                "scene": scene_hash(case.scene),
+                "settings": case.simulation.model_dump(mode="json"),
+            }
+        )
         kept = self._kept.get(key)
         cached = kept is not None
         if kept is None:
@@ -214,9 +216,14 @@ class Live:
             kept = Kept.of(case, kept.run)
         self._keep(key, kept)
         return deposit(
-            case, kept.run, kept.readings, film=asked.film, id=asked.number, cached=cached,
+            case,
+            kept.run,
+            kept.readings,
+            film=asked.film,
+            id=asked.number,
+            cached=cached,
             chi2=_chi2(kept.readings),
-        )  # fmt: skip
+        )
 
     def _run(self, case: Case, stop: Event) -> Run:
         def on_time(time: float) -> None:

@@ -149,11 +149,18 @@ class Workspace:
     def cases(self) -> list[dict[str, Any]]:
         """Name and origin of every case, those of the workspace first."""
         places = [*self.folder.glob(f"*/{SCENE_FILE}"), *self.folder.glob(f"{HIDDEN}/*/draft.json")]
-        own = sorted({path.parent.name for path in places
-                      if NAME.fullmatch(path.parent.name)
-                      and (self.folder / path.parent.name).is_dir()})  # fmt: skip
-        ready = [name for name in names_of(CASES, SCENE_FILE)
-                 if (shipped(CASES) / name / SCENE_FILE).is_file() and name not in own]  # fmt: skip
+        own = sorted(
+            {
+                path.parent.name
+                for path in places
+                if NAME.fullmatch(path.parent.name) and (self.folder / path.parent.name).is_dir()
+            }
+        )
+        ready = [
+            name
+            for name in names_of(CASES, SCENE_FILE)
+            if (shipped(CASES) / name / SCENE_FILE).is_file() and name not in own
+        ]
         return [{"name": name, "shipped": False} for name in own] + [
             {"name": name, "shipped": True} for name in ready
         ]
@@ -347,8 +354,9 @@ def _copy(source: Path, target: Path) -> None:
 
     def left_out(folder: str, names: list[str]) -> list[str]:
         places = [(name, Path(folder) / name) for name in names]
-        return [name for name, one in places
-                if name == HIDDEN or (one.is_symlink() and one.is_dir())]  # fmt: skip
+        return [
+            name for name, one in places if name == HIDDEN or (one.is_symlink() and one.is_dir())
+        ]
 
     shutil.copytree(source, target, ignore=left_out)
 

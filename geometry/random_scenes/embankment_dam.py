@@ -77,9 +77,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
             reach = min(dike_height, 1.0) * middle
             slope = dike_width * (face_at[0](0.0) - inner[0](0.0)) / max(reach, 0.1)
             outer = _behind_dike(face_at[0], inner[0], slope, reach)
-            foot = [
-                (-face_at[0](0.0), 0.0), (-outer(0.0), 0.0), (-face_at[0](reach), reach)
-            ]  # fmt: skip
+            foot = [(-face_at[0](0.0), 0.0), (-outer(0.0), 0.0), (-face_at[0](reach), reach)]
             zones.append(("dike", foot))
         lower = across(side, 0.0, middle, inner[side], outer)
         if side == 0 and dike and reach < middle:
@@ -87,14 +85,32 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
             lower.insert(_place_of_face(lower), corner)
         zones.append((f"{name}_lower", lower))
         zones.append((f"{name}_upper", across(side, middle, cap, inner[side], face_at[side])))
-    zones.append(("core", [
-        (-inner[0](0.0), 0.0), (inner[1](0.0), 0.0), (inner[1](middle), middle),
-        (inner[1](cap), cap), (-inner[0](cap), cap), (-inner[0](middle), middle),
-    ]))  # fmt: skip
-    zones.append(("cap", [
-        (-face_at[0](cap), cap), (-inner[0](cap), cap), (inner[1](cap), cap),
-        (face_at[1](cap), cap), (face_at[1](1.0), 1.0), (-face_at[0](1.0), 1.0),
-    ]))  # fmt: skip
+    zones.append(
+        (
+            "core",
+            [
+                (-inner[0](0.0), 0.0),
+                (inner[1](0.0), 0.0),
+                (inner[1](middle), middle),
+                (inner[1](cap), cap),
+                (-inner[0](cap), cap),
+                (-inner[0](middle), middle),
+            ],
+        )
+    )
+    zones.append(
+        (
+            "cap",
+            [
+                (-face_at[0](cap), cap),
+                (-inner[0](cap), cap),
+                (inner[1](cap), cap),
+                (face_at[1](cap), cap),
+                (face_at[1](1.0), 1.0),
+                (-face_at[0](1.0), 1.0),
+            ],
+        )
+    )
     materials = materials_of(stream, height, zones, _soil)
     name = f"dam_{index:05d}"
     return standing_dam(stream, name, spacing, height, zones, materials, inner, face_at)

@@ -176,7 +176,7 @@ def standing_dam(
             else [placed(p, tilted=False) for p in turned(line)],
             "spacing": spacing,
         }
-    )  # fmt: skip
+    )
 
 
 def _line(

@@ -71,10 +71,14 @@ class Freeboard(SingleLength):
             return []
         return [
             cls(
-                type="freeboard", name="freeboard of the remnant", value_m=0.0,
-                water_level_m=site.scene.water_level, std_m=site.std(cls, 0.01, 0.1), **NOT_MADE,
+                type="freeboard",
+                name="freeboard of the remnant",
+                value_m=0.0,
+                water_level_m=site.scene.water_level,
+                std_m=site.std(cls, 0.01, 0.1),
+                **NOT_MADE,
             )
-        ]  # fmt: skip
+        ]
 
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
         """None."""

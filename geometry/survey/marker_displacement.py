@@ -109,12 +109,18 @@ class MarkerDisplacement(Length):
         std = site.std(cls, 0.007, 0.1)
         return [
             cls(
-                type="marker_displacement", name=f"stake at x {x:g} m", x_m=x, y_m=y, dx_m=0.0,
-                dy_m=0.0, std_m=std, **NOT_MADE,
+                type="marker_displacement",
+                name=f"stake at x {x:g} m",
+                x_m=x,
+                y_m=y,
+                dx_m=0.0,
+                dy_m=0.0,
+                std_m=std,
+                **NOT_MADE,
             )
             for x, y in _stakes(site)
             if site.apart(x, had)
-        ]  # fmt: skip
+        ]
 
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
         """None."""

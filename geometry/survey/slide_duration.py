@@ -104,10 +104,13 @@ class SlideDuration(Single):
             return []
         return [
             cls(
-                type="slide_duration", name="duration of the slide", value_s=0.0,
-                std_s=round(USUAL_STD * site.fall, 2), **NOT_MADE,
+                type="slide_duration",
+                name="duration of the slide",
+                value_s=0.0,
+                std_s=round(USUAL_STD * site.fall, 2),
+                **NOT_MADE,
             )
-        ]  # fmt: skip
+        ]
 
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
         """None."""

@@ -97,12 +97,23 @@ class ToeHistory(Length):
         return values, frames, changes
 
     def _runout(self, deposit: Deposit, position: np.ndarray) -> float:
-        return toe_runout(position, deposit.volume, spacing=deposit.spacing, side=self.side,
-                          initial_toe=deposit.foot[self.side])  # fmt: skip
+        return toe_runout(
+            position,
+            deposit.volume,
+            spacing=deposit.spacing,
+            side=self.side,
+            initial_toe=deposit.foot[self.side],
+        )
 
     def _sloped_runout(self, deposit: Deposit, position: np.ndarray) -> tuple[float, np.ndarray]:
-        return toe_runout(position, deposit.volume, spacing=deposit.spacing, side=self.side,
-                          initial_toe=deposit.foot[self.side], derivative=True)  # fmt: skip
+        return toe_runout(
+            position,
+            deposit.volume,
+            spacing=deposit.spacing,
+            side=self.side,
+            initial_toe=deposit.foot[self.side],
+            derivative=True,
+        )
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A history has no place on the section."""
@@ -114,13 +125,18 @@ class ToeHistory(Length):
         std = site.std(cls, 0.02, 0.5)
         return [
             cls(
-                type="toe_history", name=f"{side} toe", side=side, values_m=[0.0],
-                times_s=[round(share * site.fall, 1)], std_m=std, **NOT_MADE,
+                type="toe_history",
+                name=f"{side} toe",
+                side=side,
+                values_m=[0.0],
+                times_s=[round(share * site.fall, 1)],
+                std_m=std,
+                **NOT_MADE,
             )
             for side in site.sides
             if side not in filmed
             for share in TIMES
-        ]  # fmt: skip
+        ]
 
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
         """None."""

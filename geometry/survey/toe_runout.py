@@ -137,12 +137,16 @@ class ToeRunout(SingleLength):
         known = {entry.side for entry in site.made_of(cls)}
         return [
             cls(
-                type="toe_runout", name=f"{side} toe in the end", side=side, value_m=0.0,
-                std_m=site.std(cls, 0.02, 0.3), **NOT_MADE,
+                type="toe_runout",
+                name=f"{side} toe in the end",
+                side=side,
+                value_m=0.0,
+                std_m=site.std(cls, 0.02, 0.3),
+                **NOT_MADE,
             )
             for side in site.sides
             if side not in known
-        ]  # fmt: skip
+        ]
 
     def marks(self, feet: Mapping[Side, float]) -> Sequence[Mark]:
         """A dimension line from the foot to the toe."""

@@ -55,9 +55,11 @@ class DepositMap:
         That before the slide plus the change of thickness, so that it is exact where nothing moved.
         """
         x, y = np.asarray(places, float).T
-        old = self.base.at(x, y) + self.before.at(x, y) if self.surface is None else (
-            self.surface.at(x, y)
-        )  # fmt: skip
+        old = (
+            self.base.at(x, y) + self.before.at(x, y)
+            if self.surface is None
+            else (self.surface.at(x, y))
+        )
         return old + self.after.at(x, y) - self.before.at(x, y)
 
 

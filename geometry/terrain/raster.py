@@ -156,9 +156,18 @@ def write_raster(
     transform = rasterio.Affine(d, 0.0, west - 0.5 * d, 0.0, -d, north + 0.5 * d)
     with atomic_path(path) as temporary:
         with rasterio.open(
-            temporary, "w", driver="GTiff", width=nx, height=ny, count=1, dtype="float32",
-            transform=transform, nodata=np.nan, compress="deflate", crs=raster.crs or None,
-        ) as file:  # fmt: skip
+            temporary,
+            "w",
+            driver="GTiff",
+            width=nx,
+            height=ny,
+            count=1,
+            dtype="float32",
+            transform=transform,
+            nodata=np.nan,
+            compress="deflate",
+            crs=raster.crs or None,
+        ) as file:
             file.write(raster.values.T[::-1].astype(np.float32), 1)
 
 

@@ -73,9 +73,14 @@ def random_section(config: Config, number: int) -> Scene:
         update={"template_shares": shares, "water_share": WATER_SHARE}
     )
     size = config.scale("coarse").model_copy(
-        update={"spacing_m": SPACING, "domain_width_m": WIDTH, "enlarged_share": 0.0,
-                "dams_from": None, "mixed_from": None}
-    )  # fmt: skip
+        update={
+            "spacing_m": SPACING,
+            "domain_width_m": WIDTH,
+            "enlarged_share": 0.0,
+            "dams_from": None,
+            "mixed_from": None,
+        }
+    )
     own = config.model_copy(
         update={"geometry": geometry, "scales": {**config.scales, "coarse": size}}
     )

@@ -156,8 +156,9 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     left, _, right, top = whole.bounds
     middle = 0.5 * (left + right)
     fine = np.linspace(left, right, 201)
-    height = float(np.max(_surface(whole, fine, scene.ground.height(fine), top)
-                          - scene.ground.height(fine)))  # fmt: skip
+    height = float(
+        np.max(_surface(whole, fine, scene.ground.height(fine), top) - scene.ground.height(fine))
+    )
     x = middle + height * places()
     ground = scene.ground.height(x)
     inside = (x > left) & (x < right)
@@ -211,11 +212,12 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
         zone_share=share,
         strength_share=strong,
         values=np.column_stack([_strengths(scene, unit), spans]),
-        saturated=np.array([(one.saturated_density or one.density) / one.density
-                            for one in materials]),
+        saturated=np.array(
+            [(one.saturated_density or one.density) / one.density for one in materials]
+        ),
         density=density / WATER_DENSITY,
         spacing=scene.spacing / height,
-    )  # fmt: skip
+    )
 
 
 class _Factors:

@@ -301,8 +301,10 @@ class BackAnalysis:
     def tell_doubts(self) -> None:
         """Remarks on the answer."""
         prediction = self.found.best.prediction
-        for line in (*result_builder.doubts(prediction, self.case.setup.settings),
-                     *prediction.remarks):  # fmt: skip
+        for line in (
+            *result_builder.doubts(prediction, self.case.setup.settings),
+            *prediction.remarks,
+        ):
             self.remark(line)
         for line in result_builder.unknown_derivatives(
             self.case.parameters, self.found.best.derivative
@@ -324,9 +326,14 @@ class BackAnalysis:
         if len(self.spread.flat):
             engine = self.engine_of_changes()
             self.stops = walk(
-                engine, self.case.setup, self.objective, self.found.values, self.slope,
-                self.spread.flat, self.found.best.loss,
-            )  # fmt: skip
+                engine,
+                self.case.setup,
+                self.objective,
+                self.found.values,
+                self.slope,
+                self.spread.flat,
+                self.found.best.loss,
+            )
             self._count(engine)
             self.say(f"other answers that fit as well: {len(self.stops)}")
 
@@ -440,9 +447,10 @@ class BackAnalysis:
         if found.kind != "target":
             self.ratio_changes[name] = ratio_change(found)
         first = self.case.parameters.names[0]
-        self.say(f"{name}: " + ", ".join(
-            f"{side.words}: {first} {side.change[first]:+.2f}" for side in found.sides
-        ))  # fmt: skip
+        self.say(
+            f"{name}: "
+            + ", ".join(f"{side.words}: {first} {side.change[first]:+.2f}" for side in found.sides)
+        )
 
     def solve_waterfall(self) -> None:
         """Solve the readings on the way to the question, each from the answer before it."""
@@ -513,8 +521,16 @@ class BackAnalysis:
             manifest=self._manifest(),
             question=case.question,
             answer=result_builder.answer(
-                case, self.objective, found, self.spread, self.stops, resolved,
-                self.sensitivities, changes, noise_std, self.more_sources,
+                case,
+                self.objective,
+                found,
+                self.spread,
+                self.stops,
+                resolved,
+                self.sensitivities,
+                changes,
+                noise_std,
+                self.more_sources,
             ),
             iterations=result_builder.iterations(found.evaluations, self.objective),
             starts=self.starts,
@@ -530,7 +546,7 @@ class BackAnalysis:
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},
             runs=self.runs,
             runs_to_answer=found.runs,
-        )  # fmt: skip
+        )
 
     # --- what the stages share ---
 
@@ -696,8 +712,10 @@ class BackAnalysis:
             for spec, value in zip(parameters.specs, evaluation.values, strict=True)
         )
         named = targets.named(evaluation.prediction.values, targets.fitted)
-        units = {name: targets.entries[group].unit
-                 for name, group in zip(targets.names, targets.groups, strict=True)}  # fmt: skip
+        units = {
+            name: targets.entries[group].unit
+            for name, group in zip(targets.names, targets.groups, strict=True)
+        }
         predicted = (
             f"{len(named)} numbers"
             if len(named) > MOST_TOLD

@@ -119,9 +119,12 @@ def body_case(
     chosen = measurement_set or survey.default_set
     fit = fit_of(question, survey, chosen)
     targets = make_targets(
-        survey.chosen(chosen), fit=fit, loss=question.loss, source=source,
+        survey.chosen(chosen),
+        fit=fit,
+        loss=question.loss,
+        source=source,
         use_constructed=use_constructed,
-    )  # fmt: skip
+    )
     duration = question.duration_s or drawn.document.duration_s
     settings = config.simulation
     if duration is not None:

@@ -109,8 +109,10 @@ def sensitivity_answer(solved: Sequence[Solved], here: Here) -> SensitivityAnswe
     limit = None
     if isinstance(entry, CellSize):
         limit = limit_of_cells(solved[0], here, entry.factor)
-        std = {name: abs(limit[name] - value)
-               for name, value in parameters.as_mapping(here.values).items()}  # fmt: skip
+        std = {
+            name: abs(limit[name] - value)
+            for name, value in parameters.as_mapping(here.values).items()
+        }
     return SensitivityAnswer(
         name=entry.name,
         kind=entry.kind,

@@ -202,7 +202,7 @@ def answer(
             ratio_changes,
             stops,
             objective.limit,
-        ),  # fmt: skip
+        ),
         loss=evaluation.loss,
         loss_unit=objective.unit,
         tolerance=objective.tolerance,

@@ -230,9 +230,11 @@ class SurrogateAnalysis(LearnedAnalysis):
         predicted = targets.named(self.judged.values, targets.fitted)
         self.say(
             "the material point method at the answer: "
-            + (", ".join(f"{name} {value:.1f}" for name, value in list(predicted.items())[:6])
-               or f"failed: {self.judged.reason}")
-        )  # fmt: skip
+            + (
+                ", ".join(f"{name} {value:.1f}" for name, value in list(predicted.items())[:6])
+                or f"failed: {self.judged.reason}"
+            )
+        )
 
     def _uncertainty(self) -> None:
         """The uncertainty from the survey, and how much the surrogate's error adds to it."""

@@ -108,9 +108,11 @@ class OurAnswer:
     @property
     def ratio_words(self) -> str:
         """The same of the ratio."""
-        return f"at least {self.ratio:.3f}" if self.bound else (
-            f"{self.ratio:.3f} ± {self.ratio_std:.3f}"
-        )  # fmt: skip
+        return (
+            f"at least {self.ratio:.3f}"
+            if self.bound
+            else (f"{self.ratio:.3f} ± {self.ratio_std:.3f}")
+        )
 
 
 def load_catalogue(folder: Path = FOLDER) -> list[Entry]:

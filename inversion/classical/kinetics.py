@@ -207,9 +207,9 @@ def body_of(
         )
     first = -_tangent(before.driving / before.weight)
     last = -_tangent(after.driving / after.weight) if end_slope == "slip" else 0.0
-    start, end = {
-        "varying": (before, after), "before": (before, before), "after": (after, after)
-    }[stages]  # fmt: skip
+    start, end = {"varying": (before, after), "before": (before, before), "after": (after, after)}[
+        stages
+    ]
     return Body(
         weight=(start.weight, end.weight),
         length=(start.liquefied_length, end.liquefied_length),

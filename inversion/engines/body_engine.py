@@ -164,9 +164,13 @@ def _stress_by_zone(scene: Scene3d, run: Run3d) -> dict[str, list[float]]:
 
 def _arrays_of_maps(kept: KeptMaps) -> dict[str, np.ndarray]:
     told = {
-        "readings": dict(kept.readings), "walls": kept.walls, "at_rest": kept.at_rest,
-        "reason": kept.reason, "wall_time_s": kept.wall_time_s, "stress_kpa": kept.stress_kpa,
-    }  # fmt: skip
+        "readings": dict(kept.readings),
+        "walls": kept.walls,
+        "at_rest": kept.at_rest,
+        "reason": kept.reason,
+        "wall_time_s": kept.wall_time_s,
+        "stress_kpa": kept.stress_kpa,
+    }
     return {"thickness": kept.thickness, "told": np.array(json.dumps(told))}
 
 

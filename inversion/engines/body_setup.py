@@ -147,11 +147,17 @@ class BodySetup(Setup):
         walls = ", ".join(kept.walls)
         remark = f"soil reached the wall at {walls}: the domain is too small for its map"
         return Prediction(
-            found, self._read(deposit.at_start), status="failed" if broken else "finished",
-            reason=reason, sigma_v0_kpa=mean, sigma_v0_std_kpa=spread,
-            run_time_s=kept.wall_time_s, at_rest=kept.at_rest or bool(kept.reason),
-            spacing_m=self.scene.spacing, remarks=(remark,) if kept.walls else (),
-        )  # fmt: skip
+            found,
+            self._read(deposit.at_start),
+            status="failed" if broken else "finished",
+            reason=reason,
+            sigma_v0_kpa=mean,
+            sigma_v0_std_kpa=spread,
+            run_time_s=kept.wall_time_s,
+            at_rest=kept.at_rest or bool(kept.reason),
+            spacing_m=self.scene.spacing,
+            remarks=(remark,) if kept.walls else (),
+        )
 
     def deposit_map(self, values: np.ndarray, kept: KeptMaps) -> DepositMap:
         """A run with these values in plan."""

@@ -82,9 +82,11 @@ class FiniteWidth(WrappedEngine):
         places, widths = knots(setup.scene)
         ratio = min(request.section.height_over_width, places[-1])
         upper = int(np.searchsorted(places, ratio))
-        share = ratio / places[0] if upper == 0 else (
-            (ratio - places[upper - 1]) / (places[upper] - places[upper - 1])
-        )  # fmt: skip
+        share = (
+            ratio / places[0]
+            if upper == 0
+            else ((ratio - places[upper - 1]) / (places[upper] - places[upper - 1]))
+        )
         flat = self._read(self._store(None, setup.scene), setup, request.values)
         parts = [(upper, share)] if upper == 0 else [(upper - 1, 1.0 - share), (upper, share)]
         moved = np.zeros(len(plane.values))
@@ -107,9 +109,10 @@ class FiniteWidth(WrappedEngine):
             self._stores[key] = (
                 RunStore(self.store.folder, **shared)
                 if width is None
-                else RunStore3d(Section(file="", width_m=width), "rough", self.store.folder,
-                                **shared)
-            )  # fmt: skip
+                else RunStore3d(
+                    Section(file="", width_m=width), "rough", self.store.folder, **shared
+                )
+            )
         return self._stores[key]
 
 
@@ -132,13 +135,18 @@ def paired(setup: SectionSetup) -> SectionSetup:
     domain, room = scene.domain, ROOM * (scene.extent[1] - scene.extent[0])
     room = room if domain.walls == "open" else 0.0
     closed = {
-        "x_min": domain.x_min - room, "x_max": domain.x_max + room, "y_max": domain.y_max,
+        "x_min": domain.x_min - room,
+        "x_max": domain.x_max + room,
+        "y_max": domain.y_max,
         "walls": "closed",
-    }  # fmt: skip
+    }
     changes = {
-        "domain": closed, "spacing": COARSER * scene.spacing, "jitter": 0.0, "seed": 0,
+        "domain": closed,
+        "spacing": COARSER * scene.spacing,
+        "jitter": 0.0,
+        "seed": 0,
         "effects": {},
-    }  # fmt: skip
+    }
     return replace(
         setup,
         scene=scene_from_mapping({**scene.model_dump(), **changes}, f"{scene.name} over a width"),

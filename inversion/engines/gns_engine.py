@@ -246,9 +246,14 @@ class GNSEngine(Forward):
         rows, reason = None, ""
         try:
             _, slopes, _ = differentiate(
-                self.model.simulator, slide.scene_of, values, slide.window, frames, reading,
+                self.model.simulator,
+                slide.scene_of,
+                values,
+                slide.window,
+                frames,
+                reading,
                 until=until,
-            )  # fmt: skip
+            )
             rows = dict(zip(names, reading.by_entry(slopes), strict=True))
         except WorkFailed as error:
             reason = str(error) if reading.frames is None else ""

@@ -371,8 +371,13 @@ def _least_squares(
         return np.concatenate([data, rows * half])
 
     low, high = places.min(axis=0), places.max(axis=0)
-    found = least_squares(residuals, np.clip(np.zeros(len(half)), low, high), slope,
-                          bounds=(low - 1e-9, high + 1e-9), **TO_THE_END).x  # fmt: skip
+    found = least_squares(
+        residuals,
+        np.clip(np.zeros(len(half)), low, high),
+        slope,
+        bounds=(low - 1e-9, high + 1e-9),
+        **TO_THE_END,
+    ).x
     if np.any((found < low + 1e-3) | (found > high - 1e-3)):
         return None
     return centre + half * found

@@ -103,10 +103,11 @@ class Parameters:
         """Mean and standard deviation of each prior; NaN where there is none."""
         priors = (spec.prior for spec in self.specs)
         return [
-            (np.nan, np.nan) if prior is None or prior.mean is None or prior.std is None
+            (np.nan, np.nan)
+            if prior is None or prior.mean is None or prior.std is None
             else (prior.mean, prior.std)
             for prior in priors
-        ]  # fmt: skip
+        ]
 
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:

@@ -258,9 +258,11 @@ def _runout_of_profile(profile: Profile, side: Side, scene: Scene) -> Runout | N
 def _with_room(scene: Scene, runouts: Sequence[Runout], profile: Profile | None) -> Scene:
     """The scene with a domain that holds the profile and the toes, in whole cells."""
     domain = scene.domain
-    places = [domain.x_min, domain.x_max] if profile is None else [
-        domain.x_min, domain.x_max, profile.x.min(), profile.x.max()
-    ]  # fmt: skip
+    places = (
+        [domain.x_min, domain.x_max]
+        if profile is None
+        else [domain.x_min, domain.x_max, profile.x.min(), profile.x.max()]
+    )
     for runout in runouts:
         outward = -1.0 if runout.side == "left" else 1.0
         places.append(scene.foot(runout.side) + 1.2 * outward * runout.value_m)

@@ -55,12 +55,9 @@ def save_draws(draws: Draws, path: str | Path) -> Path:
     def group(names: Sequence[str], values: np.ndarray) -> xarray.Dataset:
         count = len(values)
         return xarray.Dataset(
-            {
-                key(name): (("chain", "draw"), values[None, :, k])
-                for k, name in enumerate(names)
-            },
+            {key(name): (("chain", "draw"), values[None, :, k]) for k, name in enumerate(names)},
             coords={"chain": [0], "draw": np.arange(count)},
-        )  # fmt: skip
+        )
 
     observed = {key(name): ((), value) for name, value in draws.observed.items()}
     data = xarray.DataTree.from_dict(

@@ -89,9 +89,14 @@ def fit(points: np.ndarray, numbers: np.ndarray) -> GaussianProcess:
     start = np.concatenate([np.full(q, LENGTH_PRIOR[0]), AMPLITUDE_PRIOR])
     apart = (points[:, None, :] - points[None, :, :]) ** 2
     found = minimize(
-        _cost, start, args=(apart, points @ points.T, y), jac=True, method="L-BFGS-B",
-        bounds=[(LEAST, MOST)] * (q + 3), options={"maxiter": ITERATIONS},
-    )  # fmt: skip
+        _cost,
+        start,
+        args=(apart, points @ points.T, y),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(LEAST, MOST)] * (q + 3),
+        options={"maxiter": ITERATIONS},
+    )
     covariance = _covariance(points, points, found.x)
     covariance[np.diag_indices(len(y))] += np.exp(2.0 * found.x[-1]) + 1e-10
     factor, _ = cho_factor(covariance, lower=True)

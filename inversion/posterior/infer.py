@@ -143,8 +143,9 @@ class Inference(Generic[AnyModel]):
         self.fine = np.concatenate([self.fine, fine])
 
     def _check(self) -> None:
-        fitted = [self.names.index(self.targets.names[k])
-                  for k in np.flatnonzero(self.targets.fitted)]  # fmt: skip
+        fitted = [
+            self.names.index(self.targets.names[k]) for k in np.flatnonzero(self.targets.fitted)
+        ]
         failed = float(np.isnan(self.coarse[:, fitted]).any(axis=1).mean())
         if failed > MOST_FAILED:
             raise WorkFailed(
@@ -171,8 +172,9 @@ class Inference(Generic[AnyModel]):
     def _simulate_otherwise(self) -> None:
         if len(self.values) == 0:
             return
-        fitted = [self.names.index(self.targets.names[k])
-                  for k in np.flatnonzero(self.targets.fitted)]  # fmt: skip
+        fitted = [
+            self.names.index(self.targets.names[k]) for k in np.flatnonzero(self.targets.fitted)
+        ]
         middle = self._in_the_middle()
         self.otherwise, failed = {}, set[str]()
         for place in middle:
@@ -183,8 +185,10 @@ class Inference(Generic[AnyModel]):
             failed = changes.keys() - self.otherwise.keys()
             if not failed:
                 break
-        self.remarks += [f"{name}: could not be compared; its error is not known and left out"
-                         for name in sorted(failed)]  # fmt: skip
+        self.remarks += [
+            f"{name}: could not be compared; its error is not known and left out"
+            for name in sorted(failed)
+        ]
         own = self.model.error_std(self.values[middle[0]])[self.read]
         if not np.isfinite(own[fitted]).all():
             self.remarks.append("the engine's own error could not be found and is left out")
@@ -218,9 +222,13 @@ class Inference(Generic[AnyModel]):
         fine = self.fine if self.model.two_fidelities else None
         try:
             return make_emulator(
-                self.unknowns, self.names, warps(self.names, self.targets),
-                self.values, self.coarse, fine,
-            )  # fmt: skip
+                self.unknowns,
+                self.names,
+                warps(self.names, self.targets),
+                self.values,
+                self.coarse,
+                fine,
+            )
         except ValueError as error:
             raise WorkFailed(f"posterior: {error}") from None
 

@@ -63,9 +63,14 @@ def nested(
     import dynesty
 
     sampler = dynesty.NestedSampler(
-        log_likelihood, lambda share: share, unknowns, nlive=live_points, bound="multi",
-        sample="rwalk", rstate=np.random.default_rng(seed),
-    )  # fmt: skip
+        log_likelihood,
+        lambda share: share,
+        unknowns,
+        nlive=live_points,
+        bound="multi",
+        sample="rwalk",
+        rstate=np.random.default_rng(seed),
+    )
     sampler.run_nested(dlogz=EVIDENCE_LEFT, print_progress=False)
     found = sampler.results
     weights = found.importance_weights()

@@ -101,8 +101,9 @@ def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
         unknowns=[_unknown(found, place) for place in range(len(inference.unknowns))],
         numbers=_numbers(found),
         other_ways={
-            name: {number: _round(value) for number, value in
-                   zip(inference.names, change, strict=True)}
+            name: {
+                number: _round(value) for number, value in zip(inference.names, change, strict=True)
+            }
             for name, change in inference.otherwise.items()
         },
         correlation=[[_round(r) for r in row] for row in _correlation(found.values)],
@@ -129,7 +130,7 @@ def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
         ],
         timings={name: round(time, 2) for name, time in inference.timings.items()},
         manifest=manifest(case.config, seeds={"posterior": inference.settings.seed}),
-    )  # fmt: skip
+    )
 
 
 def spread(draws: np.ndarray) -> Spread:

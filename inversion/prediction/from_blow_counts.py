@@ -143,16 +143,22 @@ def document_of(
         "spacing_m": case.scene.spacing,
         "physics": {"mpm": SOLVER_VERSION, "inversion": PHYSICS_VERSION},
         "layers": [
-            {"zone": layer.zone, "n1_60": layer.count.n1_60, "n1_60cs": layer.count.n1_60cs,
-             "confidence": layer.count.confidence, "source": layer.count.source,
-             "sigma_v0_kpa": _round(layer.sigma_v0_kpa), "area_m2": _round(layer.area_m2)}
+            {
+                "zone": layer.zone,
+                "n1_60": layer.count.n1_60,
+                "n1_60cs": layer.count.n1_60cs,
+                "confidence": layer.count.confidence,
+                "source": layer.count.source,
+                "sigma_v0_kpa": _round(layer.sigma_v0_kpa),
+                "area_m2": _round(layer.area_m2),
+            }
             for layer in layers
         ],
         "relations": [
             _relation(case, relation, layers, rows, predictions, reported)
             for relation, rows, predictions in zip(relations, strengths, parts, strict=True)
         ],
-    }  # fmt: skip
+    }
 
 
 def layer_strengths(relation: Relation, layers: Sequence[Layer]) -> np.ndarray:
@@ -204,11 +210,17 @@ def _relation(
             layer.zone for layer in layers if layer.count.is_other_kind(relation.clean_sand)
         ],
         "runs": [
-            {"score": float(score), "strengths_kpa": [_round(value) for value in row],
-             "at_rest": prediction.at_rest,
-             "predicted": None if prediction.failed
-             else {entry.name: _round(value)
-                   for entry, value in zip(case.entries, prediction.values, strict=True)}}
+            {
+                "score": float(score),
+                "strengths_kpa": [_round(value) for value in row],
+                "at_rest": prediction.at_rest,
+                "predicted": None
+                if prediction.failed
+                else {
+                    entry.name: _round(value)
+                    for entry, value in zip(case.entries, prediction.values, strict=True)
+                },
+            }
             for score, row, prediction in zip(SCORES, strengths, predictions, strict=True)
         ],
         "quantities": [
@@ -233,7 +245,7 @@ def _relation(
             for number, entry in enumerate(case.entries)
             if number in reported
         ],
-    }  # fmt: skip
+    }
 
 
 def _round(value: float) -> float:

@@ -74,10 +74,14 @@ def prediction_setup(
     """
     document = scene.document
     names = [
-        "toe_runout_m", *(f"runout_{name}_m" for name in document.paths or ("middle",)),
-        "inundated_area_m2", "volume_beyond_foot_m3", "volume_moved_m3",
-        *(f"volume_across_{name}_m3" for name in document.lines), "largest_speed_m_per_s",
-    ]  # fmt: skip
+        "toe_runout_m",
+        *(f"runout_{name}_m" for name in document.paths or ("middle",)),
+        "inundated_area_m2",
+        "volume_beyond_foot_m3",
+        "volume_moved_m3",
+        *(f"volume_across_{name}_m3" for name in document.lines),
+        "largest_speed_m_per_s",
+    ]
     entries: list[MapMeasured] = [PlanReading(name=name) for name in names]
     count = len(names)
     targets = Targets(entries, names, np.zeros(count), np.eye(count), ["fitted"] * count)
@@ -111,22 +115,32 @@ class BodyPrediction:
         return {
             **head_of(self.setup.scene.name, self.setup.scene.spacing, self.strengths, found),
             "quantities": [
-                {**distribution_of(found, number, words, _kind(name), unit), "measured": None,
-                 "censored": False, "probability_beyond_measured": None,
-                 "probability_at_the_edge": max(self.wall_share.values(), default=0.0)}
-                for number, name in enumerate(found.names) for words, unit in [named(name)]
+                {
+                    **distribution_of(found, number, words, _kind(name), unit),
+                    "measured": None,
+                    "censored": False,
+                    "probability_beyond_measured": None,
+                    "probability_at_the_edge": max(self.wall_share.values(), default=0.0),
+                }
+                for number, name in enumerate(found.names)
+                for words, unit in [named(name)]
             ],
             "inundation": [
-                {"thicker_than_m": thickness,
-                 "area_m2": {
-                     str(percent): pixel * float(np.sum(
-                         (before < thickness) & (chance.values >= percent / 100.0)))
-                     for percent in PERCENT},
-                 "mean_area_m2": round(pixel * float(chance.values[before < thickness].sum()), 1)}
+                {
+                    "thicker_than_m": thickness,
+                    "area_m2": {
+                        str(percent): pixel
+                        * float(np.sum((before < thickness) & (chance.values >= percent / 100.0)))
+                        for percent in PERCENT
+                    },
+                    "mean_area_m2": round(
+                        pixel * float(chance.values[before < thickness].sum()), 1
+                    ),
+                }
                 for thickness, chance in self.exceedance.items()
             ],
             "walls": {name: round(share, 4) for name, share in self.wall_share.items()},
-        }  # fmt: skip
+        }
 
 
 def predict_in_plan(

@@ -179,10 +179,13 @@ def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
         values = draws.posterior[:, draws.unknowns.index(key(one.name))]
         found.append(
             DrawnStrength(
-                tuple(one.zones), float(values.mean()), float(values.std()), "posterior",
+                tuple(one.zones),
+                float(values.mean()),
+                float(values.std()),
+                "posterior",
                 tuple(map(float, values)),
             )
-        )  # fmt: skip
+        )
     if not found:
         raise InputError(f"{folder}: a posterior without a residual strength")
     return found
@@ -201,10 +204,16 @@ def sampled_scores(
 
 def strength_parameters(strengths: Sequence[KnownStrength]) -> Parameters:
     """Known strengths as the parameters of a reading of the question, in their order."""
-    return Parameters([
-        ParameterSpec(
-            name=f"residual_strength_{place}", zones=list(one.zones), property=RESIDUAL_STRENGTH,
-            start=one.mean_kpa, low=1e-6 * one.mean_kpa, high=1e6 * one.mean_kpa,
-        )
-        for place, one in enumerate(strengths, start=1)
-    ])  # fmt: skip
+    return Parameters(
+        [
+            ParameterSpec(
+                name=f"residual_strength_{place}",
+                zones=list(one.zones),
+                property=RESIDUAL_STRENGTH,
+                start=one.mean_kpa,
+                low=1e-6 * one.mean_kpa,
+                high=1e6 * one.mean_kpa,
+            )
+            for place, one in enumerate(strengths, start=1)
+        ]
+    )

@@ -122,8 +122,13 @@ def _other_toes(entries: Sequence[Measured], scene: Scene) -> list[ToeRunout]:
         if side not in taken and (room or scene.domain.walls == "open"):
             found.append(
                 ToeRunout(
-                    type="toe_runout", name=f"{side} toe", side=side, value_m=0.0, std_m=1.0,
-                    confidence="assumed", source="not measured: predicted alone",
+                    type="toe_runout",
+                    name=f"{side} toe",
+                    side=side,
+                    value_m=0.0,
+                    std_m=1.0,
+                    confidence="assumed",
+                    source="not measured: predicted alone",
                 )
-            )  # fmt: skip
+            )
     return found

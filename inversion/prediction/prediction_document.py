@@ -32,12 +32,16 @@ def document_of(
             for number in range(len(found.names))
             if _worth_telling(case, found, number)
         ],
-        "sections": None if sections is None else {
+        "sections": None
+        if sections is None
+        else {
             "x_m": _rounded(sections.x),
-            **{f"y_{percent}_m": _rounded(row)
-               for percent, row in zip(ENVELOPE, sections.surfaces, strict=True)},
+            **{
+                f"y_{percent}_m": _rounded(row)
+                for percent, row in zip(ENVELOPE, sections.surfaces, strict=True)
+            },
         },
-    }  # fmt: skip
+    }
 
 
 def head_of(
@@ -49,19 +53,26 @@ def head_of(
         "spacing_m": spacing_m,
         "physics": {"mpm": SOLVER_VERSION, "inversion": PHYSICS_VERSION},
         "strengths": [
-            {"zones": list(s.zones), "mean_kpa": s.mean_kpa, "std_kpa": s.std_kpa,
-             "distribution": s.kind, "words": s.words}
+            {
+                "zones": list(s.zones),
+                "mean_kpa": s.mean_kpa,
+                "std_kpa": s.std_kpa,
+                "distribution": s.kind,
+                "words": s.words,
+            }
             for s in strengths
         ],
         "samples": len(found.samples),
         "failed_runs": found.failed,
         "runs_cut_off": sum(not prediction.at_rest for prediction in found.predictions),
         "runs": [
-            {"strengths_kpa": _rounded(kpa), "predicted": dict(zip(found.names, _rounded(row),
-                                                                   strict=True))}
+            {
+                "strengths_kpa": _rounded(kpa),
+                "predicted": dict(zip(found.names, _rounded(row), strict=True)),
+            }
             for kpa, row in zip(found.strengths, found.runs, strict=True)
         ],
-    }  # fmt: skip
+    }
 
 
 def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[str, Any]:

@@ -139,9 +139,12 @@ def _known(
     relation = RELATIONS[prior.relation]
     if prior.n1_60 is not None:
         stated = BlowCount(
-            zones=spec.zones, n1_60=prior.n1_60, n1_60cs=prior.n1_60, confidence="assumed",
+            zones=spec.zones,
+            n1_60=prior.n1_60,
+            n1_60cs=prior.n1_60,
+            confidence="assumed",
             source=source,
-        )  # fmt: skip
+        )
         counts = dict.fromkeys(spec.zones, stated)
     layers = layers_of(scene, counts, spec.zones, gravity)
     missing = [zone for zone in spec.zones if zone not in [layer.zone for layer in layers]]

@@ -54,10 +54,16 @@ EFFECT = Effect(
         si=KPA,
     ),
     parameters=(
-        Parameter("share_below_water", "", 1.0, 0.0, 1.0,
-                  "k, share of it below the phreatic line; 0: suction, which is gone there"),
+        Parameter(
+            "share_below_water",
+            "",
+            1.0,
+            0.0,
+            1.0,
+            "k, share of it below the phreatic line; 0: suction, which is gone there",
+        ),
     ),
     strength=strength,
     field=share,
     applies=applies,
-)  # fmt: skip
+)

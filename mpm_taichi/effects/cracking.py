@@ -60,12 +60,24 @@ EFFECT = Effect(
         meaning="share of the tensile strength that is missing; 1: none is left",
     ),
     parameters=(
-        Parameter("crack_width_m", "m", 0.02, 1e-4, 10.0,
-                  "w_c, opening at which a crack has taken all it takes of the cohesion"),
-        Parameter("cohesion_lost", "", 0.5, 0.0, 1.0,
-                  "k, share of the cohesion that a crack takes where a = 1"),
+        Parameter(
+            "crack_width_m",
+            "m",
+            0.02,
+            1e-4,
+            10.0,
+            "w_c, opening at which a crack has taken all it takes of the cohesion",
+        ),
+        Parameter(
+            "cohesion_lost",
+            "",
+            0.5,
+            0.0,
+            1.0,
+            "k, share of the cohesion that a crack takes where a = 1",
+        ),
     ),
     strength=strength,
     memory=memory,
     applies=applies,
-)  # fmt: skip
+)

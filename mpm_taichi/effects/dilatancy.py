@@ -52,9 +52,15 @@ EFFECT = Effect(
         two_signed=True,
     ),
     parameters=(
-        Parameter("critical_strain", "", 0.5, 0.01, 10.0,
-                  "g_c, plastic shear strain beyond which the volume stays"),
+        Parameter(
+            "critical_strain",
+            "",
+            0.5,
+            0.01,
+            10.0,
+            "g_c, plastic shear strain beyond which the volume stays",
+        ),
     ),
     dilation=dilation,
     applies=applies,
-)  # fmt: skip
+)

@@ -60,12 +60,25 @@ EFFECT = Effect(
         meaning="mu_2 - mu_s: how much more friction there is in fast than in slow shear",
     ),
     parameters=(
-        Parameter("grain_size_mm", "mm", 1.0, 1e-3, 1e5,
-                  "d; of an experiment whose lengths are multiplied, multiplied as well", 1e-3),
-        Parameter("inertial_number", "", 0.279, 0.01, 10.0,
-                  "I_0, inertial number at which half of the rise is reached"),
+        Parameter(
+            "grain_size_mm",
+            "mm",
+            1.0,
+            1e-3,
+            1e5,
+            "d; of an experiment whose lengths are multiplied, multiplied as well",
+            1e-3,
+        ),
+        Parameter(
+            "inertial_number",
+            "",
+            0.279,
+            0.01,
+            10.0,
+            "I_0, inertial number at which half of the rise is reached",
+        ),
         Parameter("grain_density_kg_m3", "kg/m3", 2650.0, 100.0, 2e4, "rho_s, of the grains"),
     ),
     strength=strength,
     applies=applies,
-)  # fmt: skip
+)

@@ -63,10 +63,11 @@ EFFECT = Effect(
         meaning="r_u at t = 0: excess pore pressure over the normal stress it takes away from",
     ),
     parameters=(
-        Parameter("dissipation_time_s", "s", 60.0, 0.1, 1e5,
-                  "T, time in which the excess falls to 1/e"),
+        Parameter(
+            "dissipation_time_s", "s", 60.0, 0.1, 1e5, "T, time in which the excess falls to 1/e"
+        ),
     ),
     strength=strength,
     field=saturated,
     applies=applies,
-)  # fmt: skip
+)

@@ -33,9 +33,15 @@ EFFECT = Effect(
         meaning="share by which the strength grows for every tenfold rate of shear",
     ),
     parameters=(
-        Parameter("reference_rate_per_s", "1/s", 0.01, 1e-6, 1e3,
-                  "g'_0, rate of shear below which nothing is added"),
+        Parameter(
+            "reference_rate_per_s",
+            "1/s",
+            0.01,
+            1e-6,
+            1e3,
+            "g'_0, rate of shear below which nothing is added",
+        ),
     ),
     strength=strength,
     applies=needs_liquefied_soil,
-)  # fmt: skip
+)

@@ -46,14 +46,26 @@ EFFECT = Effect(
         meaning="height of the section over the width of the slide or box, H / B",
     ),
     parameters=(
-        Parameter("side_friction", "", 1.0, 0.01, 5.0,
-                  "k, friction coefficient of the flanks over tan(phi) of the soil; walls of glass "
-                  "or steel 0.2-0.5"),
-        Parameter("earth_pressure_ratio", "", 0.5, 0.1, 3.0,
-                  "K, normal stress on the flanks over the vertical effective stress"),
+        Parameter(
+            "side_friction",
+            "",
+            1.0,
+            0.01,
+            5.0,
+            "k, friction coefficient of the flanks over tan(phi) of the soil; walls of glass "
+            "or steel 0.2-0.5",
+        ),
+        Parameter(
+            "earth_pressure_ratio",
+            "",
+            0.5,
+            0.1,
+            3.0,
+            "K, normal stress on the flanks over the vertical effective stress",
+        ),
     ),
     constant_names=("height",),
     constants=section_height,
     resistance=resistance,
     applies=applies,
-)  # fmt: skip
+)

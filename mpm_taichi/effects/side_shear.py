@@ -53,11 +53,17 @@ EFFECT = Effect(
         meaning="height of the section over the width of the slide, H / B",
     ),
     parameters=(
-        Parameter("side_strength", "", 1.0, 0.01, 5.0,
-                  "k, strength of the flanks over the cohesion (S_r) of the soil that slides"),
+        Parameter(
+            "side_strength",
+            "",
+            1.0,
+            0.01,
+            5.0,
+            "k, strength of the flanks over the cohesion (S_r) of the soil that slides",
+        ),
     ),
     constant_names=("height",),
     constants=section_height,
     resistance=resistance,
     applies=applies,
-)  # fmt: skip
+)

@@ -90,12 +90,18 @@ EFFECT = Effect(
         meaning="coefficient of variation of S_r along the section",
     ),
     parameters=(
-        Parameter("correlation_length_m", "m", 20.0, 0.01, 1e4,
-                  "l, distance in which the correlation of ln m falls to 1/e"),
+        Parameter(
+            "correlation_length_m",
+            "m",
+            20.0,
+            0.01,
+            1e4,
+            "l, distance in which the correlation of ln m falls to 1/e",
+        ),
         Parameter("seed", "", 1.0, 0.0, 1e6, "which realisation; a whole number"),
     ),
     realisation="seed",
     strength=strength,
     field=multiplier,
     applies=needs_liquefied_soil,
-)  # fmt: skip
+)

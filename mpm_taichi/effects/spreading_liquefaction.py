@@ -95,18 +95,43 @@ EFFECT = Effect(
         meaning="time in which the front advances by a metre, 1 / v",
     ),
     parameters=(
-        Parameter("from_x_m", "m", AT_TOE, -AT_TOE, AT_TOE,
-                  "x_f, where the front starts; 1e6: at the toe, the end of the liquefied soil "
-                  "next to a foot of the section"),
-        Parameter("front_length_m", "m", 2.0, 0.01, 1e4,
-                  "l, length behind the front in which the strength falls"),
-        Parameter("peak_ratio", "", 3.0, 0.0, 100.0,
-                  "k, undrained strength before it liquefied over S_r; 0 where it was drained"),
-        Parameter("peak_friction_deg", "deg", 0.0, 0.0, 60.0,
-                  "phi_p, friction angle before it liquefied, of soil that was drained", DEGREE),
+        Parameter(
+            "from_x_m",
+            "m",
+            AT_TOE,
+            -AT_TOE,
+            AT_TOE,
+            "x_f, where the front starts; 1e6: at the toe, the end of the liquefied soil "
+            "next to a foot of the section",
+        ),
+        Parameter(
+            "front_length_m",
+            "m",
+            2.0,
+            0.01,
+            1e4,
+            "l, length behind the front in which the strength falls",
+        ),
+        Parameter(
+            "peak_ratio",
+            "",
+            3.0,
+            0.0,
+            100.0,
+            "k, undrained strength before it liquefied over S_r; 0 where it was drained",
+        ),
+        Parameter(
+            "peak_friction_deg",
+            "deg",
+            0.0,
+            0.0,
+            60.0,
+            "phi_p, friction angle before it liquefied, of soil that was drained",
+            DEGREE,
+        ),
     ),
     strength=strength,
     field=distance,
     until=until,
     applies=needs_liquefied_soil,
-)  # fmt: skip
+)

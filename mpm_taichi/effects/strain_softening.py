@@ -41,13 +41,26 @@ EFFECT = Effect(
         meaning="S_p / S_r - 1: how much stronger than S_r the soil is before it has sheared",
     ),
     parameters=(
-        Parameter("reference_strain", "", 0.3, 0.001, 100.0,
-                  "g_ref, plastic shear strain at which the excess has fallen to 1/e"),
-        Parameter("reference_cell_m", "m", 2.0, 1e-3, 100.0,
-                  "h_ref, the cell for which g_ref is meant"),
-        Parameter("cell_exponent", "", 0.5, 0.0, 1.0,
-                  "n: 0 where a whole layer shears, 1 where all shear is in bands of a cell"),
+        Parameter(
+            "reference_strain",
+            "",
+            0.3,
+            0.001,
+            100.0,
+            "g_ref, plastic shear strain at which the excess has fallen to 1/e",
+        ),
+        Parameter(
+            "reference_cell_m", "m", 2.0, 1e-3, 100.0, "h_ref, the cell for which g_ref is meant"
+        ),
+        Parameter(
+            "cell_exponent",
+            "",
+            0.5,
+            0.0,
+            1.0,
+            "n: 0 where a whole layer shears, 1 where all shear is in bands of a cell",
+        ),
     ),
     strength=strength,
     applies=needs_liquefied_soil,
-)  # fmt: skip
+)

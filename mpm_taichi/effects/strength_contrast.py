@@ -75,16 +75,19 @@ EFFECT = Effect(
     parameters=(
         Parameter("x_m", "m", 0.0, -ENDLESS, ENDLESS, "x, the part's centre along the section"),
         Parameter("y_m", "m", 0.0, -ENDLESS, ENDLESS, "y, height of its centre"),
-        Parameter("half_width_m", "m", ENDLESS, 1e-3, ENDLESS,
-                  "b, half its length; endless: a layer"),
-        Parameter("half_height_m", "m", ENDLESS, 1e-3, ENDLESS,
-                  "h, half its height; endless: a stretch"),
-        Parameter("edge", "", 0.5, 0.01, 2.0,
-                  "width of its edge over b (h); 0.01: it ends abruptly"),
+        Parameter(
+            "half_width_m", "m", ENDLESS, 1e-3, ENDLESS, "b, half its length; endless: a layer"
+        ),
+        Parameter(
+            "half_height_m", "m", ENDLESS, 1e-3, ENDLESS, "h, half its height; endless: a stretch"
+        ),
+        Parameter(
+            "edge", "", 0.5, 0.01, 2.0, "width of its edge over b (h); 0.01: it ends abruptly"
+        ),
     ),
     place=("half_width_m", "half_height_m"),
     family="strength",
     strength=strength,
     field=multiplier,
     applies=needs_liquefied_soil,
-)  # fmt: skip
+)

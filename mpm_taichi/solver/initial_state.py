@@ -121,8 +121,12 @@ def prepare(
         lateral = np.array([settings.k0 or _k0(material) for material in rows])[row]
         at_rest = k0_stress(scene, points, mass_of_row[row], lateral, settings.gravity_m_per_s2)
         stress[:] = np.where(resting[order, None], at_rest[order], 0.0)
-    moduli = [m.youngs_modulus_pa * (1 - m.poisson_ratio) / (
-        (1 + m.poisson_ratio) * (1 - 2 * m.poisson_ratio)) for m in rows]  # fmt: skip
+    moduli = [
+        m.youngs_modulus_pa
+        * (1 - m.poisson_ratio)
+        / ((1 + m.poisson_ratio) * (1 - 2 * m.poisson_ratio))
+        for m in rows
+    ]
     return PreparedScene(
         given=given,
         scene=scene,

@@ -69,9 +69,13 @@ def smooth_cell(n, columns, smoothing, cell_mean: A):
     own = cell_mean[n]
     if own[CLOSED_POINTS] > 0.0:
         own[SMOOTHED] = smooth_pressure(
-            own, cell_mean[n - 1], cell_mean[n + 1], cell_mean[n - columns],
-            cell_mean[n + columns], smoothing,
-        )  # fmt: skip
+            own,
+            cell_mean[n - 1],
+            cell_mean[n + 1],
+            cell_mean[n - columns],
+            cell_mean[n + columns],
+            smoothing,
+        )
         cell_mean[n] = own
 
 
@@ -83,13 +87,11 @@ def point_energy(p, volume, points: A, materials: A):
     moduli = materials.elastic[points.row[p]]
     squared = m[VELOCITY_X] * m[VELOCITY_X] + m[VELOCITY_Y] * m[VELOCITY_Y]
     mean = (s[XX] + s[YY] + s[ZZ]) * (1.0 / 3.0)
-    shear = (
-        (s[XX] - mean) ** 2 + (s[YY] - mean) ** 2 + (s[ZZ] - mean) ** 2
-    ) + 2.0 * s[XY] * s[XY]  # fmt: skip
+    shear = ((s[XX] - mean) ** 2 + (s[YY] - mean) ** 2 + (s[ZZ] - mean) ** 2) + 2.0 * s[XY] * s[XY]
     strained = volume * (1.0 + points.history[p][VOLUMETRIC])
-    stored = strained * 0.5 * (
-        mean * mean * moduli[BULK_COMPLIANCE] + shear * moduli[SHEAR_COMPLIANCE]
-    )  # fmt: skip
+    stored = (
+        strained * 0.5 * (mean * mean * moduli[BULK_COMPLIANCE] + shear * moduli[SHEAR_COMPLIANCE])
+    )
     kinetic = 0.5 * materials.point_mass[points.row[p]] * squared
     return vec4(kinetic, stored, points.history[p][DISSIPATED], squared)
 
@@ -160,9 +162,14 @@ def point_functions(
         elastic = materials.elastic[points.row[p]]
         variables = variables_of(p, points)
         new_stress, new, shear = stress.advance(
-            p, step, points, state.nodes.cell_mean[points.home[p]], elastic,
-            strength_of(p, points, materials), variables,
-        )  # fmt: skip
+            p,
+            step,
+            points,
+            state.nodes.cell_mean[points.home[p]],
+            elastic,
+            strength_of(p, points, materials),
+            variables,
+        )
         points.stress[p] = new_stress
         points.history[p] = new
         if ti.static(remembers):
@@ -181,9 +188,16 @@ def point_functions(
         weight_x, weight_y = mass_weights(points.motion[p], kind)
         friction, adhesion = law.ground_strength(strength)
         scatter_volume(
-            load, points.home[p], step.columns, weight_x, weight_y, step.volume, friction, adhesion,
+            load,
+            points.home[p],
+            step.columns,
+            weight_x,
+            weight_y,
+            step.volume,
+            friction,
+            adhesion,
             atomic,
-        )  # fmt: skip
+        )
 
     @ti.func
     def scatter_point(p, step: A, state: A, atomic: A):

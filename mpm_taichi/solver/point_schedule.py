@@ -95,11 +95,21 @@ def point_schedule(
             on = integers[slot, EFFECTS_ON]
         return ti.static(
             Step(
-                slot=slot, first_node=first_node, columns=columns, cell=cell, per_cell=per_cell,
-                volume=volume, dt=dt, blend=blend, share=share, gravity=gravity, damping=damping,
-                time=time, on=on,
+                slot=slot,
+                first_node=first_node,
+                columns=columns,
+                cell=cell,
+                per_cell=per_cell,
+                volume=volume,
+                dt=dt,
+                blend=blend,
+                share=share,
+                gravity=gravity,
+                damping=damping,
+                time=time,
+                on=on,
             )
-        )  # fmt: skip
+        )
 
     @ti.func
     def relaxation_of(slot, slots: A):
@@ -111,10 +121,16 @@ def point_schedule(
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
         return ti.static(
             Step(
-                slot=slot, first_node=first_node, columns=columns, cell=cell, per_cell=per_cell,
-                volume=volume, dt=dt, gravity=gravity,
+                slot=slot,
+                first_node=first_node,
+                columns=columns,
+                cell=cell,
+                per_cell=per_cell,
+                volume=volume,
+                dt=dt,
+                gravity=gravity,
             )
-        )  # fmt: skip
+        )
 
     @ti.func
     def settle_step(slots: A, points: A, nodes: A, state: A):
@@ -248,9 +264,12 @@ def point_schedule(
                     ti.atomic_add(sums[slot, frame, k], ti.cast(energy[k], ti.f64))
                 ti.atomic_max(sums[slot, frame, TOP_SPEED], ti.cast(ti.sqrt(energy[3]), ti.f64))
                 state.frames.positions[slot, frame, p - integers[slot, FIRST_POINT]] = position(
-                    p, integers[slot, FIRST_NODE], integers[slot, COLUMNS], numbers[slot, CELL],
+                    p,
+                    integers[slot, FIRST_NODE],
+                    integers[slot, COLUMNS],
+                    numbers[slot, CELL],
                     state.points,
-                )  # fmt: skip
+                )
         for slot in range(slots):
             numbers[slot, SPEED] = ti.cast(sums[slot, frame, TOP_SPEED], ti.f32)
 

@@ -158,8 +158,10 @@ class Slots:
         integers, numbers = self.integers[slot], self.numbers[slot]
         integers[:] = 0
         integers[layout.FIRST_POINT : layout.LAST_SETTLED + 1] = (
-            point, point + count, point + scene.settled,
-        )  # fmt: skip
+            point,
+            point + count,
+            point + scene.settled,
+        )
         integers[layout.PHASE] = layout.SETTLING
         integers[layout.FRAME_COUNT] = self.frames
         numbers[:] = 0.0

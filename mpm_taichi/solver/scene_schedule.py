@@ -105,10 +105,16 @@ def scene_schedule(
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
         relaxation = ti.static(
             Step(
-                slot=slot, first_node=first_node, columns=columns, cell=cell, per_cell=per_cell,
-                volume=volume, dt=dt, gravity=gravity,
+                slot=slot,
+                first_node=first_node,
+                columns=columns,
+                cell=cell,
+                per_cell=per_cell,
+                volume=volume,
+                dt=dt,
+                gravity=gravity,
             )
-        )  # fmt: skip
+        )
         step = 0
         ratio = 1.0
         while step < SETTLE_LIMIT and ratio > SETTLE_TOLERANCE and last > first:
@@ -207,11 +213,21 @@ def scene_schedule(
                         on = integers[slot, EFFECTS_ON]
                     step = ti.static(
                         Step(
-                            slot=slot, first_node=first_node, columns=columns, cell=cell,
-                            per_cell=per_cell, volume=volume, dt=dt, blend=blend, share=share,
-                            gravity=gravity, damping=damping, time=time, on=on,
+                            slot=slot,
+                            first_node=first_node,
+                            columns=columns,
+                            cell=cell,
+                            per_cell=per_cell,
+                            volume=volume,
+                            dt=dt,
+                            blend=blend,
+                            share=share,
+                            gravity=gravity,
+                            damping=damping,
+                            time=time,
+                            on=on,
                         )
-                    )  # fmt: skip
+                    )
                     done = 0
                     while done < count and alarm == 0:
                         if ti.static(acted):

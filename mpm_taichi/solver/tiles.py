@@ -78,10 +78,13 @@ def new_scratch(constants: A, variables: A):
     i, j, k = column(0), column(0), column(0)
     return ti.static(
         Scratch(
-            fours=(a, b, c, d, e, f), variables=law_variables,
-            weights=(x, y), reals=(real, other), integers=(i, j, k),
+            fours=(a, b, c, d, e, f),
+            variables=law_variables,
+            weights=(x, y),
+            reals=(real, other),
+            integers=(i, j, k),
         )
-    )  # fmt: skip
+    )
 
 
 @ti.func
@@ -150,9 +153,13 @@ def tile_functions(
             past = points.history[p]
             modulus = row_of(moduli, lane)
             trial, strain, opened = stress.trial(
-                points.stress[p], points.gradient[p], past[OPENING], row_of(means, lane), step,
+                points.stress[p],
+                points.gradient[p],
+                past[OPENING],
+                row_of(means, lane),
+                step,
                 modulus,
-            )  # fmt: skip
+            )
             strength = vector_of(limits, lane, constants)
             own = vector_of(scratch.variables, lane, width)
             new, shear, work, off = stress.usual_return(trial, modulus, strength, own)
@@ -177,9 +184,11 @@ def tile_functions(
                     old = points.history[p]
                     own = variables_of(p, points)
                     new, shear, opening, work = stress.rare_return(
-                        row_of(trials, lane), row_of(moduli, lane),
-                        strength_of(p, points, state.materials), own,
-                    )  # fmt: skip
+                        row_of(trials, lane),
+                        row_of(moduli, lane),
+                        strength_of(p, points, state.materials),
+                        own,
+                    )
                     past[SHEAR] = old[SHEAR] + shear
                     spent = work * step.volume * (1.0 + old[VOLUMETRIC])
                     past[DISSIPATED] = old[DISSIPATED] + spent
@@ -233,9 +242,17 @@ def tile_functions(
             else:
                 x, y = vector_of(weights_x, lane, 3), vector_of(weights_y, lane, 3)
                 scatter_inside(
-                    nodes.load, node, step.columns, row_of(bases, lane), row_of(acrosses, lane),
-                    row_of(upwards, lane), masses[lane], x, y, False,
-                )  # fmt: skip
+                    nodes.load,
+                    node,
+                    step.columns,
+                    row_of(bases, lane),
+                    row_of(acrosses, lane),
+                    row_of(upwards, lane),
+                    masses[lane],
+                    x,
+                    y,
+                    False,
+                )
                 if kind & NEAR:
                     friction, adhesion = ground_strength(strength_of(p, points, materials))
                     scatter_volume(
@@ -268,9 +285,12 @@ def tile_functions(
                 at_edge[lane] = 1
             else:
                 mean, across, upward = gather_inside(
-                    nodes.velocity, node, step.columns, vector_of(weights_x, lane, 3),
+                    nodes.velocity,
+                    node,
+                    step.columns,
+                    vector_of(weights_x, lane, 3),
                     vector_of(weights_y, lane, 3),
-                )  # fmt: skip
+                )
                 put(means, lane, mean, 4)
                 put(acrosses, lane, across, 4)
                 put(upwards, lane, upward, 4)

@@ -77,10 +77,17 @@ def scatter(p, step: A, points: A, load: A, kind, mass, affine: A, atomic: A):
     else:
         base, across, upward = contribution(p, step, points, mass, affine)
         scatter_inside(
-            load, points.home[p], step.columns, base, across, upward, mass,
-            spline_weights(points.motion[p][OFFSET_X]), spline_weights(points.motion[p][OFFSET_Y]),
+            load,
+            points.home[p],
+            step.columns,
+            base,
+            across,
+            upward,
+            mass,
+            spline_weights(points.motion[p][OFFSET_X]),
+            spline_weights(points.motion[p][OFFSET_Y]),
             atomic,
-        )  # fmt: skip
+        )
 
 
 @ti.func
@@ -112,8 +119,11 @@ def scatter_at_edge(p, step: A, points: A, load: A, kind, mass, affine: A, atomi
                 weight * vy,
                 force_x * stress[XX] + force_y * stress[XY],
                 force_x * stress[XY] + force_y * stress[YY],
-                weight, 0.0, 0.0, 0.0,
-            )  # fmt: skip
+                weight,
+                0.0,
+                0.0,
+                0.0,
+            )
             add(load, home + (i - 1) * step.columns + (j - 1), value, 0, NODE_VOLUME, atomic)
 
 

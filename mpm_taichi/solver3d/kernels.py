@@ -170,8 +170,9 @@ def build_kernels(averaged: bool) -> SimpleNamespace:
     """
 
     @ti.func
-    def run(blocks, columns, ny, nz, settling, cell, dt, blend, share, smoothing, gravity,
-            state: A):  # fmt: skip
+    def run(
+        blocks, columns, ny, nz, settling, cell, dt, blend, share, smoothing, gravity, state: A
+    ):
         nodes, tables = ti.static((state.nodes, state.tables))
         step = ti.static(Step(cell, dt, blend, share, smoothing, gravity, ny, nz))
         for parity in ti.static(range(2)):

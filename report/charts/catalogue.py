@@ -89,8 +89,15 @@ def catalogue_figure(
     handles = _draw_correlations(ax)
     _draw_cases(ax, strengths, _draw_answers(ax, entries, strengths, answers))
     handles += _marker_handles(strengths, bool(answers))
-    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.07, 0.065), ncols=2,
-                  frameon=False, fontsize=8, columnspacing=2.0)  # fmt: skip
+    figure.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(0.07, 0.065),
+        ncols=2,
+        frameon=False,
+        fontsize=8,
+        columnspacing=2.0,
+    )
     figure.text(0.085, 0.015, NOTE, fontsize=7.5, color=TEXT_COLOUR, linespacing=1.4)
     return figure
 
@@ -109,9 +116,14 @@ def _draw_correlations(ax: Axes) -> list[Line2D | Patch]:
     inside = count[count <= OLSON_STARK_LARGEST]
     middle = olson_stark_2002(inside)
     ax.fill_between(
-        inside, middle - OLSON_STARK_BAND, middle + OLSON_STARK_BAND,
-        color=LINE_COLOURS[0], alpha=0.13, linewidth=0, zorder=1,
-    )  # fmt: skip
+        inside,
+        middle - OLSON_STARK_BAND,
+        middle + OLSON_STARK_BAND,
+        color=LINE_COLOURS[0],
+        alpha=0.13,
+        linewidth=0,
+        zorder=1,
+    )
     for relation, colour in zip(RELATIONS.values(), LINE_COLOURS, strict=True):
         stresses = STRESSES_KPA if relation.by_stress else (100.0,)
         shift = -5 if relation.clean_sand else 5  # so that two labels at one place stay apart
@@ -137,9 +149,15 @@ def _draw_cases(ax: Axes, strengths: Sequence[Strength], taken: list[Box]) -> No
         if strength.ratio_range is not None:
             ax.plot([x, x], strength.ratio_range, color=CASE_COLOUR, linewidth=1.1, zorder=3)
         ax.plot(
-            [x], [y], marker="o", markersize=6, color=CASE_COLOUR, zorder=4, linestyle="none",
+            [x],
+            [y],
+            marker="o",
+            markersize=6,
+            color=CASE_COLOUR,
+            zorder=4,
+            linestyle="none",
             markerfacecolor="white" if strength.recalled else CASE_COLOUR,
-        )  # fmt: skip
+        )
     for strength in shown:
         _place_label(ax, _short(strength), strength.n1_60, strength.ratio, taken)
 
@@ -160,24 +178,55 @@ def _draw_answers(
             bar = {"yerr": 0.15 * ax.get_ylim()[1], "lolims": True}
         else:
             bar = {"yerr": [[low], [answer.ratio_std]], "capsize": 3}
-        ax.errorbar([x], [answer.ratio], fmt="none", ecolor=OUR_COLOUR, linewidth=1.6, zorder=7,
-                    **bar)  # fmt: skip
-        ax.plot([x], [answer.ratio], marker="o", markersize=12, color=OUR_COLOUR,
-                markeredgecolor="white", zorder=8)  # fmt: skip
+        ax.errorbar(
+            [x], [answer.ratio], fmt="none", ecolor=OUR_COLOUR, linewidth=1.6, zorder=7, **bar
+        )
+        ax.plot(
+            [x],
+            [answer.ratio],
+            marker="o",
+            markersize=12,
+            color=OUR_COLOUR,
+            markeredgecolor="white",
+            zorder=8,
+        )
         letter = chr(ord("A") + number % 26)
-        ax.annotate(letter, (x, answer.ratio), ha="center", va="center", fontsize=LABEL_SIZE,
-                    color="white", fontweight="bold", zorder=9)  # fmt: skip
+        ax.annotate(
+            letter,
+            (x, answer.ratio),
+            ha="center",
+            va="center",
+            fontsize=LABEL_SIZE,
+            color="white",
+            fontweight="bold",
+            zorder=9,
+        )
         taken.append(_box(ax, x, answer.ratio, (-8, -8, 8, 8)))
         zones = f"zone{'s' * (len(answer.zones) > 1)} {', '.join(answer.zones)}"
         title = answer.title.replace("$", r"\$")  # no formula
         words = f"{letter}  {title}, {zones}: {answer.words}"
-        ax.annotate(words, (0.0, 1.0), xycoords="axes fraction", xytext=(8, -6 - LINE * number),
-                    textcoords="offset points", va="top", fontsize=8, color=OUR_COLOUR,
-                    path_effects=HALO, zorder=9)  # fmt: skip
+        ax.annotate(
+            words,
+            (0.0, 1.0),
+            xycoords="axes fraction",
+            xytext=(8, -6 - LINE * number),
+            textcoords="offset points",
+            va="top",
+            fontsize=8,
+            color=OUR_COLOUR,
+            path_effects=HALO,
+            zorder=9,
+        )
     if NO_COUNT in shared:
         ax.axvline(NO_COUNT - 0.1, color="#999999", linewidth=0.7, linestyle=":")
-        ax.text(NO_COUNT, ax.get_ylim()[1], "blow count\nunknown", fontsize=LABEL_SIZE,
-                color="#666666", va="top")  # fmt: skip
+        ax.text(
+            NO_COUNT,
+            ax.get_ylim()[1],
+            "blow count\nunknown",
+            fontsize=LABEL_SIZE,
+            color="#666666",
+            va="top",
+        )
     return taken
 
 
@@ -192,17 +241,28 @@ def _place_label(ax: Axes, words: str, x: float, y: float, taken: list[Box]) -> 
     chosen = free[0] if free else 0
     taken.append(boxes[chosen])
     ax.annotate(
-        words, (x, y), xytext=places[chosen], textcoords="offset points", va="center",
-        fontsize=LABEL_SIZE, color=CASE_COLOUR, path_effects=HALO, zorder=6,
-    )  # fmt: skip
+        words,
+        (x, y),
+        xytext=places[chosen],
+        textcoords="offset points",
+        va="center",
+        fontsize=LABEL_SIZE,
+        color=CASE_COLOUR,
+        path_effects=HALO,
+        zorder=6,
+    )
 
 
 def _box(ax: Axes, x: float, y: float, around: Box) -> Box:
     """A rectangle around a point: left, bottom, right, top in points; the result in pixels."""
     px, py = ax.transData.transform((x, y))
     scale = ax.figure.dpi / 72.0
-    return (px + scale * around[0], py + scale * around[1],
-            px + scale * around[2], py + scale * around[3])  # fmt: skip
+    return (
+        px + scale * around[0],
+        py + scale * around[1],
+        px + scale * around[2],
+        py + scale * around[3],
+    )
 
 
 def _overlap(one: Box, other: Box) -> bool:

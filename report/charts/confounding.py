@@ -46,22 +46,51 @@ def draw_confounding(data: DiagnosisData, path: Path) -> Path | None:
     ax.set(xlim=(0, count - 1), ylim=(count - 1, 0))
     ax.axis("off")
     for row in range(1, count):
-        ax.text(-0.12, row - 0.5, style.words(names[row]), ha="right", va="center",
-                fontsize=style.TEXT, color=style.TEXT_COLOUR)  # fmt: skip
+        ax.text(
+            -0.12,
+            row - 0.5,
+            style.words(names[row]),
+            ha="right",
+            va="center",
+            fontsize=style.TEXT,
+            color=style.TEXT_COLOUR,
+        )
         for column in range(row):
             value = cosine[row, column]
             colour = DARK if value >= NOT_SEPARABLE else MIDDLE if value >= WEAKLY else LIGHT
-            ax.add_patch(Rectangle((column + 0.03, row - 0.97), 0.94, 0.94, facecolor=colour,
-                                   alpha=1.0 if value >= WEAKLY else 0.35 + 0.6 * value,
-                                   linewidth=0))  # fmt: skip
+            ax.add_patch(
+                Rectangle(
+                    (column + 0.03, row - 0.97),
+                    0.94,
+                    0.94,
+                    facecolor=colour,
+                    alpha=1.0 if value >= WEAKLY else 0.35 + 0.6 * value,
+                    linewidth=0,
+                )
+            )
             if cell > (0.22 if value >= WEAKLY else 0.3):
-                ax.text(column + 0.5, row - 0.5, f"{value:.2f}".removeprefix("0"), ha="center",
-                        va="center", fontsize=min(style.SMALL, 30 * cell),
-                        color="white" if value >= WEAKLY else style.TEXT_COLOUR)  # fmt: skip
+                ax.text(
+                    column + 0.5,
+                    row - 0.5,
+                    f"{value:.2f}".removeprefix("0"),
+                    ha="center",
+                    va="center",
+                    fontsize=min(style.SMALL, 30 * cell),
+                    color="white" if value >= WEAKLY else style.TEXT_COLOUR,
+                )
     for column in range(count - 1):
-        ax.text(column + 0.28, column - 0.08, style.words(names[column]), ha="left", va="bottom",
-                fontsize=style.TEXT, color=style.TEXT_COLOUR, rotation=32, rotation_mode="anchor",
-                clip_on=False)  # fmt: skip
+        ax.text(
+            column + 0.28,
+            column - 0.08,
+            style.words(names[column]),
+            ha="left",
+            va="bottom",
+            fontsize=style.TEXT,
+            color=style.TEXT_COLOUR,
+            rotation=32,
+            rotation_mode="anchor",
+            clip_on=False,
+        )
     dark = Patch(facecolor=DARK, label=f"{NOT_SEPARABLE:g} or more: not separable")
     middle = Patch(facecolor=MIDDLE, label=f"{WEAKLY:g} to {NOT_SEPARABLE:g}: weakly")
     style.legend(figure, [dark, middle], columns=2)

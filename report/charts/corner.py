@@ -40,8 +40,13 @@ def draw_corner(document: PosteriorDocument, draws: Draws, path: Path) -> Path:
     ]
     for row in range(n):
         for column in range(row + 1):
-            ax = style.panel(figure, LEFT + column * (side + GAP),
-                             BELOW + (n - 1 - row) * (side + GAP), side, side)  # fmt: skip
+            ax = style.panel(
+                figure,
+                LEFT + column * (side + GAP),
+                BELOW + (n - 1 - row) * (side + GAP),
+                side,
+                side,
+            )
             style.quiet(ax, grid="")
             ax.set_xlim(*ranges[column])
             x = draws.posterior[:, places[column]]

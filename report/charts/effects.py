@@ -79,9 +79,14 @@ def _draw_row(ax: Axes, place: int, candidate: CandidateVerdict) -> None:
     middle = 0.0 if not second else 0.19
     accepted = candidate.refit is not None and candidate.refit.accepted
     for text, shift, bold in ((first, -middle, accepted), (second, middle, False)):
-        style.tell(ax, max(expected, fell), place + shift, style.words(text),
-             color=style.TEXT_COLOUR if text == first and second else style.NOTE,
-             fontweight="bold" if bold else "normal")  # fmt: skip
+        style.tell(
+            ax,
+            max(expected, fell),
+            place + shift,
+            style.words(text),
+            color=style.TEXT_COLOUR if text == first and second else style.NOTE,
+            fontweight="bold" if bold else "normal",
+        )
 
 
 def _remarks(candidate: CandidateVerdict) -> tuple[str, str]:

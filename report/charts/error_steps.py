@@ -34,10 +34,11 @@ def draw_steps(
     style.rows(ax, [step_words(n, steps, by_hand) for n in range(len(steps))], width=20, lines=3)
     fitted = [root_mean_square(s.chi2, max(s.dof, 1)) for s in steps]
     held = [
-        None if s.held_out_chi2 is None or not s.held_out_n
+        None
+        if s.held_out_chi2 is None or not s.held_out_n
         else root_mean_square(s.held_out_chi2, s.held_out_n)
         for s in steps
-    ]  # fmt: skip
+    ]
     reach = max(1.6, *fitted, *(h for h in held if h is not None))
     ax.set_xlim(0, 1.16 * reach)
     dof = max(1, steps[-1].dof)
@@ -47,15 +48,35 @@ def draw_steps(
     for place, step in enumerate(steps):
         colour = HUMAN if is_by_hand(step, by_hand) else style.AFTER
         if follows(place, steps):
-            ax.barh(place - 0.14, fitted[place - 1], height=0.34, color=style.PALE_AFTER, alpha=0.7,
-                    linewidth=0, zorder=1)  # fmt: skip
-            ax.plot([fitted[place - 1]] * 2, [place - 1.0, place + 0.03], color="#8aa9bd",
-                    linewidth=0.9, linestyle=(0, (2, 2)), zorder=2)  # fmt: skip
+            ax.barh(
+                place - 0.14,
+                fitted[place - 1],
+                height=0.34,
+                color=style.PALE_AFTER,
+                alpha=0.7,
+                linewidth=0,
+                zorder=1,
+            )
+            ax.plot(
+                [fitted[place - 1]] * 2,
+                [place - 1.0, place + 0.03],
+                color="#8aa9bd",
+                linewidth=0.9,
+                linestyle=(0, (2, 2)),
+                zorder=2,
+            )
         ax.barh(place - 0.14, fitted[place], height=0.34, color=colour, linewidth=0, zorder=3)
         style.tell(ax, fitted[place], place - 0.14, number(fitted[place], 2))
         if held[place] is not None:
-            ax.plot([held[place]], [place + 0.24], marker="D", color=style.HELD_OUT, markersize=7,
-                    markeredgecolor="white", zorder=5)  # fmt: skip
+            ax.plot(
+                [held[place]],
+                [place + 0.24],
+                marker="D",
+                color=style.HELD_OUT,
+                markersize=7,
+                markeredgecolor="white",
+                zorder=5,
+            )
             style.tell(
                 ax,
                 held[place],
@@ -65,8 +86,14 @@ def draw_steps(
                 color=style.HELD_OUT,
             )
             if follows(place, steps) and held[place - 1] is not None:
-                ax.plot([held[place - 1], held[place]], [place - 0.76, place + 0.24],
-                        color=style.HELD_OUT, linewidth=0.8, alpha=0.6, zorder=2)  # fmt: skip
+                ax.plot(
+                    [held[place - 1], held[place]],
+                    [place - 0.76, place + 0.24],
+                    color=style.HELD_OUT,
+                    linewidth=0.8,
+                    alpha=0.6,
+                    zorder=2,
+                )
     style.labels(ax, "root mean square residual, in std")
     style.legend(figure, _handles(held, steps, by_hand), columns=4)
     return style.save_figure(figure, path)
@@ -79,8 +106,20 @@ def _handles(
     if any(is_by_hand(step, by_hand) for step in steps):
         made.append(Patch(facecolor=HUMAN, label="by hand"))
     if any(value is not None for value in held):
-        made.append(Line2D([], [], marker="D", color=style.HELD_OUT, linestyle="none", markersize=6,
-                           label="held out"))  # fmt: skip
-    made.append(Line2D([], [], color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED,
-                       label="noise"))  # fmt: skip
+        made.append(
+            Line2D(
+                [],
+                [],
+                marker="D",
+                color=style.HELD_OUT,
+                linestyle="none",
+                markersize=6,
+                label="held out",
+            )
+        )
+    made.append(
+        Line2D(
+            [], [], color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED, label="noise"
+        )
+    )
     return made

@@ -63,16 +63,19 @@ def blocks(data: DiagnosisData) -> list[Block]:
     for column, name in enumerate(names):
         line = known.get(name)
         if line is None:  # an explanation lists no measurements: use the names
-            found.setdefault(name.split(" at ")[0].removesuffix(" dx").removesuffix(" dy"),
-                             []).append(column)  # fmt: skip
+            found.setdefault(
+                name.split(" at ")[0].removesuffix(" dx").removesuffix(" dy"), []
+            ).append(column)
         elif line.role != "constructed":
             found.setdefault(line.measurement, []).append(column)
     made = []
     for name, columns in found.items():
         ends = None
         if len(columns) > 2:
-            texts = [names[c].removeprefix(name).strip().removeprefix("at ").removeprefix("x ")
-                     for c in (columns[0], columns[-1])]  # fmt: skip
+            texts = [
+                names[c].removeprefix(name).strip().removeprefix("at ").removeprefix("x ")
+                for c in (columns[0], columns[-1])
+            ]
             ends = (texts[0], texts[1])
         made.append(Block(name, columns, ends))
     return made
@@ -124,8 +127,9 @@ def draw_fingerprints(data: DiagnosisData, path: Path) -> Path | None:
     if with_residual:
         _likeness(figure, data, shown, residual, parts, total)
     bar = figure.add_axes((0.34, 0.3 / total, 0.48, 0.11 / total))
-    Colorbar(bar, ScalarMappable(Normalize(-1, 1), SIGNED), orientation="horizontal",
-             ticks=[-1, 0, 1])  # fmt: skip
+    Colorbar(
+        bar, ScalarMappable(Normalize(-1, 1), SIGNED), orientation="horizontal", ticks=[-1, 0, 1]
+    )
     bar.set_xticklabels(["lower", "as the base model", "higher"], fontsize=SMALL)
     bar.tick_params(length=0)
     return save_figure(figure, path)
@@ -188,16 +192,35 @@ def _likeness(figure, data: DiagnosisData, shown, residual, parts, total: float)
     """The cosine of each row to the residual over the fitted numbers, at the right."""
     known = {line.name: line for line in data.measurements}
     names = data.signatures.measurements
-    fitted = [c for b in parts for c in b.columns if names[c] in known
-              and known[names[c]].role == "fitted"]  # fmt: skip
+    fitted = [
+        c
+        for b in parts
+        for c in b.columns
+        if names[c] in known and known[names[c]].role == "fitted"
+    ]
     x = 1 - 0.06 / WIDTH
-    figure.text(x, (BELOW + ROW * len(shown) + 0.1 + TOP_ROW / 2) / total, "cos", ha="right",
-                va="center", fontsize=SMALL, color=TEXT_COLOUR)  # fmt: skip
+    figure.text(
+        x,
+        (BELOW + ROW * len(shown) + 0.1 + TOP_ROW / 2) / total,
+        "cos",
+        ha="right",
+        va="center",
+        fontsize=SMALL,
+        color=TEXT_COLOUR,
+    )
     r = residual[fitted]
     for place, entry in enumerate(shown):
         s = np.array(entry.left_after_refit)[fitted]
         size = float(np.linalg.norm(s) * np.linalg.norm(r))
         cosine = float(s @ r) / size if size else 0.0
         y = (BELOW + ROW * (len(shown) - place - 0.5)) / total
-        figure.text(x, y, fixed(cosine, 2), ha="right", va="center", fontsize=SMALL,
-                    color=TEXT_COLOUR, fontweight="bold" if cosine > 0.7 else "normal")  # fmt: skip
+        figure.text(
+            x,
+            y,
+            fixed(cosine, 2),
+            ha="right",
+            va="center",
+            fontsize=SMALL,
+            color=TEXT_COLOUR,
+            fontweight="bold" if cosine > 0.7 else "normal",
+        )

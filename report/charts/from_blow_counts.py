@@ -24,8 +24,11 @@ def draw_quantities(document: dict[str, Any], path: Path) -> Path:
         [ROW * (len(relations) + 0.3)] * count, above=ABOVE, left=LEFT, right=RIGHT
     )
     for number, ax in enumerate(axes):
-        _draw(ax, [one["label"] for one in relations],
-              [one["quantities"][number] for one in relations])  # fmt: skip
+        _draw(
+            ax,
+            [one["label"] for one in relations],
+            [one["quantities"][number] for one in relations],
+        )
     return style.save_figure(figure, path)
 
 
@@ -47,6 +50,11 @@ def _draw(ax: Axes, labels: list[str], entries: list[dict[str, Any]]) -> None:
             ax.axvspan(min(ax.get_xlim()[0], 0.0), measured, color=style.LINE, alpha=0.6, zorder=0)
         else:
             words = f", measured {measured:g} ± {first['std']:g}"
-            ax.axvspan(measured - first["std"], measured + first["std"], color=style.LINE,
-                       alpha=0.6, zorder=0)  # fmt: skip
+            ax.axvspan(
+                measured - first["std"],
+                measured + first["std"],
+                color=style.LINE,
+                alpha=0.6,
+                zorder=0,
+            )
     style.title(ax, style.words(f"{first['name']}{words} {unit_of(first['unit'])}"))

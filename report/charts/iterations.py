@@ -96,8 +96,17 @@ def _toe(data: BackAnalysisData, toe: Measured) -> Overlay:
             ends = [data.toe_place(toe.toe_side, end) for end in toe.stated_range]
             ax.plot(ends, [y, y], color="white", linewidth=5, zorder=order, solid_capstyle="butt")
             ax.plot(ends, [y, y], color="black", linewidth=2, zorder=order, solid_capstyle="butt")
-        ax.plot([x], [y], marker="^", color="black", markersize=8, markeredgecolor="white",
-                linestyle="none", zorder=order, label="measured toe")  # fmt: skip
+        ax.plot(
+            [x],
+            [y],
+            marker="^",
+            color="black",
+            markersize=8,
+            markeredgecolor="white",
+            linestyle="none",
+            zorder=order,
+            label="measured toe",
+        )
 
     return draw
 
@@ -108,8 +117,16 @@ def _predicted_toes(ax: Axes, data: BackAnalysisData, line: Iteration) -> None:
         if runout is not None:
             x = data.toe_place(toe.toe_side, runout)
             y = float(data.case.scene.ground.height(x))
-            ax.plot([x], [y], marker="v", color=style.OURS, markersize=8, markeredgecolor="white",
-                    linestyle="none", zorder=LAYER["overlay"] + 3)  # fmt: skip
+            ax.plot(
+                [x],
+                [y],
+                marker="v",
+                color=style.OURS,
+                markersize=8,
+                markeredgecolor="white",
+                linestyle="none",
+                zorder=LAYER["overlay"] + 3,
+            )
 
 
 def _heading(data: BackAnalysisData, look: int) -> str:
@@ -173,8 +190,14 @@ def _draw_loss(ax: Axes, data: BackAnalysisData) -> None:
     unit = "m²" if answer.loss_unit == "m2" else ""
     for number, line in enumerate(data.result.iterations):
         if line.loss is not None and line.loss > 0:
-            ax.plot([number], [line.loss], marker="o" if line.accepted else "x", color=style.OURS,
-                    markersize=5.5, zorder=3)  # fmt: skip
+            ax.plot(
+                [number],
+                [line.loss],
+                marker="o" if line.accepted else "x",
+                color=style.OURS,
+                markersize=5.5,
+                zorder=3,
+            )
     pairs = [(n, it.loss) for n, it in enumerate(data.result.iterations) if it.accepted and it.loss]
     if pairs:
         ax.plot(*zip(*pairs, strict=True), color=style.OURS, linewidth=1.4, zorder=2)
@@ -194,8 +217,16 @@ def _draw_loss(ax: Axes, data: BackAnalysisData) -> None:
 
 def _line(ax: Axes, x: list[int], y: list[float], number: int) -> None:
     style.quiet(ax, grid="y")
-    ax.plot(x, y, color=COLOURS[number], linestyle=LINES[number], marker="o", markersize=4,
-            linewidth=1.5, zorder=3)  # fmt: skip
+    ax.plot(
+        x,
+        y,
+        color=COLOURS[number],
+        linestyle=LINES[number],
+        marker="o",
+        markersize=4,
+        linewidth=1.5,
+        zorder=3,
+    )
 
 
 def _end_labels(ax: Axes, ends: list[float], names: list[str]) -> None:
@@ -203,8 +234,15 @@ def _end_labels(ax: Axes, ends: list[float], names: list[str]) -> None:
     low, high = ax.get_ylim()
     heights = style.apart(ends, 0.3 * (high - low), high)
     for number, (height, name) in enumerate(zip(heights, names, strict=True)):
-        style.tell(ax, 1.0, height, style.wrapped(name, 25, 4), xycoords=("axes fraction", "data"),
-             linespacing=1.1, color=COLOURS[number])  # fmt: skip
+        style.tell(
+            ax,
+            1.0,
+            height,
+            style.wrapped(name, 25, 4),
+            xycoords=("axes fraction", "data"),
+            linespacing=1.1,
+            color=COLOURS[number],
+        )
 
 
 def _where(zones: list[str]) -> str:

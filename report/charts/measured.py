@@ -31,14 +31,29 @@ def draw_measured(data: BackAnalysisData, path: Path) -> Path | None:
         for m in one.lines:
             mark, colour = style.ROLES[m.role]
             edge = {} if mark == "x" else {"markeredgecolor": "white"}
-            ax.plot([m.difference_in_std], [number + 0.12], marker=mark, color=colour, zorder=3,
-                    markersize=8 if len(one.lines) == 1 else 5, linestyle="none",
-                    **edge)  # fmt: skip
+            ax.plot(
+                [m.difference_in_std],
+                [number + 0.12],
+                marker=mark,
+                color=colour,
+                zorder=3,
+                markersize=8 if len(one.lines) == 1 else 5,
+                linestyle="none",
+                **edge,
+            )
         colour = style.ROLES[one.role][1] if one.role != "constructed" else style.NOTE
         tick.set_color(colour)
-        ax.text(0.01, number - 0.27, style.words(_summary(one)), fontsize=style.SMALL, color=colour,
-                va="center", transform=ax.get_yaxis_transform(), path_effects=style.HALO,
-                zorder=4)  # fmt: skip
+        ax.text(
+            0.01,
+            number - 0.27,
+            style.words(_summary(one)),
+            fontsize=style.SMALL,
+            color=colour,
+            va="center",
+            transform=ax.get_yaxis_transform(),
+            path_effects=style.HALO,
+            zorder=4,
+        )
     style.labels(ax, "predicted minus measured, in std (shaded: within 2)")
     return style.save_figure(figure, path)
 

@@ -60,16 +60,37 @@ def _draw_row(ax: Axes, number: int, row: Strength) -> None:
     if row.wide is not None:
         ax.plot(row.wide, [number] * 2, color=colour, linewidth=1.2, zorder=2)
     if row.low is not None:
-        ax.barh(number, row.high - row.low, left=row.low, height=0.52, color=colour, alpha=0.35,
-                linewidth=0, zorder=2)  # fmt: skip
+        ax.barh(
+            number,
+            row.high - row.low,
+            left=row.low,
+            height=0.52,
+            color=colour,
+            alpha=0.35,
+            linewidth=0,
+            zorder=2,
+        )
     hollow = row.hollow or row.kind == "variant"
     ours = ">" if row.bound else "D"
-    ax.plot(row.value, number, marker=ours if row.kind == "ours" else "o", linestyle="none",
-            markersize=7 if row.kind == "ours" else 5.5, color=colour, zorder=4,
-            markerfacecolor="white" if hollow else colour)  # fmt: skip
+    ax.plot(
+        row.value,
+        number,
+        marker=ours if row.kind == "ours" else "o",
+        linestyle="none",
+        markersize=7 if row.kind == "ours" else 5.5,
+        color=colour,
+        zorder=4,
+        markerfacecolor="white" if hollow else colour,
+    )
     right = max(end for end in (row.value, row.high, *(row.wide or ())) if end is not None)
-    style.tell(ax, right, number, _label(row), color=colour,
-         fontweight="bold" if row.kind == "ours" else "normal")  # fmt: skip
+    style.tell(
+        ax,
+        right,
+        number,
+        _label(row),
+        color=colour,
+        fontweight="bold" if row.kind == "ours" else "normal",
+    )
 
 
 def _label(row: Strength) -> str:

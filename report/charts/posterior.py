@@ -49,8 +49,14 @@ def _number(ax: Axes, one: PredictedNumber, before: np.ndarray, after: np.ndarra
     if one.censored:
         ax.axvspan(cells[0], one.measured, color=style.LINE, alpha=0.5, linewidth=0, zorder=0)
     else:
-        ax.axvspan(one.measured - one.std, one.measured + one.std, color=style.WINDOW, alpha=0.45,
-                   linewidth=0, zorder=0)  # fmt: skip
+        ax.axvspan(
+            one.measured - one.std,
+            one.measured + one.std,
+            color=style.WINDOW,
+            alpha=0.45,
+            linewidth=0,
+            zorder=0,
+        )
     ax.axvline(one.measured, color=style.TEXT_COLOUR, linewidth=1.4)
     ax.set(xlim=(cells[0], cells[-1]), ylim=(0, 1.08))
     ax.set_yticks([])

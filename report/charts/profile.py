@@ -74,14 +74,22 @@ def _draw(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
     model = np.array([m.predicted_final if after else m.predicted_base for m in lines])
     wide = 2.0 * np.array([m.std_total for m in lines])
     colour, pale = (style.AFTER, style.PALE_AFTER) if after else (style.BEFORE, style.PALE_BEFORE)
-    ax.fill_between(place, model - wide, model + wide, color=pale, alpha=0.85, linewidth=0,
-                    zorder=4)  # fmt: skip
+    ax.fill_between(
+        place, model - wide, model + wide, color=pale, alpha=0.85, linewidth=0, zorder=4
+    )
     ax.plot(place, model, color=colour, linewidth=2.0, zorder=5)
     for line in series.lines:
         mark, ink = mark_of(line)
         edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
-        ax.plot([line.place], [line.measured], marker=mark, color=ink, markersize=5.5, zorder=6,
-                **(edge if mark != "x" else {}))  # fmt: skip
+        ax.plot(
+            [line.place],
+            [line.measured],
+            marker=mark,
+            color=ink,
+            markersize=5.5,
+            zorder=6,
+            **(edge if mark != "x" else {}),
+        )
     style.title(
         ax,
         style.wrapped(heading(data, series, after), 52, 1),
@@ -107,18 +115,33 @@ def _draw_section(ax: Axes, data: DiagnosisData, series: Series, after: bool) ->
     low = float(section.ground[there].min())
     room = 0.06 * (top - low)
     ax.set(xlim=(min(shown) - margin, max(shown) + margin), ylim=(low - 2 * room, top + 2 * room))
-    ax.fill_between(section.x, low - 3 * room, section.ground, color=style.GROUND_COLOUR,
-                    linewidth=0, zorder=3)  # fmt: skip
+    ax.fill_between(
+        section.x, low - 3 * room, section.ground, color=style.GROUND_COLOUR, linewidth=0, zorder=3
+    )
     ax.plot(section.x, section.ground, color=style.GROUND_LINE, linewidth=0.8, zorder=3)
-    ax.plot(section.x, section.initial, color=style.TEXT_COLOUR, linewidth=1.0,
-            linestyle=style.DASHED, zorder=3)  # fmt: skip
+    ax.plot(
+        section.x,
+        section.initial,
+        color=style.TEXT_COLOUR,
+        linewidth=1.0,
+        linestyle=style.DASHED,
+        zorder=3,
+    )
     ax.plot(
         section.x, surface, color=style.AFTER if after else style.BEFORE, linewidth=0.9, zorder=4
     )
     for line, place in toes:
         height = float(np.interp(place, section.x, section.ground))
-        ax.plot([place], [height], marker="^", markersize=9, color=mark_of(line)[1],
-                markeredgecolor="white", zorder=7, clip_on=False)  # fmt: skip
+        ax.plot(
+            [place],
+            [height],
+            marker="^",
+            markersize=9,
+            color=mark_of(line)[1],
+            markeredgecolor="white",
+            zorder=7,
+            clip_on=False,
+        )
 
 
 def _same_limits(first: Axes, second: Axes) -> None:
@@ -134,16 +157,45 @@ def _handles(data: DiagnosisData, chosen: list[Series]) -> list[Line2D | Patch]:
     made: list[Line2D | Patch] = []
     for role in (role for role in style.ROLES if role in first):
         mark, colour = mark_of(first[role])
-        made.append(Line2D([], [], marker=mark, color=colour, linestyle="none", markersize=5.5,
-                           label="measured" if role == "fitted" else role))  # fmt: skip
-    pale = [(style.PALE_BEFORE, style.BEFORE)] if data.final is None else [
-        (style.PALE_BEFORE, style.BEFORE), (style.PALE_AFTER, style.AFTER)]  # fmt: skip
+        made.append(
+            Line2D(
+                [],
+                [],
+                marker=mark,
+                color=colour,
+                linestyle="none",
+                markersize=5.5,
+                label="measured" if role == "fitted" else role,
+            )
+        )
+    pale = (
+        [(style.PALE_BEFORE, style.BEFORE)]
+        if data.final is None
+        else [(style.PALE_BEFORE, style.BEFORE), (style.PALE_AFTER, style.AFTER)]
+    )
     for (band, line), label in zip(pale, ("model ± 2 std", "after ± 2 std"), strict=False):
         made.append(Patch(facecolor=band, edgecolor=line, label=label))
     if data.sections is not None and chosen[0].axis == "x_m":
-        made.append(Line2D([], [], color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED,
-                           label="before the slide"))  # fmt: skip
+        made.append(
+            Line2D(
+                [],
+                [],
+                color=style.TEXT_COLOUR,
+                linewidth=1.0,
+                linestyle=style.DASHED,
+                label="before the slide",
+            )
+        )
         if data.sections.toes:
-            made.append(Line2D([], [], marker="^", color=style.TEXT_COLOUR, linestyle="none",
-                               markersize=8, label="toe"))  # fmt: skip
+            made.append(
+                Line2D(
+                    [],
+                    [],
+                    marker="^",
+                    color=style.TEXT_COLOUR,
+                    linestyle="none",
+                    markersize=8,
+                    label="toe",
+                )
+            )
     return made

@@ -57,13 +57,28 @@ def _draw_series(ax: Axes, data: DiagnosisData, series: Series) -> None:
         ax.plot(
             [line.place] * 2, [0, line.residual_base], color=style.BEFORE, linewidth=1.2, zorder=3
         )
-        ax.plot([line.place], [line.residual_base], marker=mark, color=style.BEFORE, markersize=5.5,
-                markeredgecolor="white", markeredgewidth=0.6, zorder=4)  # fmt: skip
+        ax.plot(
+            [line.place],
+            [line.residual_base],
+            marker=mark,
+            color=style.BEFORE,
+            markersize=5.5,
+            markeredgecolor="white",
+            markeredgewidth=0.6,
+            zorder=4,
+        )
         reach = max(reach, abs(line.residual_base))
         if data.final is not None and line.residual_final is not None:
-            ax.plot([line.place], [line.residual_final], marker=mark, color=style.AFTER,
-                    markersize=5.5, markeredgecolor="white", markeredgewidth=0.6,
-                    zorder=5)  # fmt: skip
+            ax.plot(
+                [line.place],
+                [line.residual_final],
+                marker=mark,
+                color=style.AFTER,
+                markersize=5.5,
+                markeredgecolor="white",
+                markeredgewidth=0.6,
+                zorder=5,
+            )
             reach = max(reach, abs(line.residual_final))
     ax.set_ylim(-1.15 * reach, (1.45 if _shaded(data, series) else 1.15) * reach)
     _shade_window(ax, data, series)
@@ -87,12 +102,23 @@ def _shade_window(ax: Axes, data: DiagnosisData, series: Series) -> None:
     ax.axvspan(left, right, color=style.WINDOW, alpha=0.55, linewidth=0, zorder=0.5)
     low, high = ax.get_xlim()
     middle = 0.5 * (left + right)
-    side = "left" if middle < low + 0.3 * (high - low) else (
-        "right" if middle > low + 0.7 * (high - low) else "center")  # fmt: skip
+    side = (
+        "left"
+        if middle < low + 0.3 * (high - low)
+        else ("right" if middle > low + 0.7 * (high - low) else "center")
+    )
     place = {"left": left, "right": right, "center": middle}[side]
-    ax.text(place, 0.98, f" worst stretch, {chance(window.p)} ", fontsize=style.SMALL, ha=side,
-            va="top", transform=ax.get_xaxis_transform(), path_effects=style.HALO,
-            zorder=6)  # fmt: skip
+    ax.text(
+        place,
+        0.98,
+        f" worst stretch, {chance(window.p)} ",
+        fontsize=style.SMALL,
+        ha=side,
+        va="top",
+        transform=ax.get_xaxis_transform(),
+        path_effects=style.HALO,
+        zorder=6,
+    )
 
 
 def draw_singles(data: DiagnosisData, path: Path) -> Path | None:
@@ -111,8 +137,13 @@ def draw_singles(data: DiagnosisData, path: Path) -> Path | None:
         known = [line.residual_base]
         if data.final is not None and line.residual_final is not None:
             known.append(line.residual_final)
-            ax.annotate("", (line.residual_final, place), (line.residual_base, place), zorder=2,
-                        arrowprops={"arrowstyle": "-", "color": "#aab4bc", "lw": 1.4})  # fmt: skip
+            ax.annotate(
+                "",
+                (line.residual_final, place),
+                (line.residual_base, place),
+                zorder=2,
+                arrowprops={"arrowstyle": "-", "color": "#aab4bc", "lw": 1.4},
+            )
         for value, colour in zip(known, (style.BEFORE, style.AFTER), strict=False):
             colour = style.GREY if mark == "x" else colour
             edge = {} if mark == "x" else {"markeredgecolor": "white"}
@@ -159,15 +190,26 @@ def _handles(data: DiagnosisData, *, window: bool, bars: bool = False) -> list[L
     def one(colour: str, label: str, mark: str = "o") -> Line2D | Patch:
         if bars:
             return Patch(facecolor=colour, label=label)
-        return Line2D([], [], marker=mark, color=colour, linestyle="none", markersize=6,
-                      label=label)  # fmt: skip
+        return Line2D(
+            [], [], marker=mark, color=colour, linestyle="none", markersize=6, label=label
+        )
 
     made = [one(style.BEFORE, "base model" if data.final is None else "before")]
     if data.final is not None:
         made.append(one(style.AFTER, "after"))
     if not bars and any(m.role == "held out" for m in data.measurements):
-        made.append(Line2D([], [], marker="D", color="white", markeredgecolor=style.TEXT_COLOUR,
-                           linestyle="none", markersize=6, label="diamond: held out"))  # fmt: skip
+        made.append(
+            Line2D(
+                [],
+                [],
+                marker="D",
+                color="white",
+                markeredgecolor=style.TEXT_COLOUR,
+                linestyle="none",
+                markersize=6,
+                label="diamond: held out",
+            )
+        )
     if window and data.base.window is not None and data.base.window.x_from is not None:
         made.append(Patch(facecolor=style.WINDOW, alpha=0.6, label="worst"))
     return made

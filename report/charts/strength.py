@@ -42,14 +42,29 @@ def _draw_parameter(
         zip(stages, (style.BEFORE, style.AFTER), strict=False)
     ):
         value, std = stage.values[parameter.name], stage.std.get(parameter.name, 0.0)
-        ax.plot([value - 2 * std, value + 2 * std], [place] * 2, color=colour, linewidth=7,
-                alpha=0.45, solid_capstyle="butt", zorder=3)  # fmt: skip
-        ax.plot([value], [place], marker="o", color=colour, markersize=9, markeredgecolor="white",
-                zorder=4)  # fmt: skip
+        ax.plot(
+            [value - 2 * std, value + 2 * std],
+            [place] * 2,
+            color=colour,
+            linewidth=7,
+            alpha=0.45,
+            solid_capstyle="butt",
+            zorder=3,
+        )
+        ax.plot(
+            [value],
+            [place],
+            marker="o",
+            color=colour,
+            markersize=9,
+            markeredgecolor="white",
+            zorder=4,
+        )
         style.tell(ax, value, place, plus_minus(value, std, parameter.unit), away=(0, 7))
         wide = max(std, stage.std_assumed.get(parameter.name, 0.0))
-        ax.plot([value - 2 * wide, value + 2 * wide], [place] * 2, color=colour, linewidth=1.2,
-                zorder=3)  # fmt: skip
+        ax.plot(
+            [value - 2 * wide, value + 2 * wide], [place] * 2, color=colour, linewidth=1.2, zorder=3
+        )
         ends += [value - 2 * wide, value + 2 * wide]
     room = 0.35 * (max(ends) - min(ends) or abs(ends[0]) or 1.0)
     ax.set_xlim(min(ends) - room, max(ends) + room)

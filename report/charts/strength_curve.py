@@ -40,11 +40,28 @@ def draw_curve(curve: UnknownCurve, path: Path) -> Path:
     style.quiet(ax)
     knots, unit = plain_knots(curve)
     ax.fill_between(knots, curve.low, curve.high, color=style.PALE_AFTER, linewidth=0, zorder=2)
-    ax.plot(knots, curve.multiplier, color=style.AFTER, linewidth=2.2, marker="o", markersize=6,
-            markeredgecolor="white", zorder=4)  # fmt: skip
+    ax.plot(
+        knots,
+        curve.multiplier,
+        color=style.AFTER,
+        linewidth=2.2,
+        marker="o",
+        markersize=6,
+        markeredgecolor="white",
+        zorder=4,
+    )
     ax.axhline(1.0, color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED, zorder=3)
-    ax.text(0.99, 1.0, "as the base model ", transform=ax.get_yaxis_transform(), ha="right",
-            va="bottom", fontsize=style.SMALL, path_effects=style.HALO, zorder=5)  # fmt: skip
+    ax.text(
+        0.99,
+        1.0,
+        "as the base model ",
+        transform=ax.get_yaxis_transform(),
+        ha="right",
+        va="bottom",
+        fontsize=style.SMALL,
+        path_effects=style.HALO,
+        zorder=5,
+    )
     if knots[0] > 0 and knots[-1] / knots[0] > WIDE:
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
@@ -59,8 +76,14 @@ def draw_curve(curve: UnknownCurve, path: Path) -> Path:
         style.quiet(ax, grid="x", left=False)
         style.rows(ax, [spoken(name) for name, _ in others], width=24, lines=1)
         for place, (name, value) in enumerate(others):
-            ax.barh(place, value, height=0.6, linewidth=0, zorder=3,
-                    color=style.AFTER if name == curve.variable else style.BEFORE)  # fmt: skip
+            ax.barh(
+                place,
+                value,
+                height=0.6,
+                linewidth=0,
+                zorder=3,
+                color=style.AFTER if name == curve.variable else style.BEFORE,
+            )
             evidence = f",  ln evidence {signed(gain[name])}" if name in gain else ""
             style.tell(ax, value, place, number(value) + evidence, away=(4, 0))
         ax.set_xlim(0, 2.1 * max(value for _, value in others))

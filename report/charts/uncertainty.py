@@ -115,8 +115,13 @@ def _draw_tornado(ax: Axes, p: ParameterAnswer, panel: Sequence[Bar]) -> None:
         ax.barh(number, high, left=p.value, color=HELD_OUT, **style)
         for change, side in ((low, -4), (high, 4)):
             if round(abs(change), 2) > 0:
-                tell(ax, p.value + change, number, f"{change:+.2g}".replace("-", MINUS),
-                     away=(side, 0))  # fmt: skip
+                tell(
+                    ax,
+                    p.value + change,
+                    number,
+                    f"{change:+.2g}".replace("-", MINUS),
+                    away=(side, 0),
+                )
     labels(ax, words(f"{p.label} ({unit_of(p.unit)})"))
     title(ax, words(f"{answer_words(p)} (shaded)"), loc="right")
 
@@ -148,12 +153,31 @@ def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer, prior_mean: fl
     if not p.determined and not p.has_prior:
         after = before
     colour = OURS if p.determined else HELD_OUT
-    ax.barh(number + 0.12, before[1] - before[0], left=before[0], height=0.34, color=PALE,
-            linewidth=0, zorder=2)  # fmt: skip
-    ax.barh(number + 0.12, after[1] - after[0], left=after[0], height=0.16, color=colour,
-            linewidth=0, zorder=3)  # fmt: skip
-    ax.plot([share(p.value)] * 2, [number - 0.1, number + 0.34], color=TEXT_COLOUR, linewidth=1.6,
-            zorder=4)  # fmt: skip
+    ax.barh(
+        number + 0.12,
+        before[1] - before[0],
+        left=before[0],
+        height=0.34,
+        color=PALE,
+        linewidth=0,
+        zorder=2,
+    )
+    ax.barh(
+        number + 0.12,
+        after[1] - after[0],
+        left=after[0],
+        height=0.16,
+        color=colour,
+        linewidth=0,
+        zorder=3,
+    )
+    ax.plot(
+        [share(p.value)] * 2,
+        [number - 0.1, number + 0.34],
+        color=TEXT_COLOUR,
+        linewidth=1.6,
+        zorder=4,
+    )
     before_words = "" if prior_mean is None else f" (before ± {p.prior_std:.2g})"
     known = f"± {p.std_data:.2g} from the data" if p.determined else "no narrower than before"
     text = f"{with_unit(fixed(p.value), p.unit)}, {known} {before_words}"
@@ -194,8 +218,10 @@ def draw_equally_good(data: BackAnalysisData, path: Path) -> Path | None:
         ax.plot(x, place(line), color=style.PALE, linewidth=1.6, marker="o", markersize=5, zorder=2)
     ax.plot(x, place(answer), color=style.OURS, linewidth=2.4, marker="D", markersize=7, zorder=4)
     extreme = largest_place(np.abs(place(others)[:, -1] - place(answer)[-1]))
-    ends = [(place(answer)[-1], "this answer", style.OURS),
-            (place(others)[extreme][-1], "equally good", "#3f7da6")]  # fmt: skip
+    ends = [
+        (place(answer)[-1], "this answer", style.OURS),
+        (place(others)[extreme][-1], "equally good", "#3f7da6"),
+    ]
     paper = papers_answer(data)
     if shared and paper is not None:
         ax.plot(x, paper, color=style.HELD_OUT, linewidth=1.6, linestyle="--", marker="s", zorder=3)
@@ -229,9 +255,17 @@ def _axes(ax: Axes, parameters: list[ParameterAnswer], shared: bool) -> None:
         if not shared:
             for y, value in ((0, p.low), (1, p.high)):
                 away, side = (-0.03, "right") if p is parameters[-1] else (0.03, "left")
-                ax.text(number + away, y, with_unit(f"{value:g}", p.unit), fontsize=style.SMALL,
-                        color=style.NOTE, va="center", path_effects=style.HALO,
-                        ha=side, zorder=5)  # fmt: skip
+                ax.text(
+                    number + away,
+                    y,
+                    with_unit(f"{value:g}", p.unit),
+                    fontsize=style.SMALL,
+                    color=style.NOTE,
+                    va="center",
+                    path_effects=style.HALO,
+                    ha=side,
+                    zorder=5,
+                )
     if shared:
         ax.set_ylim(bottom=0)
         style.labels(ax, "", unit_of(parameters[0].unit))

@@ -60,16 +60,20 @@ def _bars(ax: Axes, values: Sequence[float]) -> None:
         before = values[place - 1] if place else 0.0
         whole = place in (0, last)
         colour = (
-            style.BEFORE if place == 0
-            else style.AFTER if whole
-            else style.HELD_OUT if value > before
+            style.BEFORE
+            if place == 0
+            else style.AFTER
+            if whole
+            else style.HELD_OUT
+            if value > before
             else style.PALE
-        )  # fmt: skip
+        )
         start = 0.0 if whole else before
         ax.barh(place, value - start, left=start, height=0.62, color=colour, linewidth=0, zorder=3)
         if place < last:
-            ax.plot([value] * 2, [place - 0.31, place + 1.31], color=style.GREY, linewidth=0.8,
-                    zorder=4)  # fmt: skip
+            ax.plot(
+                [value] * 2, [place - 0.31, place + 1.31], color=style.GREY, linewidth=0.8, zorder=4
+            )
         change = f" ({signed(value - before)})" if place else ""
         style.tell(ax, max(value, start), place, f"{value:.1f}{change}")
     ax.set_xlim(0, 1.32 * max(values))
@@ -86,8 +90,14 @@ def _predictions(ax: Axes, found: WaterfallAnswer, judge: MeasurementAnswer, row
     style.quiet(ax, grid="x", left=False)
     ax.set_yticks([])
     ax.set_ylim(rows - 0.42, -0.58)
-    ax.axvspan(judge.measured - judge.std, judge.measured + judge.std, color=style.LINE, alpha=0.9,
-               linewidth=0, zorder=0)  # fmt: skip
+    ax.axvspan(
+        judge.measured - judge.std,
+        judge.measured + judge.std,
+        color=style.LINE,
+        alpha=0.9,
+        linewidth=0,
+        zorder=0,
+    )
     ax.axvline(judge.measured, color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED)
     first = rows - len(found.bars)
     for place, bar in enumerate(found.bars, start=first):
@@ -101,5 +111,10 @@ def _predictions(ax: Axes, found: WaterfallAnswer, judge: MeasurementAnswer, row
 
 def _mark(role: str) -> dict:
     marker, colour = style.ROLES[role]
-    return {"marker": marker, "color": colour, "markersize": 6, "markeredgecolor": "white",
-            "zorder": 5}  # fmt: skip
+    return {
+        "marker": marker,
+        "color": colour,
+        "markersize": 6,
+        "markeredgecolor": "white",
+        "zorder": 5,
+    }

@@ -233,8 +233,14 @@ def _sections(path: Path) -> Sections | None:
                 answer=int(file["answer"]),
             )
     except (
-        OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error
-    ) as error:  # fmt: skip
+        OSError,
+        EOFError,
+        KeyError,
+        RuntimeError,
+        ValueError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         raise InputError(
             f"{path}: cannot be read ({error}); delete it or run the analysis again"
         ) from None

@@ -177,6 +177,10 @@ def load_diagnosis(folder: str | Path, name: str = FILE_NAME) -> DiagnosisData:
 def _unnamed(name: str, stage: FittedModelSummary) -> ParameterWords:
     low, high = stage.interval_95.get(name, (stage.values[name],) * 2)
     return ParameterWords(
-        name=name, words=name.replace("_", " "), unit="", strength="strength" in name, low=low,
+        name=name,
+        words=name.replace("_", " "),
+        unit="",
+        strength="strength" in name,
+        low=low,
         high=high,
-    )  # fmt: skip
+    )

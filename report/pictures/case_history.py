@@ -56,8 +56,9 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
         draw_frame(ax, run, frame, colouring=colouring, overlay=overlay, limits=limits)
         lowest = max(bottom - 5, limits[1][0])  # a tick below the limits would move them
         ax.set_yticks([tick for tick in ax.get_yticks() if lowest < tick < limits[1][1]])
-        ax.text(0.0, 1.0, stamp, transform=ax.transAxes, va="bottom", fontsize=10,
-                color=TEXT_COLOUR)  # fmt: skip
+        ax.text(
+            0.0, 1.0, stamp, transform=ax.transAxes, va="bottom", fontsize=10, color=TEXT_COLOUR
+        )
     axes[0].set_xlabel("")
     handles = [*_material_handles(case), *axes[1].get_legend_handles_labels()[0]]
     top = _head_room(case, readings)
@@ -68,8 +69,14 @@ def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: P
         ax.set_position((LEFT / WIDTH_IN, edge / height, width / WIDTH_IN, high / height))
     _draw_heading(figure, case, run, height)
     _draw_table(figure, readings, height)
-    legend(figure, handles, columns=3, loc="lower left", labelspacing=0.35,
-           bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / height))  # fmt: skip
+    legend(
+        figure,
+        handles,
+        columns=3,
+        loc="lower left",
+        labelspacing=0.35,
+        bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / height),
+    )
     save_figure(figure, path)
 
 
@@ -147,8 +154,15 @@ def distances(case: Case, readings: Sequence[Reading]) -> Overlay:
                 words += f" ({low:g}-{high:g} m)"
                 ends = [foot + outward * low, foot + outward * high]
                 y = np.full(2, _ground(case, foot) - upper)
-                ax.plot(ends, y, color="white", linewidth=6, alpha=0.75, solid_capstyle="butt",
-                        zorder=LAYER["overlay"])  # fmt: skip
+                ax.plot(
+                    ends,
+                    y,
+                    color="white",
+                    linewidth=6,
+                    alpha=0.75,
+                    solid_capstyle="butt",
+                    zorder=LAYER["overlay"],
+                )
             _dimension(ax, case, foot, outward * mark.value, upper, words, MEASURED)
             words = f"{reading.simulated:.1f} m simulated"
             _dimension(ax, case, foot, outward * reading.simulated, lower, words, SIMULATED)
@@ -172,8 +186,17 @@ def _dimension(
         arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.2, "shrinkA": 0, "shrinkB": 0},
         zorder=order,
     )
-    ax.plot([toe], [base], marker="^", markersize=7, color=colour, markeredgecolor="white",
-            markeredgewidth=0.7, linestyle="none", zorder=order + 1)  # fmt: skip
+    ax.plot(
+        [toe],
+        [base],
+        marker="^",
+        markersize=7,
+        color=colour,
+        markeredgecolor="white",
+        markeredgewidth=0.7,
+        linestyle="none",
+        zorder=order + 1,
+    )
     inward = -np.sign(runout) or 1.0
     tell(ax, foot, y, words, away=(5 * inward, 0), color=colour, fontweight="bold", zorder=order)
 
@@ -192,9 +215,18 @@ def _soil_names(case: Case) -> Overlay:
                 (x, y), radius, width = label_place(part)
                 if radius < 0.05 * inch or width < 0.075 * len(words) * inch:
                     continue
-                ax.text(x, y, words, ha="center", va="center", fontsize=8, fontweight="bold",
-                        color=TEXT_COLOUR, path_effects=HALO,
-                        zorder=LAYER["overlay"])  # fmt: skip
+                ax.text(
+                    x,
+                    y,
+                    words,
+                    ha="center",
+                    va="center",
+                    fontsize=8,
+                    fontweight="bold",
+                    color=TEXT_COLOUR,
+                    path_effects=HALO,
+                    zorder=LAYER["overlay"],
+                )
 
     return draw
 

@@ -147,8 +147,9 @@ def _draw_zif(ax: Axes, case: CaseSections, analysis: Analysis, limits: tuple) -
     _zones(ax, case, stage)
     edges = np.append(slices.x - 0.5 * slices.width, slices.x[-1] + 0.5 * slices.width[-1])
     few = edges[:: max(1, len(edges) // 24)]
-    ax.vlines(few, stage.slip.level(few), stage.section.surface(few), color="black", lw=0.4,
-              zorder=5)  # fmt: skip
+    ax.vlines(
+        few, stage.slip.level(few), stage.section.surface(few), color="black", lw=0.4, zorder=5
+    )
     for liquefied, colour, words in (
         (True, "#d5006d", "base with S_r"),
         (False, "#222222", "base with another strength"),

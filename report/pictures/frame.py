@@ -59,8 +59,9 @@ class DrawnWater:
                 level = self.face.head(self.x, points)
         ground = scene.ground.height(self.x)
         upper, lower = np.maximum(level, ground), ground
-        outline = np.concatenate([np.stack([self.x, upper], axis=1),
-                                  np.stack([self.x, lower], axis=1)[::-1]])  # fmt: skip
+        outline = np.concatenate(
+            [np.stack([self.x, upper], axis=1), np.stack([self.x, lower], axis=1)[::-1]]
+        )
         self.pool.set_verts([outline])
         self.line.set_data(self.x, np.where(level > ground + 1e-6, level, np.nan))
 

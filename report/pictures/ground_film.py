@@ -40,9 +40,11 @@ def save_ground_film(
     check_video(path)
     with atomic_path(path) as temporary:
         write_video(
-            temporary, _images(title, time, maps, side), frames_per_second=FRAMES_PER_SECOND,
+            temporary,
+            _images(title, time, maps, side),
+            frames_per_second=FRAMES_PER_SECOND,
             hold_s=HOLD_S,
-        )  # fmt: skip
+        )
     return path
 
 
@@ -71,8 +73,9 @@ def _images(
             x, y, body.T, [first.least], colors=style.BEFORE, linewidths=1.2, linestyles="--"
         )
     finish_plan(plan, title, extent)
-    view = figure.add_axes((0.0, 0.0, 1.0, (VIEW + 0.1) / total), projection="3d",
-                           computed_zorder=False)  # fmt: skip
+    view = figure.add_axes(
+        (0.0, 0.0, 1.0, (VIEW + 0.1) / total), projection="3d", computed_zorder=False
+    )
     perspective(view, first, side)
     stamp = figure.text(0.98, 1.0 - 0.2 / total, "", ha="right", va="center", fontsize=style.TEXT)
     for now, one in zip(time, maps, strict=True):

@@ -48,9 +48,16 @@ def draw_surface(axes: Axes3D, maps: Maps, scale: float, most: int) -> Poly3DCol
     soil = matplotlib.colormaps[SOIL](0.15 + 0.6 * np.clip(thick / scale, 0.0, 1.0))[..., :3]
     colour = np.where(thick[..., None] >= maps.least, soil, 0.78) * shade[..., None]
     drawn = axes.plot_surface(
-        x[taken], y[taken], surface[taken], facecolors=colour[taken], rstride=1, cstride=1,
-        shade=False, linewidth=0, antialiased=False,
-    )  # fmt: skip
+        x[taken],
+        y[taken],
+        surface[taken],
+        facecolors=colour[taken],
+        rstride=1,
+        cstride=1,
+        shade=False,
+        linewidth=0,
+        antialiased=False,
+    )
     drawn.set_clip_on(False)  # the box of the axes is narrower than the view
     return drawn
 

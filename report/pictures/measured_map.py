@@ -53,8 +53,11 @@ def save_measured_map(
     plans: list[tuple[str, np.ndarray]] = [("simulated", moved)]
     if measured is not None:
         seen = measured.at(*places.T).reshape(shape)
-        plans = [("measured", seen - (after - moved)), *plans,
-                 ("simulated less measured", after - seen)]  # fmt: skip
+        plans = [
+            ("measured", seen - (after - moved)),
+            *plans,
+            ("simulated less measured", after - seen),
+        ]
     reach = float(np.percentile(np.abs([values for _, values in plans]), SHARE)) or 1.0
     plan_height = height_of_plan(x, y)
     total = len(plans) * (plan_height + GAP) + 0.1
@@ -66,9 +69,14 @@ def save_measured_map(
         plan = plan_axes(figure, total, low, plan_height)
         plan.imshow(shade.T, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
         image = plan.imshow(
-            values.T, origin="lower", extent=extent, cmap=COLOURS, alpha=0.65, vmin=-reach,
+            values.T,
+            origin="lower",
+            extent=extent,
+            cmap=COLOURS,
+            alpha=0.65,
+            vmin=-reach,
             vmax=reach,
-        )  # fmt: skip
+        )
         _draw_edges(plan, deposit, edges.values())
         draw_places(plan, {}, lines, 0.5 * (x[0] + x[-1]))
         said = words if words.startswith("simulated less") else f"change of the surface, {words}"

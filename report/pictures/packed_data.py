@@ -65,15 +65,32 @@ def save_run_picture(run: PackedRun | Rollout, path: str | Path, title: str) -> 
     unit = facts.properties[:, 2] * facts.gravity * facts.spacing
     cohesion = np.maximum(facts.properties[:, 1] / unit, LEAST_COHESION)
     limits = limits_of(positions, facts)
-    _points(axes[0, 0], facts, positions[0], facts.properties[:, 0], limits,
-            "tan phi", Normalize(0.0, 1.0), "viridis")  # fmt: skip
-    _points(axes[0, 1], facts, positions[0], cohesion, limits,
-            "cohesion / (rho g d)", LogNorm(LEAST_COHESION, 10.0), "viridis")  # fmt: skip
+    _points(
+        axes[0, 0],
+        facts,
+        positions[0],
+        facts.properties[:, 0],
+        limits,
+        "tan phi",
+        Normalize(0.0, 1.0),
+        "viridis",
+    )
+    _points(
+        axes[0, 1],
+        facts,
+        positions[0],
+        cohesion,
+        limits,
+        "cohesion / (rho g d)",
+        LogNorm(LEAST_COHESION, 10.0),
+        "viridis",
+    )
     way = np.linalg.norm(positions.astype(np.float64) - positions[0], axis=2) / facts.spacing
     scale = Normalize(0.0, max(float(way.max()), 1.0))
     for ax, frame in zip(axes[1], (len(positions) // 2, len(positions) - 1), strict=True):
-        _points(ax, facts, positions[frame], way[frame], limits, "displacement / d", scale,
-                "magma_r")  # fmt: skip
+        _points(
+            ax, facts, positions[frame], way[frame], limits, "displacement / d", scale, "magma_r"
+        )
         time = frame * facts.frame_time
         ax.set_title(f"frame {frame}, {time:.1f} s", fontsize=9, loc="left")
     axes[0, 0].set_title("t = 0, what is known of each point", fontsize=9, loc="left")
@@ -101,8 +118,14 @@ def save_overview(runs: Sequence[RunNumbers], path: str | Path, title: str) -> N
         names = [letter or "none" for letter in letters]
         shares.bar(names, count, bottom=below, color=SPLIT_COLOURS[split], label=label)
         below += count
-        sizes.plot([run.points for run in own], [run.frames for run in own], "o",
-                   color=SPLIT_COLOURS[split], markersize=3, alpha=0.6)  # fmt: skip
+        sizes.plot(
+            [run.points for run in own],
+            [run.frames for run in own],
+            "o",
+            color=SPLIT_COLOURS[split],
+            markersize=3,
+            alpha=0.6,
+        )
     colours = [SPLIT_COLOURS[split] for split in splits]
     travel = [[r.travel for r in runs if r.split == s and np.isfinite(r.travel)] for s in splits]
     travels.hist(travel, bins=25, stacked=True, color=colours)
@@ -141,8 +164,16 @@ def _points(
     width = 6.0 * 72 * 0.8 / (right - left)  # points of the page a metre
     size = (facts.spacing * width) ** 2
     soil = facts.type == SOIL
-    shown = ax.scatter(*place[soil].T, c=values[soil], s=size, norm=norm, cmap=colour_map,
-                       marker="s", linewidths=0, rasterized=True)  # fmt: skip
+    shown = ax.scatter(
+        *place[soil].T,
+        c=values[soil],
+        s=size,
+        norm=norm,
+        cmap=colour_map,
+        marker="s",
+        linewidths=0,
+        rasterized=True,
+    )
     if np.any(facts.type == KINEMATIC):
         fixed = place[facts.type == KINEMATIC]
         ax.scatter(*fixed.T, color=KINEMATIC_COLOUR, s=size, marker="s", linewidths=0)

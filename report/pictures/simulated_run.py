@@ -131,8 +131,14 @@ class _Sheet:
             ax.set_position(self._box(LEFT, bottom, self.width, panel))
         self._draw_heading(title or default_title(run.scene))
         self._draw_colour_bar()
-        legend(self.figure, handles, columns=columns, loc="lower left", labelspacing=0.35,
-               bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / self.height))  # fmt: skip
+        legend(
+            self.figure,
+            handles,
+            columns=columns,
+            loc="lower left",
+            labelspacing=0.35,
+            bbox_to_anchor=(LEFT / WIDTH_IN, 0.04 / self.height),
+        )
 
     def images(self, frames: Sequence[int]) -> Iterator[np.ndarray]:
         """The sheet at each frame as RGBA (height, width, 4) uint8; only what moves is redrawn."""
@@ -211,8 +217,16 @@ def strength(material: Material) -> str:
 
 
 def _draw_stamp(ax: Axes, time: float) -> Text:
-    return ax.text(0.0, 1.0, _stamp_text(time), transform=ax.transAxes, va="bottom", fontsize=10,
-                   color=TEXT_COLOUR, zorder=LAYER["stamp"])  # fmt: skip
+    return ax.text(
+        0.0,
+        1.0,
+        _stamp_text(time),
+        transform=ax.transAxes,
+        va="bottom",
+        fontsize=10,
+        color=TEXT_COLOUR,
+        zorder=LAYER["stamp"],
+    )
 
 
 def _stamp_text(time: float) -> str:

@@ -137,11 +137,12 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
         single = [m for m in data.fitted if not any(m in one.lines for one in maps)]
         names = [
             f"{one.name}, {len(one.lines)} numbers ({one.lines[0].confidence})"
-            for one in maps if one.role == "fitted"
+            for one in maps
+            if one.role == "fitted"
         ] + [
             f"{m.name} {'< ' * m.censored}{m.measured:g} {m.unit} ({m.confidence})"
             for m in single[:6]
-        ]  # fmt: skip
+        ]
         more = f" and {len(single) - 6} more" if len(single) > 6 else ""
         said.append(
             f"Fitted: {'; '.join(names)}{more}. Set of measurements: '{result.measurement_set}'."
@@ -338,15 +339,19 @@ def spacing_sentences(data: BackAnalysisData) -> list[str]:
 
 def _checked(data: BackAnalysisData) -> str:
     """What the runs at the spacing of the answer gave where coarse ones had been taken."""
-    asked = [
-        (p.name, p.std_total) for p in data.strengths or data.result.answer.parameters
-    ]  # fmt: skip
+    asked = [(p.name, p.std_total) for p in data.strengths or data.result.answer.parameters]
     found = []
     for what, both in (
-        ("sensitivities", [(entry.name, side.change, side.coarse_change)
-                           for entry in data.result.sensitivities for side in entry.sides]),
+        (
+            "sensitivities",
+            [
+                (entry.name, side.change, side.coarse_change)
+                for entry in data.result.sensitivities
+                for side in entry.sides
+            ],
+        ),
         ("variants", [(one.name, one.values, one.coarse_values) for one in data.result.variants]),
-    ):  # fmt: skip
+    ):
         off = [
             (abs(fine[name] - coarse[name]) / std, entry)
             for entry, fine, coarse in both

@@ -96,10 +96,12 @@ def tested_sentence(data: DiagnosisData) -> str:
     for name in tested:
         names.setdefault(family.get(name, "physics"), []).append(spoken(name))
     groups = [
-        f"{name} ({', '.join(names[name])})" if len(names[name]) <= FEW else
-        f"{name} ({len(names[name])})"
-        for name in FAMILIES if name in names
-    ]  # fmt: skip
+        f"{name} ({', '.join(names[name])})"
+        if len(names[name]) <= FEW
+        else f"{name} ({len(names[name])})"
+        for name in FAMILIES
+        if name in names
+    ]
     said = f"{len(tested)} tested, by family: {', '.join(groups)}; all under Scores."
     if data.verdict.forbidden:
         said += f" Excluded beforehand: {', '.join(map(spoken, data.verdict.forbidden))}."
@@ -201,8 +203,12 @@ def test_words(name: str) -> str:
         "held_out": "the held-out data",
         "held out": "the held-out data",
     }
-    return known.get(name, f"the residuals of {name.removeprefix('group ')}"
-                     if name.startswith("group ") else spoken(name))  # fmt: skip
+    return known.get(
+        name,
+        f"the residuals of {name.removeprefix('group ')}"
+        if name.startswith("group ")
+        else spoken(name),
+    )
 
 
 def window_sentence(window: Window | None, model: str) -> str:
@@ -309,9 +315,14 @@ def candidate_sentence(data: DiagnosisData) -> str:
     best = largest(scored, lambda c: c.expected_drop)
     if best.expected_drop <= 0.0:
         return f"None of the {len(scored)} effects tested would reduce the misfit."
-    p = "" if best.p_family is None else (
-        f"; probability of so high a score among {len(scored)} from noise: {chance(best.p_family)}"
-    )  # fmt: skip
+    p = (
+        ""
+        if best.p_family is None
+        else (
+            f"; probability of so high a score among {len(scored)} from noise: "
+            f"{chance(best.p_family)}"
+        )
+    )
     return (
         f"The highest score {AMONG} has {spoken(best.name)} ({best.words}): chi² would fall by "
         f"{number(best.expected_drop)} if nothing else were missing{p}."
@@ -337,8 +348,10 @@ def confounding_sentences(data: DiagnosisData) -> list[str]:
     """Which candidates these data cannot distinguish."""
     if data.confounding is None:
         return []
-    groups = ((NOT_SEPARABLE, 1.01, "Not separable with these data"),
-              (WEAKLY, NOT_SEPARABLE, "Weakly separable"))  # fmt: skip
+    groups = (
+        (NOT_SEPARABLE, 1.01, "Not separable with these data"),
+        (WEAKLY, NOT_SEPARABLE, "Weakly separable"),
+    )
     said = []
     for least, most, words in groups:
         if pairs := confounded(data, least, most):
@@ -391,8 +404,9 @@ def error_sentence(data: DiagnosisData) -> str:
     shares = {} if found is None else {k: v for k, v in found.shares.items() if v >= LEAST_SHARE}
     if len(shares) < 2:
         return ""
-    parts = [f"{error} {percent(share)}" for error, share in
-             ranked(shares.items(), lambda item: item[1])]  # fmt: skip
+    parts = [
+        f"{error} {percent(share)}" for error, share in ranked(shares.items(), lambda item: item[1])
+    ]
     said = f"Of the variance of the fitted numbers {', '.join(parts[:-1])} and {parts[-1]}."
     own = sum(shares.get(name, 0.0) for name in SOLVER_ERRORS)
     if own > MOSTLY_OWN:

@@ -47,15 +47,31 @@ def answer_table(data: BackAnalysisData) -> Table:
         bound = p.lower_bound_95 is not None
         notes += ["nothing runs from here on; 95 %: a lower bound"] if bound else []
         rows.append(
-            [p.label, with_unit(fixed(p.value), p.unit), fixed(p.std_total), fixed(p.std_data),
-             f"≥ {fixed(p.lower_bound_95)}" if bound else span(*p.interval_95),
-             None if p.equally_good_range is None else span(*p.equally_good_range),
-             _ratio(p), stress,
-             f"{p.start:g} ({p.low:g} to {p.high:g})",
-             "; ".join(notes)]
-        )  # fmt: skip
-    header = ["unknown", "value", "std", "of which survey", "95 %", "equally good", "S_r/σ'_v0",
-              "σ'_v0 (kPa)", "first guess (bounds)", ""]  # fmt: skip
+            [
+                p.label,
+                with_unit(fixed(p.value), p.unit),
+                fixed(p.std_total),
+                fixed(p.std_data),
+                f"≥ {fixed(p.lower_bound_95)}" if bound else span(*p.interval_95),
+                None if p.equally_good_range is None else span(*p.equally_good_range),
+                _ratio(p),
+                stress,
+                f"{p.start:g} ({p.low:g} to {p.high:g})",
+                "; ".join(notes),
+            ]
+        )
+    header = [
+        "unknown",
+        "value",
+        "std",
+        "of which survey",
+        "95 %",
+        "equally good",
+        "S_r/σ'_v0",
+        "σ'_v0 (kPa)",
+        "first guess (bounds)",
+        "",
+    ]
     return Table(header, rows)
 
 
@@ -88,20 +104,35 @@ def method_tables(data: BackAnalysisData) -> list[Table]:
 
 def relation_tables(data: BackAnalysisData) -> list[Table]:
     """Each strength next to what published relations give for its blow counts; by parameter."""
-    header = ["relation", "blow count", "σ'_v0 (kPa)", "S_r (kPa)", "± one std", "weakest layer",
-              "found / relation", "scatter", ""]  # fmt: skip
+    header = [
+        "relation",
+        "blow count",
+        "σ'_v0 (kPa)",
+        "S_r (kPa)",
+        "± one std",
+        "weakest layer",
+        "found / relation",
+        "scatter",
+        "",
+    ]
     found = []
     for p in data.strengths:
         ours, at_least = (p.value, "") if p.lower_bound_95 is None else (p.lower_bound_95, "≥ ")
         rows = [
-            [row.label, _count(row), f"{row.sigma_v0_kpa:.0f}", fixed(row.value_kpa),
-             span(row.low_kpa, row.high_kpa),
-             fixed(row.weakest_kpa) if len(row.zones) > 1 else None,
-             f"{at_least}{ours / row.value_kpa:.2f}", row.scatter,
-             _doubts(row)]
+            [
+                row.label,
+                _count(row),
+                f"{row.sigma_v0_kpa:.0f}",
+                fixed(row.value_kpa),
+                span(row.low_kpa, row.high_kpa),
+                fixed(row.weakest_kpa) if len(row.zones) > 1 else None,
+                f"{at_least}{ours / row.value_kpa:.2f}",
+                row.scatter,
+                _doubts(row),
+            ]
             for row in data.result.relations
             if row.parameter == p.name
-        ]  # fmt: skip
+        ]
         found.append(Table(header, rows, f"{p.label}, found {at_least}{fixed(ours)} kPa"))
     return [table for table in found if table.rows]
 
@@ -125,10 +156,13 @@ def _doubts(row: RelationAnswer) -> str:
 def engine_table(data: BackAnalysisData) -> Table:
     """The engines side by side, and under them the classical methods; empty: one engine alone."""
     parameters, fitted = _unknowns(data), data.few_fitted(MOST_FITTED)
-    header = ["engine", *_columns(parameters),
-              *(f"{m.name}: measured {limited(m.measured, m.censored)} {m.unit}" for m in fitted),
-              "loss",
-              "points every"]  # fmt: skip
+    header = [
+        "engine",
+        *_columns(parameters),
+        *(f"{m.name}: measured {limited(m.measured, m.censored)} {m.unit}" for m in fitted),
+        "loss",
+        "points every",
+    ]
     rows: list[list[str | None]] = []
     for row in data.result.engines:
         values = [
@@ -138,8 +172,15 @@ def engine_table(data: BackAnalysisData) -> Table:
             for p in parameters
         ]
         loss = "failed" if row.loss is None else f"{row.loss:.2g}"
-        rows.append([f"{row.name}, {row.note}", *values, *_predicted(row.predicted, fitted), loss,
-                     f"{row.spacing_m:g} m"])  # fmt: skip
+        rows.append(
+            [
+                f"{row.name}, {row.note}",
+                *values,
+                *_predicted(row.predicted, fitted),
+                loss,
+                f"{row.spacing_m:g} m",
+            ]
+        )
     for analysis in data.result.classical if rows else []:
         # A classical method has one strength: that of the slide to its side.
         own = [p for p in data.strengths if data.side(p) == analysis.get("side")]
@@ -161,16 +202,33 @@ def classical_notes(data: BackAnalysisData) -> list[str]:
 
 def measured_table(data: BackAnalysisData, lines: Sequence[MeasurementAnswer]) -> Table:
     """Measured against predicted, with the toe read by eye."""
-    header = ["measurement", "type", "measured", "std", "range", "predicted", "by eye",
-              "before the slide", "in std", "role"]  # fmt: skip
+    header = [
+        "measurement",
+        "type",
+        "measured",
+        "std",
+        "range",
+        "predicted",
+        "by eye",
+        "before the slide",
+        "in std",
+        "role",
+    ]
     rows = [
-        [m.name, m.type.replace("_", " "),
-         None if m.measured is None else with_unit(limited(m.measured, m.censored), m.unit),
-         None if m.std is None else f"{m.std:.2g}", span(m.low, m.high),
-         with_unit(fixed(m.predicted), m.unit), fixed(m.by_eye), fixed(m.predicted_at_start),
-         signed(m.difference_in_std), m.role]
+        [
+            m.name,
+            m.type.replace("_", " "),
+            None if m.measured is None else with_unit(limited(m.measured, m.censored), m.unit),
+            None if m.std is None else f"{m.std:.2g}",
+            span(m.low, m.high),
+            with_unit(fixed(m.predicted), m.unit),
+            fixed(m.by_eye),
+            fixed(m.predicted_at_start),
+            signed(m.difference_in_std),
+            m.role,
+        ]
         for m in lines
-    ]  # fmt: skip
+    ]
     return Table(header, rows)
 
 
@@ -195,13 +253,25 @@ def series_tables(data: BackAnalysisData) -> list[Table]:
 def _series_table(one: Series) -> Table:
     first = one.lines[0]
     rows = [
-        [m.name.removeprefix(one.name).strip() or m.name, fixed(m.measured), f"{m.std:.2g}",
-         fixed(m.predicted), signed(m.difference_in_std), m.role]
+        [
+            m.name.removeprefix(one.name).strip() or m.name,
+            fixed(m.measured),
+            f"{m.std:.2g}",
+            fixed(m.predicted),
+            signed(m.difference_in_std),
+            m.role,
+        ]
         for m in one.lines
-    ]  # fmt: skip
+    ]
     given = "constructed" if one.role == "constructed" else "measured"
-    header = ["where", f"{given} ({first.unit})", "std", f"predicted ({first.unit})", "in std",
-              "role"]  # fmt: skip
+    header = [
+        "where",
+        f"{given} ({first.unit})",
+        "std",
+        f"predicted ({first.unit})",
+        "in std",
+        "role",
+    ]
     caption = f"{one.name} ({first.type.replace('_', ' ')}, {first.confidence}): {first.source}"
     return Table(header, rows, caption)
 
@@ -216,14 +286,25 @@ def whole_series_table(data: BackAnalysisData, names: Collection[str]) -> Table:
         square = sum((m.predicted - (m.measured or 0.0)) ** 2 for m in one.lines)
         worst = largest_place(map(abs, off))
         rows.append(
-            [one.name, first.type.replace("_", " "), str(len(off)),
-             with_unit(fixed(root_mean_square(square, len(off))), first.unit),
-             fixed(root_mean_square(sum(d * d for d in off), len(off))),
-             f"{signed(off[worst])} {one.lines[worst].name.removeprefix(one.name).strip()}",
-             one.role]
-        )  # fmt: skip
-    header = ["measurement", "type", "numbers", "off by (rms)", "in std (rms)", "worst, in std",
-              "role"]  # fmt: skip
+            [
+                one.name,
+                first.type.replace("_", " "),
+                str(len(off)),
+                with_unit(fixed(root_mean_square(square, len(off))), first.unit),
+                fixed(root_mean_square(sum(d * d for d in off), len(off))),
+                f"{signed(off[worst])} {one.lines[worst].name.removeprefix(one.name).strip()}",
+                one.role,
+            ]
+        )
+    header = [
+        "measurement",
+        "type",
+        "numbers",
+        "off by (rms)",
+        "in std (rms)",
+        "worst, in std",
+        "role",
+    ]
     return Table(header, rows)
 
 
@@ -243,14 +324,25 @@ def variant_table(data: BackAnalysisData) -> Table:
             for name in shown[:MOST_FITTED]
         )
         rows.append(
-            [variant.name, *(fixed(variant.values[p.name]) for p in parameters),
-             ", ".join(f"{ratio:.3f}" for ratio in variant.ratios.values()), predicted,
-             f"{variant.loss:.2g}",
-             *_spacing(data, variant.spacing_m),
-             "; ".join([variant.words, *notes, *_at_bounds(parameters, variant.at_bound)])]
-        )  # fmt: skip
-    header = ["variant", *_columns(parameters), "S_r/σ'_v0", "predicted", "loss",
-              *_spacing(data), ""]  # fmt: skip
+            [
+                variant.name,
+                *(fixed(variant.values[p.name]) for p in parameters),
+                ", ".join(f"{ratio:.3f}" for ratio in variant.ratios.values()),
+                predicted,
+                f"{variant.loss:.2g}",
+                *_spacing(data, variant.spacing_m),
+                "; ".join([variant.words, *notes, *_at_bounds(parameters, variant.at_bound)]),
+            ]
+        )
+    header = [
+        "variant",
+        *_columns(parameters),
+        "S_r/σ'_v0",
+        "predicted",
+        "loss",
+        *_spacing(data),
+        "",
+    ]
     return Table(header, rows)
 
 
@@ -264,17 +356,31 @@ def waterfall_table(data: BackAnalysisData) -> Table:
     stated = found.stated
     rows: list[list[str | None]] = []
     if stated is not None:
-        rows.append([stated.name, fixed(stated.value), None, *[None] * len(seen),
-                     *[None for _ in _spacing(data)], f"as stated: {stated.source}"])  # fmt: skip
+        rows.append(
+            [
+                stated.name,
+                fixed(stated.value),
+                None,
+                *[None] * len(seen),
+                *[None for _ in _spacing(data)],
+                f"as stated: {stated.source}",
+            ]
+        )
     before = None if stated is None else stated.value
     for bar in found.bars:
         notes = [] if bar.reached else ["not fitted"]
         notes += [f"at its {bar.at_bound} bound"] if bar.at_bound else []
         change = None if before is None else f"{bar.value - before:+.1f}"
         rows.append(
-            [bar.name, fixed(bar.value), change, *(fixed(bar.predicted.get(name)) for name in seen),
-             *_spacing(data, bar.spacing_m), "; ".join(notes)]
-        )  # fmt: skip
+            [
+                bar.name,
+                fixed(bar.value),
+                change,
+                *(fixed(bar.predicted.get(name)) for name in seen),
+                *_spacing(data, bar.spacing_m),
+                "; ".join(notes),
+            ]
+        )
         before = bar.value
     header = ["change by change", *_columns([p]), "change", *seen, *_spacing(data), ""]
     return Table(header, rows)
@@ -286,16 +392,23 @@ def sensitivity_tables(
     """The effect of each assumption, and what it adds to the standard deviation; by parameter."""
     if not data.result.sensitivities and data.result.noise is None:
         return []
-    return [_sensitivity_table(data, p)
-            for p in [p for p in parameters if p.determined] or parameters]  # fmt: skip
+    return [
+        _sensitivity_table(data, p) for p in [p for p in parameters if p.determined] or parameters
+    ]
 
 
 def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
     coarse = data.result.coarse_spacing_m
     rows: list[list[str | None]] = [
-        ["survey", "errors of the fitted measurements", None, f"{p.std_data:.2f}",
-         *_spacing(data, data.result.spacing_m), *([None] if coarse else [])]
-    ]  # fmt: skip
+        [
+            "survey",
+            "errors of the fitted measurements",
+            None,
+            f"{p.std_data:.2f}",
+            *_spacing(data, data.result.spacing_m),
+            *([None] if coarse else []),
+        ]
+    ]
     for entry in data.result.sensitivities:
         added = "not added" if entry.kind == "target" else f"{entry.std[p.name]:.2f}"
         for number, side in enumerate(entry.sides):
@@ -303,20 +416,46 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
             name, its = (entry.name, added) if number == 0 else ("", "")
             both = None if side.coarse_change is None else signed(side.coarse_change[p.name], 2)
             rows.append(
-                [name, f"{side.words}{fit}", signed(side.change[p.name], 2), its,
-                 *_spacing(data, side.spacing_m), *([both] if coarse else [])]
-            )  # fmt: skip
+                [
+                    name,
+                    f"{side.words}{fit}",
+                    signed(side.change[p.name], 2),
+                    its,
+                    *_spacing(data, side.spacing_m),
+                    *([both] if coarse else []),
+                ]
+            )
     if data.result.noise is not None:
         seeds = f"{len(data.result.noise.seeds)} jitter seeds"
         std = data.result.noise.answer_std[p.name]
-        rows.append([NOISE_SOURCE, seeds, None, f"{std:.2f}",
-                     *_spacing(data, data.result.noise.spacing_m),
-                     *([None] if coarse else [])])  # fmt: skip
-    rows.append(["total", "root of the sum of squares", None, f"{p.std_total:.2f}",
-                 *([None, None] if coarse else [])])  # fmt: skip
+        rows.append(
+            [
+                NOISE_SOURCE,
+                seeds,
+                None,
+                f"{std:.2f}",
+                *_spacing(data, data.result.noise.spacing_m),
+                *([None] if coarse else []),
+            ]
+        )
+    rows.append(
+        [
+            "total",
+            "root of the sum of squares",
+            None,
+            f"{p.std_total:.2f}",
+            *([None, None] if coarse else []),
+        ]
+    )
     unit = unit_of(p.unit)
-    header = ["assumption", "what was changed", f"change ({unit})", f"adds ± ({unit})",
-              *_spacing(data), *([f"change at {coarse:g} m"] if coarse else [])]  # fmt: skip
+    header = [
+        "assumption",
+        "what was changed",
+        f"change ({unit})",
+        f"adds ± ({unit})",
+        *_spacing(data),
+        *([f"change at {coarse:g} m"] if coarse else []),
+    ]
     return Table(header, rows, answer_words(p))
 
 
@@ -324,18 +463,37 @@ def equally_good_table(data: BackAnalysisData) -> Table:
     """Equally good answers with what they predict; the answer itself first."""
     answer, fitted = data.result.answer, data.few_fitted(MOST_FITTED)
     parameters = answer.parameters
-    header = ["", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted), "loss",
-              *_spacing(data), ""]  # fmt: skip
+    header = [
+        "",
+        *_columns(parameters),
+        *(f"{m.name} ({m.unit})" for m in fitted),
+        "loss",
+        *_spacing(data),
+        "",
+    ]
     if not answer.equally_good:
         return Table(header, [])
-    rows = [["this answer", *(fixed(p.value) for p in parameters),
-             *(fixed(m.predicted) for m in fitted), f"{answer.loss:.2g}",
-             *_spacing(data, data.result.spacing_m), ""]]  # fmt: skip
+    rows = [
+        [
+            "this answer",
+            *(fixed(p.value) for p in parameters),
+            *(fixed(m.predicted) for m in fitted),
+            f"{answer.loss:.2g}",
+            *_spacing(data, data.result.spacing_m),
+            "",
+        ]
+    ]
     for stop in answer.equally_good:
-        rows.append(["equally good", *(fixed(stop.values[p.name]) for p in parameters),
-                     *_predicted(stop.predicted, fitted), f"{stop.loss:.2g}",
-                     *_spacing(data, stop.spacing_m),
-                     "; ".join(_at_bounds(parameters, stop.at_bound))])  # fmt: skip
+        rows.append(
+            [
+                "equally good",
+                *(fixed(stop.values[p.name]) for p in parameters),
+                *_predicted(stop.predicted, fitted),
+                f"{stop.loss:.2g}",
+                *_spacing(data, stop.spacing_m),
+                "; ".join(_at_bounds(parameters, stop.at_bound)),
+            ]
+        )
     return Table(header, rows)
 
 
@@ -343,16 +501,26 @@ def history_table(data: BackAnalysisData) -> Table:
     """Every evaluation of the engine."""
     parameters, fitted = _unknowns(data), data.few_fitted(MOST_FITTED)
     rows = [
-        [line.iteration,
-         SEARCHES.get(line.kind, line.kind) + ("" if line.accepted else ", rejected"),
-         *(fixed(line.values[p.name], 2) for p in parameters),
-         *_predicted(line.predicted, fitted),
-         None if line.loss is None else f"{line.loss:.3g}", *_spacing(data, line.spacing_m),
-         line.runs_so_far]
+        [
+            line.iteration,
+            SEARCHES.get(line.kind, line.kind) + ("" if line.accepted else ", rejected"),
+            *(fixed(line.values[p.name], 2) for p in parameters),
+            *_predicted(line.predicted, fitted),
+            None if line.loss is None else f"{line.loss:.3g}",
+            *_spacing(data, line.spacing_m),
+            line.runs_so_far,
+        ]
         for line in data.result.iterations
-    ]  # fmt: skip
-    header = ["iteration", "what", *_columns(parameters), *(f"{m.name} ({m.unit})" for m in fitted),
-              "loss", *_spacing(data), "simulations so far"]  # fmt: skip
+    ]
+    header = [
+        "iteration",
+        "what",
+        *_columns(parameters),
+        *(f"{m.name} ({m.unit})" for m in fitted),
+        "loss",
+        *_spacing(data),
+        "simulations so far",
+    ]
     return Table(header, rows)
 
 
@@ -360,13 +528,17 @@ def starts_table(data: BackAnalysisData) -> Table:
     """The same question from other first guesses; empty: there was one."""
     parameters = _unknowns(data)
     rows = [
-        [", ".join(f"{start.start[p.name]:.3g}" for p in parameters),
-         ", ".join(f"{start.answer[p.name]:.2f}" for p in parameters),
-         f"{start.loss:.2g}" + ("" if start.reached else " (not fitted)"), start.iterations,
-         start.runs, *_spacing(data, start.spacing_m)]
+        [
+            ", ".join(f"{start.start[p.name]:.3g}" for p in parameters),
+            ", ".join(f"{start.answer[p.name]:.2f}" for p in parameters),
+            f"{start.loss:.2g}" + ("" if start.reached else " (not fitted)"),
+            start.iterations,
+            start.runs,
+            *_spacing(data, start.spacing_m),
+        ]
         for start in data.result.starts
         if len(data.result.starts) > 1
-    ]  # fmt: skip
+    ]
     names = ", ".join(p.label for p in parameters)
     header = ["first guess", "answer", "loss", "iterations", "simulations", *_spacing(data)]
     return Table(header, rows, names)
@@ -385,17 +557,23 @@ def provenance_table(data: BackAnalysisData) -> Table:
         ["engine", f"{result.engine}, points every {result.spacing_m:g} m"],
         ["search", f"{SEARCHES[result.answer.method]}: {result.answer.words}"],
         ["machine", _listed(manifest.get("machine"))],
-        *([key.replace("_", " "), str(manifest[key])]
-          for key in ("made", "code_version", "config_hash") if key in manifest),
+        *(
+            [key.replace("_", " "), str(manifest[key])]
+            for key in ("made", "code_version", "config_hash")
+            if key in manifest
+        ),
         ["versions of the physics", _listed(manifest.get("physics_versions"))],
-    ]  # fmt: skip
+    ]
     packages = manifest.get("packages", {})
-    wanted = {name: packages[name] for name in ("python", "numpy", "scipy", "taichi")
-              if name in packages}  # fmt: skip
+    wanted = {
+        name: packages[name] for name in ("python", "numpy", "scipy", "taichi") if name in packages
+    }
     rows.append(["packages", _listed(wanted)])
     settings = manifest.get("config", {})
-    rows += [[f"settings: {group}", _listed(settings.get(group))]
-             for group in ("simulation", "inversion")]  # fmt: skip
+    rows += [
+        [f"settings: {group}", _listed(settings.get(group))]
+        for group in ("simulation", "inversion")
+    ]
     return Table(["", ""], [row for row in rows if row[1]])
 
 

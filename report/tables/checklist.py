@@ -101,11 +101,15 @@ def back_analysis_checklist(data: BackAnalysisData) -> Table:
 
 def _table(value: str, moves: str, strengths: Sequence[str], rows: Sequence[Row]) -> Table:
     cells = [
-        [row.what, row.value or None, row.how,
-         "; ".join(move or "?" for move in row.moves) if any(row.moves) else None,
-         _cut(row.source) or None]
+        [
+            row.what,
+            row.value or None,
+            row.how,
+            "; ".join(move or "?" for move in row.moves) if any(row.moves) else None,
+            _cut(row.source) or None,
+        ]
         for row in rows
-    ]  # fmt: skip
+    ]
     header = ["what was assumed", value, "how it was checked", moves, "from"]
     return Table(header, cells, f"the answer: {'; '.join(strengths)}" if strengths else "")
 
@@ -135,8 +139,12 @@ def _unknowns(data: BackAnalysisData) -> Iterator[Row]:
         spec = next(one for one in result.question.parameters if one.name == p.name)
         if spec.prior is not None and spec.prior.known:
             value = plus_minus(spec.prior.mean, spec.prior.std, p.unit)
-            yield Row(f"prior of {p.label}", value, spec.prior.relation or QUESTION_FILE,
-                      how="enters the fit")  # fmt: skip
+            yield Row(
+                f"prior of {p.label}",
+                value,
+                spec.prior.relation or QUESTION_FILE,
+                how="enters the fit",
+            )
 
 
 def _measurements(data: BackAnalysisData, shown: Sequence[ParameterAnswer]) -> Iterator[Row]:
@@ -153,8 +161,13 @@ def _measurements(data: BackAnalysisData, shown: Sequence[ParameterAnswer]) -> I
         source = f"{first.confidence}: {first.source}"
         yield Row(one.name, _measured(one), source, moves, _judged(one))
     moves = [f"± {fixed(p.std_data, 2)}" for p in shown]
-    yield Row("errors of the survey, all together", "the standard deviations above", "", moves,
-              "propagated into the answer")  # fmt: skip
+    yield Row(
+        "errors of the survey, all together",
+        "the standard deviations above",
+        "",
+        moves,
+        "propagated into the answer",
+    )
 
 
 def _measured(one: Series) -> str:
@@ -212,34 +225,46 @@ def _of_case(data: BackAnalysisData, case: Case) -> Iterator[Row]:
             yield Row(f"strength of the {spoken(name)}", _strength(soil), source, how=how)
     used = {name: soil for name, soil in scene.materials.items() if zones.get(name)}
     every = {zone.name for zone in scene.zones}
-    yield Row("densities", _span([soil.density for soil in used.values()], "kg/m3"), SCENE_FILE,
-              how=checked(_of_property(question, ("density",), every),
-                           _tested(verdict, "soil", "density_of_")))  # fmt: skip
+    yield Row(
+        "densities",
+        _span([soil.density for soil in used.values()], "kg/m3"),
+        SCENE_FILE,
+        how=checked(
+            _of_property(question, ("density",), every), _tested(verdict, "soil", "density_of_")
+        ),
+    )
     moduli = _span([soil.youngs_modulus_mpa for soil in used.values()], "MPa")
-    yield Row("stiffnesses (Young's modulus)", moduli, SCENE_FILE,
-              how=checked([], _tested(verdict, "soil", "stiffness_of_")))  # fmt: skip
+    yield Row(
+        "stiffnesses (Young's modulus)",
+        moduli,
+        SCENE_FILE,
+        how=checked([], _tested(verdict, "soil", "stiffness_of_")),
+    )
     kinds = {one.name: one.kind for one in question.sensitivities}
     wet = [one.name for one in question.variants if one.water or one.pool_level_m is not None]
     wet += [name for name, kind in kinds.items() if kind == "water_level"]
     level, waters = scene.water_level, _tested(verdict, "water")
     words = "none" if level is None else f"pool at {level:g} m"
-    yield Row("water", words, comments.on("water_level") or SCENE_FILE,
-              how=checked(wet, waters))  # fmt: skip
+    yield Row("water", words, comments.on("water_level") or SCENE_FILE, how=checked(wet, waters))
     if scene.phreatic_line is not None:
         source = comments.on("phreatic_line") or SCENE_FILE
-        yield Row("phreatic line", f"{len(scene.phreatic_line)} points", source,
-                  how=checked(wet, waters))  # fmt: skip
+        yield Row(
+            "phreatic line", f"{len(scene.phreatic_line)} points", source, how=checked(wet, waters)
+        )
     moved = [name for name, kind in kinds.items() if kind == "zone_boundary"]
     yield Row(
-        "outline of the section and of its zones", f"{len(scene.zones)} zones",
-        comments.on("zones") or SCENE_FILE, how=checked(moved, _tested(verdict, "section")),
-    )  # fmt: skip
+        "outline of the section and of its zones",
+        f"{len(scene.zones)} zones",
+        comments.on("zones") or SCENE_FILE,
+        how=checked(moved, _tested(verdict, "section")),
+    )
     contact = [one.name for one in question.variants if one.contact]
     yield Row(
-        "contact with the base", scene.ground.contact.replace("_", " "),
+        "contact with the base",
+        scene.ground.contact.replace("_", " "),
         comments.on("ground", "contact") or SCENE_FILE,
         how=checked(contact, _tested(verdict, "ground")),
-    )  # fmt: skip
+    )
 
 
 def _strength(soil: Material) -> str:
@@ -307,15 +332,24 @@ def _varied(data: BackAnalysisData, shown: Sequence[ParameterAnswer]) -> Iterato
     answered = {entry.name for entry in result.sensitivities}
     for name, one in asked.items():
         if name not in answered:
-            yield Row(name, one.kind.replace("_", " "), QUESTION_FILE,
-                      how=f"{NOT_CHECKED}: asked for, not answered in this run")  # fmt: skip
+            yield Row(
+                name,
+                one.kind.replace("_", " "),
+                QUESTION_FILE,
+                how=f"{NOT_CHECKED}: asked for, not answered in this run",
+            )
     if result.noise is None:
         yield Row(NOISE_SOURCE, how=NOT_CHECKED)
     else:
         moves = [f"± {fixed(result.noise.answer_std[p.name], 2)}" for p in shown]
         seeds = plural(len(result.noise.seeds), "jitter seed")
-        yield Row(NOISE_SOURCE, f"spacing {result.spacing_m:g} m", "settings", moves,
-                  f"{seeds}, solved again")  # fmt: skip
+        yield Row(
+            NOISE_SOURCE,
+            f"spacing {result.spacing_m:g} m",
+            "settings",
+            moves,
+            f"{seeds}, solved again",
+        )
 
 
 def _model(data: BackAnalysisData) -> Iterator[Row]:
@@ -326,8 +360,12 @@ def _model(data: BackAnalysisData) -> Iterator[Row]:
     if found is not None:
         how = f"diagnosis, {found.verdict.replace('_', ' ')}: {found.sentence}"
     space = "" if solid else "plane strain; "
-    yield Row("the model lacks nothing", f"{space}S_r constant from the first moment",
-              data.result.engine, how=how)  # fmt: skip
+    yield Row(
+        "the model lacks nothing",
+        f"{space}S_r constant from the first moment",
+        data.result.engine,
+        how=how,
+    )
 
 
 # --- a diagnosis ---
@@ -341,14 +379,21 @@ def diagnosis_checklist(data: DiagnosisData) -> Table:
     known = [p for p in data.parameters if p.name in data.hidden]
     shown = ([p for p in known if p.strength] or known)[:MOST_STRENGTHS]
     rows = [
-        *(Row(p.words, with_unit(f"sought from {p.low:g} to {p.high:g}", p.unit), QUESTION_FILE,
-              how="fitted to all measurements together") for p in data.parameters),
+        *(
+            Row(
+                p.words,
+                with_unit(f"sought from {p.low:g} to {p.high:g}", p.unit),
+                QUESTION_FILE,
+                how="fitted to all measurements together",
+            )
+            for p in data.parameters
+        ),
         *_groups(data, verdict),
         *_covariance(verdict),
         *_families(data, verdict, [p.name for p in shown]),
         *_left_out(data, verdict),
         *_judges(verdict),
-    ]  # fmt: skip
+    ]
     return _table("tested against", "could hide in the answer", [p.words for p in shown], rows)
 
 
@@ -424,16 +469,22 @@ def _left_out(data: DiagnosisData, verdict: Verdict) -> Iterator[Row]:
         if one not in idle:
             yield Row(f"without {spoken(one.name)}", how=f"{NOT_CHECKED}: {one.left_out}")
     if verdict.runs.cut_short:
-        yield Row("steps of the search", ", ".join(verdict.runs.cut_short),
-                  how=f"{NOT_CHECKED}: the run budget was exhausted")  # fmt: skip
+        yield Row(
+            "steps of the search",
+            ", ".join(verdict.runs.cut_short),
+            how=f"{NOT_CHECKED}: the run budget was exhausted",
+        )
 
 
 def _judges(verdict: Verdict) -> Iterator[Row]:
     final = verdict.final.held_out
     if final.n:
-        yield Row("prediction of data that no fit has seen", plural(final.n, "number"),
-                  how=f"held out: chi² {number(final.chi2)}, noise {final.n}"
-                  + ("" if final.p is None else f", {chance(final.p)}"))  # fmt: skip
+        yield Row(
+            "prediction of data that no fit has seen",
+            plural(final.n, "number"),
+            how=f"held out: chi² {number(final.chi2)}, noise {final.n}"
+            + ("" if final.p is None else f", {chance(final.p)}"),
+        )
     else:
         yield Row(
             "prediction of data that no fit has seen", how=f"{NOT_CHECKED}: none was held out"
@@ -442,6 +493,9 @@ def _judges(verdict: Verdict) -> Iterator[Row]:
     if check is None:
         yield Row("another section or event", how=f"{NOT_CHECKED}: none was given")
     else:
-        yield Row("another section or event", spoken(check.case),
-                  how=f"chi² {number(check.chi2_final)} of {plural(check.n, 'number')}, "
-                  f"{number(check.chi2_base)} without the effects")  # fmt: skip
+        yield Row(
+            "another section or event",
+            spoken(check.case),
+            how=f"chi² {number(check.chi2_final)} of {plural(check.n, 'number')}, "
+            f"{number(check.chi2_base)} without the effects",
+        )

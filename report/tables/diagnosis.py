@@ -111,9 +111,11 @@ def parameters_table(data: DiagnosisData) -> Table:
         wide = [stage.std_assumed.get(p.name) for _, stage in data.stages]
         if any(wide):
             rows.append(
-                ["std with what is assumed of soils, section and survey",
-                 *(None if std is None else with_unit(std, p.unit, 2) for std in wide)]
-            )  # fmt: skip
+                [
+                    "std with what is assumed of soils, section and survey",
+                    *(None if std is None else with_unit(std, p.unit, 2) for std in wide),
+                ]
+            )
         if data.verdict is not None and p.name in data.verdict.quoted:
             empty = [""] * (len(data.stages) - 1)
             rows.append(["quoted", *empty, quoted_value(data.verdict, p.name, p.unit)])
@@ -124,10 +126,14 @@ def tests_table(data: DiagnosisData) -> Table:
     """The tests of adequacy, before and after."""
     after = {} if data.final is None else {test.name: test for test in data.final.tests}
     rows = [
-        [test_words(test.name), number(test.statistic), chance(test.p),
-         chance(after[test.name].p) if test.name in after else None]
+        [
+            test_words(test.name),
+            number(test.statistic),
+            chance(test.p),
+            chance(after[test.name].p) if test.name in after else None,
+        ]
         for test in data.base.tests
-    ]  # fmt: skip
+    ]
     together = None if data.final is None else chance(data.final.p_combined)
     if rows:
         rows.append(["all together", None, chance(data.base.p_combined), together])
@@ -138,10 +144,15 @@ def groups_table(data: DiagnosisData) -> Table:
     """The misfit by measurement, before and after."""
     after = {} if data.final is None else {group.name: group for group in data.final.groups}
     rows = [
-        [g.name, g.n, number(g.expected), number(g.chi2),
-         number(after[g.name].chi2) if g.name in after else None]
+        [
+            g.name,
+            g.n,
+            number(g.expected),
+            number(g.chi2),
+            number(after[g.name].chi2) if g.name in after else None,
+        ]
         for g in data.base.groups
-    ]  # fmt: skip
+    ]
     header = ["measurement", "numbers", "chi² of noise", "base model", "after"]
     return Table(header, rows, "Squared residuals by measurement")
 
@@ -149,16 +160,32 @@ def groups_table(data: DiagnosisData) -> Table:
 def candidates_table(data: DiagnosisData) -> Table:
     """Every candidate with its score."""
     rows = [
-        [spoken(c.name), c.words, c.family, _short(c.z), _short(c.expected_drop),
-         None if c.p_family is None else chance(c.p_family),
-         None if c.amplitude_by_score is None else with_unit(c.amplitude_by_score, c.unit),
-         None if c.smallest_detectable is None else with_unit(c.smallest_detectable, c.unit),
-         None if c.visible_fraction is None else percent(c.visible_fraction),
-         {True: "yes", False: "no", None: None}[c.resolved]]
+        [
+            spoken(c.name),
+            c.words,
+            c.family,
+            _short(c.z),
+            _short(c.expected_drop),
+            None if c.p_family is None else chance(c.p_family),
+            None if c.amplitude_by_score is None else with_unit(c.amplitude_by_score, c.unit),
+            None if c.smallest_detectable is None else with_unit(c.smallest_detectable, c.unit),
+            None if c.visible_fraction is None else percent(c.visible_fraction),
+            {True: "yes", False: "no", None: None}[c.resolved],
+        ]
         for c in data.candidates
-    ]  # fmt: skip
-    header = ["effect", "what it is", "family", "z", "expected fall", "chance of noise",
-              "amplitude by score", "smallest detectable", "visible", "resolved"]  # fmt: skip
+    ]
+    header = [
+        "effect",
+        "what it is",
+        "family",
+        "z",
+        "expected fall",
+        "chance of noise",
+        "amplitude by score",
+        "smallest detectable",
+        "visible",
+        "resolved",
+    ]
     return Table(header, rows, "Scores")
 
 
@@ -168,17 +195,32 @@ def refits_table(data: DiagnosisData) -> Table:
     for c in data.candidates:
         if (r := c.refit) is None:
             continue
-        values = ", ".join(with_unit(r.values[p.name], p.unit) for p in data.parameters
-                           if p.name in r.values)  # fmt: skip
+        values = ", ".join(
+            with_unit(r.values[p.name], p.unit) for p in data.parameters if p.name in r.values
+        )
         rows.append(
-            [spoken(c.name), plus_minus(r.amplitude, r.std, c.unit), number(c.expected_drop or 0),
-             number(r.drop), _short(r.held_out_chi2), number(r.ln_evidence), values,
-             "accepted" if r.accepted else r.why_not]
-        )  # fmt: skip
+            [
+                spoken(c.name),
+                plus_minus(r.amplitude, r.std, c.unit),
+                number(c.expected_drop or 0),
+                number(r.drop),
+                _short(r.held_out_chi2),
+                number(r.ln_evidence),
+                values,
+                "accepted" if r.accepted else r.why_not,
+            ]
+        )
     before = number(data.base.held_out.chi2)
-    header = ["effect", "amplitude", "expected fall", "achieved fall",
-              f"held-out chi² ({before} before)", "ln evidence gained",
-              " / ".join(p.words for p in data.parameters), ""]  # fmt: skip
+    header = [
+        "effect",
+        "amplitude",
+        "expected fall",
+        "achieved fall",
+        f"held-out chi² ({before} before)",
+        "ln evidence gained",
+        " / ".join(p.words for p in data.parameters),
+        "",
+    ]
     return Table(header, rows, "Refitted")
 
 
@@ -192,10 +234,14 @@ def effects_table(data: DiagnosisData) -> Table:
     """The effects of the answer."""
     effects = [] if data.verdict is None else data.verdict.answer.effects
     rows = [
-        [spoken(one.name), plus_minus(one.amplitude, one.std, one.unit),
-         " to ".join(map(number, one.interval_95)), one.words]
+        [
+            spoken(one.name),
+            plus_minus(one.amplitude, one.std, one.unit),
+            " to ".join(map(number, one.interval_95)),
+            one.words,
+        ]
         for one in effects
-    ]  # fmt: skip
+    ]
     return Table(["effect", "amplitude", "95 %", "what it is"], rows)
 
 
@@ -236,10 +282,11 @@ def hidden_table(data: DiagnosisData) -> Table:
         if c is not None and c.smallest_detectable is not None:
             least = with_unit(c.smallest_detectable, c.unit)
         changes = [
-            None if data.hidden[p.name].get(name) is None
+            None
+            if data.hidden[p.name].get(name) is None
             else signed_percent(data.hidden[p.name][name])
             for p in shifted
-        ]  # fmt: skip
+        ]
         rows.append([spoken(name), least, *changes])
     return Table(["effect", "smallest detectable", *(p.words for p in shifted)], rows)
 
@@ -247,23 +294,45 @@ def hidden_table(data: DiagnosisData) -> Table:
 def measurements_table(lines: Sequence[MeasurementVerdict]) -> Table:
     """Every number, measured and modelled."""
     rows = [
-        [m.name, m.role, "< " * m.censored + with_unit(fixed(m.measured, 2), m.unit),
-         fixed(m.std_total, 2), fixed(m.std_survey, 2), fixed(m.predicted_base, 2),
-         signed(m.residual_base), fixed(m.predicted_final, 2), signed(m.residual_final)]
+        [
+            m.name,
+            m.role,
+            "< " * m.censored + with_unit(fixed(m.measured, 2), m.unit),
+            fixed(m.std_total, 2),
+            fixed(m.std_survey, 2),
+            fixed(m.predicted_base, 2),
+            signed(m.residual_base),
+            fixed(m.predicted_final, 2),
+            signed(m.residual_final),
+        ]
         for m in lines
-    ]  # fmt: skip
-    header = ["number", "role", "measured", "std, total", "of which survey", "base model",
-              "residual (std)", "after", "residual after (std)"]  # fmt: skip
+    ]
+    header = [
+        "number",
+        "role",
+        "measured",
+        "std, total",
+        "of which survey",
+        "base model",
+        "residual (std)",
+        "after",
+        "residual after (std)",
+    ]
     return Table(header, rows)
 
 
 def singles_table(data: DiagnosisData) -> Table:
     """Single numbers: measured, before, after."""
     rows = [
-        [m.name, m.role, "< " * m.censored + plus_minus(m.measured, m.std_total, m.unit),
-         fixed(m.predicted_base, 2), None if data.final is None else fixed(m.predicted_final, 2)]
+        [
+            m.name,
+            m.role,
+            "< " * m.censored + plus_minus(m.measured, m.std_total, m.unit),
+            fixed(m.predicted_base, 2),
+            None if data.final is None else fixed(m.predicted_final, 2),
+        ]
         for m in data.singles
-    ]  # fmt: skip
+    ]
     return Table(["measurement", "role", "measured ± std", "base model", "after"], rows)
 
 
@@ -281,19 +350,35 @@ def steps_table(
             f"{spoken(n)} {plus_minus(v, step.std.get(n, 0.0))}" for n, v in step.values.items()
         )
         rows.append(
-            [step.hypothesis, step_words(place, steps, by_hand), effects or None, values,
-             f"{number(step.chi2)} / {step.dof}", held, _short(step.ln_evidence),
-             notes[place] if notes else step.note]
-        )  # fmt: skip
-    header = ["model", "step", "effects", "parameters", "chi² / degrees of freedom",
-              "held-out chi² / numbers", "ln evidence", "note"]  # fmt: skip
+            [
+                step.hypothesis,
+                step_words(place, steps, by_hand),
+                effects or None,
+                values,
+                f"{number(step.chi2)} / {step.dof}",
+                held,
+                _short(step.ln_evidence),
+                notes[place] if notes else step.note,
+            ]
+        )
+    header = [
+        "model",
+        "step",
+        "effects",
+        "parameters",
+        "chi² / degrees of freedom",
+        "held-out chi² / numbers",
+        "ln evidence",
+        "note",
+    ]
     return Table(header, rows)
 
 
 def next_table(entries: Sequence[NextMeasurement]) -> Table:
     """Measurements that would best distinguish the remaining explanations."""
-    rows = [[n.words or n.name, number(n.gain), f"{math.sqrt(max(n.gain, 0.0)):.1f}"]
-            for n in entries]  # fmt: skip
+    rows = [
+        [n.words or n.name, number(n.gain), f"{math.sqrt(max(n.gain, 0.0)):.1f}"] for n in entries
+    ]
     return Table(["measure next", "gain", "expected separation (std)"], rows)
 
 

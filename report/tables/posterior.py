@@ -34,8 +34,16 @@ def parameter_table(document: PosteriorDocument) -> Table:
         ]
         for one in document.parameters
     ]
-    header = ["after the data", "mean", "median", "50 %", "95 %", "S_r/σ'_v0", "95 % of it",
-              "variance that went"]  # fmt: skip
+    header = [
+        "after the data",
+        "mean",
+        "median",
+        "50 %",
+        "95 %",
+        "S_r/σ'_v0",
+        "95 % of it",
+        "variance that went",
+    ]
     return Table(header, rows)
 
 
@@ -92,8 +100,16 @@ def predicted_table(document: PosteriorDocument) -> Table:
         ]
         for name, own in of_maps(document).items()
     ]
-    header = ["number", "role", "measured", "std", "predicted", "95 %", "before the data",
-              "predicted minus measured, in std"]  # fmt: skip
+    header = [
+        "number",
+        "role",
+        "measured",
+        "std",
+        "predicted",
+        "95 %",
+        "before the data",
+        "predicted minus measured, in std",
+    ]
     return Table(header, rows)
 
 
@@ -102,12 +118,15 @@ def share_tables(document: PosteriorDocument) -> list[Table]:
     return [
         Table(
             ["input", "first order", "total"],
-            [[share.name, percent(share.first), percent(share.total)] for share in one.sobol
-             if max(share.first, share.total) >= LEAST_SHARE],
+            [
+                [share.name, percent(share.first), percent(share.total)]
+                for share in one.sobol
+                if max(share.first, share.total) >= LEAST_SHARE
+            ],
             f"what moves {one.label}: shares of its posterior variance",
         )
         for one in document.parameters
-    ]  # fmt: skip
+    ]
 
 
 def nuisance_table(document: PosteriorDocument) -> Table:
@@ -123,16 +142,23 @@ def unknown_table(document: PosteriorDocument) -> Table:
 def emulator_table(document: PosteriorDocument) -> Table:
     """How good the emulator is."""
     rows = [
-        [f"{one.name} ({unit_of(one.unit)})", fixed(one.left_out_std, 2),
-         signed(one.correction, 2), fixed(one.correction_std, 2)]
+        [
+            f"{one.name} ({unit_of(one.unit)})",
+            fixed(one.left_out_std, 2),
+            signed(one.correction, 2),
+            fixed(one.correction_std, 2),
+        ]
         for one in named(document)
-    ]  # fmt: skip
+    ]
     rows += [
-        [_map_name(name, own), fixed(_rms(one.left_out_std for one in own), 2),
-         fixed(_rms(one.correction for one in own), 2),
-         fixed(_rms(one.correction_std for one in own), 2)]
+        [
+            _map_name(name, own),
+            fixed(_rms(one.left_out_std for one in own), 2),
+            fixed(_rms(one.correction for one in own), 2),
+            fixed(_rms(one.correction_std for one in own), 2),
+        ]
         for name, own in of_maps(document).items()
-    ]  # fmt: skip
+    ]
     header = ["number", "error of the emulator, left out", "fine less coarse", "scatter of it"]
     return Table(header, rows)
 
@@ -150,17 +176,24 @@ def other_ways_table(document: PosteriorDocument) -> Table:
     ]
     headings = [_map_name(name, own) for name, own in maps.items()]
     return Table(
-        ["simulated otherwise", *names, *headings], rows,
+        ["simulated otherwise", *names, *headings],
+        rows,
         "change of the numbers: errors of the model",
-    )  # fmt: skip
+    )
 
 
 _HEADER = ["unknown", "prior", "before", "after", "95 % after", "variance that went"]
 
 
 def _before_after(one: UnknownAnswer) -> list[str]:
-    return [one.label, one.prior, _mean(one.before), _mean(one.after),
-            _range(one.after.interval_95), percent(one.narrowed)]  # fmt: skip
+    return [
+        one.label,
+        one.prior,
+        _mean(one.before),
+        _mean(one.after),
+        _range(one.after.interval_95),
+        percent(one.narrowed),
+    ]
 
 
 def _mean(one: Spread) -> str:

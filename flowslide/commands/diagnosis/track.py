@@ -33,8 +33,10 @@ def run(arguments: argparse.Namespace) -> None:
     print(steps_table(track.steps, track.by_hand, track.notes).text())
     for name in hypothesis_files(session.folder):
         if not kept_step(session.folder, name):
-            print(f"\n{name}: not judged yet: flowslide diagnose compare {session.case.folder} "
-                  f"--hypothesis {name}")  # fmt: skip
+            print(
+                f"\n{name}: not judged yet: flowslide diagnose compare {session.case.folder} "
+                f"--hypothesis {name}"
+            )
     write_page_of_track(arguments, session)
 
 

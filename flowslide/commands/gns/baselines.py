@@ -43,8 +43,10 @@ def run(arguments: argparse.Namespace) -> None:
         for name, members in groups.items():
             numbers = summary(members)
             rows = rows or [["baseline", "template", *numbers]]
-            cells = [f"{value:.0f}" if key == "runs" else f"{value:.2f}"
-                     for key, value in numbers.items()]  # fmt: skip
+            cells = [
+                f"{value:.0f}" if key == "runs" else f"{value:.2f}"
+                for key, value in numbers.items()
+            ]
             rows.append([baseline.name if name == "all" else "", name, *cells])
     print(f"{folder}, split {arguments.split}: median errors of the runout, and the 90 % quantile;")
     print(f"fitted to {len(train.runs)} training runs")

@@ -233,9 +233,11 @@ def _print(result: Accuracy) -> None:
         f"single steps, in spacings: {_cell(result.one_step_error_spacings)}; constant velocity: "
         f"{_cell(result.constant_velocity_error_spacings)}"
     )
-    mpm = "" if result.mpm_seconds_a_run is None else (
-        f"; the material point method: {result.mpm_seconds_a_run:.2f} s"
-    )  # fmt: skip
+    mpm = (
+        ""
+        if result.mpm_seconds_a_run is None
+        else (f"; the material point method: {result.mpm_seconds_a_run:.2f} s")
+    )
     print(f"a rollout takes {result.seconds_a_run:.2f} s (median){mpm}")
 
 

@@ -76,8 +76,18 @@ def _table(runs: Sequence[RunSummary]) -> str:
     """The runs as text, columns aligned."""
     from pipeline.table import aligned
 
-    heading = ["run", "scene", "points", "steps", "motion s", "wall s", "Mps/s", "left m",
-               "right m", "status"]  # fmt: skip
+    heading = [
+        "run",
+        "scene",
+        "points",
+        "steps",
+        "motion s",
+        "wall s",
+        "Mps/s",
+        "left m",
+        "right m",
+        "status",
+    ]
     rows = [
         [
             str(run.index),

@@ -59,11 +59,29 @@ from mpm_taichi.solver.transfer import mass_weights
 
 _F32 = ti.f32
 PointView = ti.types.struct(
-    x=_F32, y=_F32, x0=_F32, y0=_F32, vx=_F32, vy=_F32, speed=_F32, time=_F32, strain=_F32,
-    strain_rate=_F32, opening=_F32, pressure=_F32, overburden=_F32, mean_overburden=_F32,
-    liquefied=_F32, friction=_F32, cohesion=_F32, vertical=_F32, plane_pressure=_F32, cell=_F32,
-    memory=_F32, field=_F32,
-)  # fmt: skip
+    x=_F32,
+    y=_F32,
+    x0=_F32,
+    y0=_F32,
+    vx=_F32,
+    vy=_F32,
+    speed=_F32,
+    time=_F32,
+    strain=_F32,
+    strain_rate=_F32,
+    opening=_F32,
+    pressure=_F32,
+    overburden=_F32,
+    mean_overburden=_F32,
+    liquefied=_F32,
+    friction=_F32,
+    cohesion=_F32,
+    vertical=_F32,
+    plane_pressure=_F32,
+    cell=_F32,
+    memory=_F32,
+    field=_F32,
+)
 NodeView = ti.types.struct(x=_F32, y=_F32, time=_F32, cell=_F32)
 Soil = ti.types.struct(friction=_F32, cohesion=_F32, cap=_F32)
 Base = ti.types.struct(friction=_F32, adhesion=_F32)
