@@ -355,32 +355,13 @@ def _median(values: list[float]) -> str:
 
 def page(done: list[Record]) -> str:
     """The generated part of the page."""
-    rows = []
-    for one in sorted(done, key=lambda one: one["width"]):
-        fitted = one["flanks"]["side_shear"]
-        rows.append([
-            one["section"].replace("_", " "), one["survey"], f"{one['width']:.1f}",
-            f"{one['toe_m']['slide']:.1f}", f"{one['toe_m']['twin']:.1f}",
-            one["verdict"].replace("_", " "), " + ".join(one["named"]) or "-",
-            f"{one['true']['residual_strength']:.1f}",
-            f"{strength(one['twin']['values']):.1f}",
-            f"{strength(one['base']['values']):.1f} ± {strength(one['base']['std']):.1f}",
-            f"{1 / one['width']:.3f}", f"{fitted['amplitude']:.3f}",
-            *(f"{one['imitated'][name]:.3f}" if name in one["imitated"] else "-"
-              for name in FLANKS),
-        ])  # fmt: skip
-    header = [
-        "section", "survey", "B / H", "toe (m)", "twin (m)", "verdict", "named", "S_r, true",
-        "of the twin", "of the slide", "H / B", "`side_shear` fitted",
-        *(f"`{name}`, S_r known" for name in FLANKS),
-    ]  # fmt: skip
     return "\n\n".join([
         f"{len(done)} slides, the truth of {sum('sealed' in one for one in done)} sealed. Medians, "
         "with the smallest and the largest; shares with their 95 % intervals.",
         figures(done),
         "![H over B of the effects over the true one; toe and S_r over those of plane twins]"
         f"(../images/{PICTURE.name})",
-        "### Every slide", table(header, rows),
+        "Slide by slide: `benchmarks/studies/slide_widths.json`.",
     ])  # fmt: skip
 
 
