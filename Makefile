@@ -82,7 +82,7 @@ format: $(READY)
 
 install: $(READY)
 
-$(READY): PACKAGES := 139
+$(READY): PACKAGES := 147
 $(LSFD_READY): PACKAGES := 80
 $(LSFD_READY): EXTRAS := $(LSFD_EXTRAS)
 $(READY) $(LSFD_READY): pyproject.toml constraints.txt

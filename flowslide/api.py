@@ -146,7 +146,7 @@ def simulate(
     """Simulate the section of a case by the material point method, and read what was measured.
 
     Args:
-        case: with a section and measurements.
+        case: with a section; what was measured is compared, where there is something.
         out: folder of `runout.png`, `observables.csv` and the film; None: nothing is written.
         film: what kind of film is written to `out`.
         strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
@@ -164,7 +164,7 @@ def simulate(
     with own.own_code(), ExitStack() as held:
         found = own.case(case)
         found = found if measurement_set is None else found.with_set(measurement_set)
-        found = found.with_set(None).resolved(spacing_m=spacing_m)
+        found = found.resolved(spacing_m=spacing_m)
         found = found.changed(water=water, strengths=strengths_kpa)
         if out is not None:
             _ready(Path(out), film)

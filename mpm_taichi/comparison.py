@@ -19,7 +19,9 @@ import numpy as np
 
 from geometry.case import Case
 from geometry.scenes.scene import Material
+from geometry.survey.columns import SIDES, Side
 from geometry.survey.measured import Deposit, Measured
+from geometry.survey.toe_runout import toe_runout
 from mpm_taichi.effects import effects_on
 from mpm_taichi.trajectory import Run
 from pipeline.cli import WorkFailed
@@ -115,7 +117,8 @@ def simulate_case(
 def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading]:
     """Everything that was measured and not constructed, read at the end and at the start of a run.
 
-    What was constructed is read too where it is a number, so that it can be shown.
+    What was constructed is read too where it is a number, so that it can be shown. Where nothing
+    was measured both toes are read.
 
     Args:
         case: that was simulated.
@@ -124,6 +127,10 @@ def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading
     """
     end, start = _deposit(case, run), _deposit(case, run, moved=False) if at_start else None
     readings = []
+    if not case.measured:
+        for side in SIDES:
+            runouts = (math.nan if one is None else _runout(one, side) for one in (end, start))
+            readings.append(Reading(side, "toe_runout", *runouts))
     for measurement in case.measured:
         if measurement.as_one:
             if not measurement.constructed:
@@ -150,6 +157,17 @@ def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading
             eye_before = math.nan if start is None else measurement.by_eye(start)
             readings.append(Reading(name, BY_EYE, by_eye, eye_before))
     return readings
+
+
+def _runout(deposit: Deposit, side: Side) -> float:
+    """How far the toe ran on a side [m]."""
+    return toe_runout(
+        deposit.position,
+        deposit.volume,
+        spacing=deposit.spacing,
+        side=side,
+        initial_toe=deposit.foot[side],
+    )
 
 
 def _observed(measurement: Measured, deposit: Deposit | None) -> np.ndarray:
@@ -223,7 +241,9 @@ def table(case: Case, readings: list[Reading]) -> str:
     for reading in readings:
         m = reading.measurement
         known = ["", "", ""]
-        trust = "not what a survey reads: the outermost connected point"
+        trust = "not measured"
+        if reading.type == BY_EYE:
+            trust = "not what a survey reads: the outermost connected point"
         if m is not None:
             measured = ""
             if reading.measured is not None:

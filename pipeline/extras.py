@@ -15,7 +15,7 @@ MODULES = {
     "learned": ("torch",),
     "posterior": ("dynesty", "h5netcdf", "xarray"),
     "studio": ("ruamel", "starlette", "uvicorn", "websockets"),
-    "terrain": ("rasterio",),
+    "terrain": ("pyproj", "rasterio"),
     "video": ("imageio_ffmpeg",),
 }
 

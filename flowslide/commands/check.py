@@ -18,6 +18,9 @@ DESCRIPTION = (
     "is not valid ends the command with one line and exit code 2."
 )
 
+#: Share by which the volume of points may differ from that of the rasters without a remark.
+SAME_VOLUME = 0.02
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
@@ -58,11 +61,15 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.quiet:
             continue
         if number == 0:
-            print(f"{'scene':<24}{'zones':>6}{'points':>8}{'area m2':>10}{'filled':>9}{'draws':>7}")
+            print(
+                f"{'scene':<24}{'zones':>6}{'points':>8}{'size m':>14}"
+                f"{'area m2':>10}{'filled':>9}{'draws':>7}"
+            )
         drawn = scene.origin.draws if scene.origin else "-"
         filled = f"{100.0 * (1.0 + missed):.2f} %"
         print(
-            f"{scene.name:<24}{len(scene.zones):>6}{len(points):>8}{area:>10.1f}{filled:>9}{drawn:>7}"
+            f"{scene.name:<24}{len(scene.zones):>6}{len(points):>8}{_size(scene):>14}"
+            f"{area:>10.1f}{filled:>9}{drawn:>7}"
         )
         print_gaps(scene)
         print_faces(scene)
@@ -76,7 +83,15 @@ def run(arguments: argparse.Namespace) -> None:
     )
 
 
+def _size(scene: Scene) -> str:
+    """Length and height of the zones [m]."""
+    x = [x for zone in scene.zones for x, _ in zone.polygon]
+    low, high = scene.extent
+    return f"{max(x) - min(x):.4g} x {high - low:.4g}"
+
+
 def _check_3d(text: str) -> None:
+    from geometry.scenes3d.fill3d import drawn_volume
     from geometry.scenes3d.scene3d import load_scene_3d
     from geometry.survey3d.survey import FILE_NAME, load_survey
     from mpm_taichi.solver3d.problem import problem_of
@@ -88,6 +103,13 @@ def _check_3d(text: str) -> None:
         f"{problem.name}: three-dimensional, {len(problem.position)} points, "
         f"{problem.volume.sum():.4g} m3, {x_max - x_min:g} x {y_max - y_min:g} m in plan"
     )
+    if scene.ground is not None:
+        drawn = drawn_volume(scene)
+        apart = problem.volume.sum() / drawn - 1.0
+        print(
+            f"  {drawn:.4g} m3 between the rasters; the points hold {100.0 * apart:+.1f} %"
+            + ("; a smaller spacing comes nearer" if abs(apart) > SAME_VOLUME else "")
+        )
     folder = Path(text) if Path(text).is_dir() else Path(text).parent
     if (folder / FILE_NAME).is_file():
         _print_measurements(load_survey(folder, scene))

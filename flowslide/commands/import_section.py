@@ -27,14 +27,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read the section, write the scene."""
-    from geometry.scenes.drawings import read_materials, read_section, section_scene
+    from geometry.scenes.drawings import (
+        read_materials,
+        read_section,
+        reading,
+        section_scene,
+    )
     from geometry.scenes.fill import fill
     from geometry.scenes.scene import save_scene
 
     if Path(arguments.out).suffix.lower() not in (".json", ".yaml", ".yml"):
         raise InputError(f"--out {arguments.out}: scene files end in .yaml or .json")
+    section = read_section(arguments.section)
+    for line in reading(section, arguments.unit):
+        print(line)
     scene = section_scene(
-        read_section(arguments.section),
+        section,
         source=arguments.section,
         name=arguments.name or Path(arguments.section).stem,
         spacing=arguments.spacing or 1.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 
 from flowslide.commands import options
 from flowslide.commands.check import print_faces
@@ -77,12 +78,15 @@ def run(arguments: argparse.Namespace) -> None:
         ),
     )
     folder = made.folder
+    for line in made.read:
+        print(line)
     ran = ", ".join(f"{r.side} {r.value_m:g} +- {r.std_m:.2g} m" for r in made.runouts)
     print(f"wrote {folder}: {len(made.scene.zones)} zones; runout {ran}")
     print_faces(made.scene)
     print("It works as it is; lines with FILL IN wait for what only you know. Next:")
-    print(f"  flowslide check {folder}")
-    print(f"  flowslide show {folder} --out {folder.name}.png")
-    print(f"  flowslide invert {folder} --quick")
+    typed = shlex.quote(str(folder))
+    print(f"  flowslide check {typed}")
+    print(f"  flowslide show {typed} --out {folder.name}.png")
+    print(f"  flowslide invert {typed} --quick")
     if folder.resolve().parent == Path(CASES).resolve():
         print(f"  snakemake -c 2 answer_{folder.name}")

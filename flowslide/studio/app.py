@@ -28,7 +28,7 @@ from flowslide.studio.jobs import KINDS, Jobs
 from flowslide.studio.live import Asked, Live, question
 from flowslide.studio.security import Guard
 from flowslide.studio.workspace import Workspace
-from geometry.scenes.drawings import FORMATS, read_section, section_document
+from geometry.scenes.drawings import FORMATS, read_section, reading, section_document
 from geometry.scenes.scene import checked_document
 from pipeline import __version__
 from pipeline.cli import InputError, WorkFailed
@@ -193,8 +193,7 @@ class _Studio:
         name = Path(request.query_params.get("name", "")).name or "drawing"
         content = await _bytes(request)
         unit = request.query_params.get("unit") or None
-        scene = await run_in_threadpool(_drawn, name, content, unit)
-        return JSONResponse({"scene": scene})
+        return JSONResponse(await run_in_threadpool(_drawn, name, content, unit))
 
     # --- jobs ---
 
@@ -312,7 +311,9 @@ def _drawn(name: str, content: bytes, unit: str | None) -> dict[str, Any]:
         path = Path(folder) / name
         path.write_bytes(content)
         try:
-            return section_document(read_section(path), source=name, name=path.stem, unit=unit)
+            section = read_section(path)
+            scene = section_document(section, source=name, name=path.stem, unit=unit)
+            return {"scene": scene, "read": reading(section, unit)}
         except InputError as error:
             raise InputError(str(error).replace(f"{folder}/", "")) from None
 

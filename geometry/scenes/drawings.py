@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from geometry.scenes.dxf_drawings import read_dxf
 from geometry.scenes.flac_grids import read_grid
 from geometry.scenes.scene import Material, Scene, scene_from_mapping
 from pipeline.cli import InputError
-from pipeline.extras import require
 from pipeline.files import read_json, read_yaml
 
 Point = tuple[float, float]
@@ -26,8 +26,6 @@ GROUND, WATER = "ground", "water"
 #: Metres in a unit of length.
 UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 0.1, "km": 1e3,
          "ft": 0.3048, "in": 0.0254, "yd": 0.9144, "us_ft": 1200.0 / 3937.0}  # fmt: skip
-#: DXF header code $INSUNITS -> unit; 0 is none.
-DXF_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm", 21: "us_ft"}
 FORMATS = (".csv", ".geojson", ".json", ".dxf", ".f2grid")
 MATERIAL_FIELDS = tuple(name for name in Material.model_fields if name != "pre_failure")
 
@@ -43,6 +41,8 @@ class Section:
     water: list[Point] | None = None
     unit: str | None = None
     """Unit that the file itself names: one of UNITS, or what it says."""
+    left_out: list[str] = field(default_factory=list)
+    """What the file holds beside: kind, layer and reason, a line each."""
 
 
 def read_section(path: str | Path, kind: str | None = None) -> Section:
@@ -65,8 +65,37 @@ def read_section(path: str | Path, kind: str | None = None) -> Section:
     reader = readers.get(suffix, _read_geojson)
     section = reader(path)
     if not section.zones:
-        raise InputError(f"{path}: no closed outline was found, so there is no zone")
+        lines = [f"an open line {name!r}" for name in (GROUND, WATER) if getattr(section, name)]
+        seen = ", ".join([*lines, *section.left_out]) or "nothing"
+        raise InputError(f"{path}: no closed outline was found, so there is no zone; found: {seen}")
     return section
+
+
+def reading(section: Section, unit: str | None = None) -> list[str]:
+    """What was read of a drawing, a line each: its size, its unit, what was left out.
+
+    Args:
+        section: from `read_section`.
+        unit: as for `section_scene`.
+    """
+    factor = _factor(section, unit, "the drawing")
+    x, y = (
+        [factor * point[k] for ring in section.zones.values() for point in ring] for k in (0, 1)
+    )
+    taken = unit or section.unit or "m"
+    source = "as given" if unit else "as the file says" if section.unit else "the file names none"
+    lines = [
+        f"read {len(section.zones)} zones, {max(x) - min(x):.4g} m long and "
+        f"{max(y) - min(y):.4g} m high (x {min(x):g} to {max(x):g}, y {min(y):g} to {max(y):g} m); "
+        f"unit {taken}, {source}"
+        + ("; --unit m if it was drawn in metres" if not unit and taken != "m" else "")
+    ]
+    lines += [
+        f"read the line {name}, x {factor * line[0][0]:g} to {factor * line[-1][0]:g} m"
+        for name, line in ((GROUND, section.ground), (WATER, section.water))
+        if line
+    ]
+    return lines + [f"left out: {entry}" for entry in section.left_out]
 
 
 def section_scene(
@@ -121,20 +150,19 @@ def section_document(
 
     Strengths, spacing, domain and base may be missing.
     """
-    factor = UNITS.get(unit or section.unit or "m")
-    if factor is None:
-        raise InputError(
-            f"{source}: states its unit of length as {section.unit}, which is none of "
-            f"{', '.join(UNITS)}; give the unit (--unit)"
-        )
+    factor = _factor(section, unit, source)
     snapped = _Snap(snap)
     zones = {
         zone: [snapped((factor * x, factor * y)) for x, y in ring]
         for zone, ring in section.zones.items()
     }
     chosen, definitions = _materials(section, materials or {}, source)
-    ground = _scaled(section.ground, factor)
-    water = _scaled(section.water, factor)
+    ground, water = (
+        None
+        if line is None
+        else _ascending([(factor * x, factor * y) for x, y in line], name, source)
+        for name, line in ((GROUND, section.ground), (WATER, section.water))
+    )
     return {
         "name": name,
         "description": f"Imported from {Path(source).name}.",
@@ -274,8 +302,38 @@ class _Snap:
         return point
 
 
-def _scaled(line: list[Point] | None, factor: float) -> list[Point] | None:
-    return None if line is None else sorted((factor * x, factor * y) for x, y in line)
+def _factor(section: Section, unit: str | None, source: str) -> float:
+    """Metres in the unit of a drawing."""
+    factor = UNITS.get(unit or section.unit or "m")
+    if factor is None:
+        raise InputError(
+            f"{source}: states its unit of length as {section.unit}, which is none of "
+            f"{', '.join(UNITS)}; give the unit (--unit)"
+        )
+    return factor
+
+
+def _ascending(line: list[Point], name: str, source: str) -> list[Point]:
+    """A line from left to right; one that was drawn from right to left is turned round as a whole.
+
+    Raises:
+        InputError: it turns back or rises vertically: the order of its points is part of a drawing.
+    """
+    line = [point for point, before in zip(line, [None, *line], strict=False) if point != before]
+    if line[0][0] > line[-1][0]:
+        line = line[::-1]
+    for (x, y), (x1, y1) in zip(line, line[1:], strict=False):
+        if x1 < x:
+            raise InputError(
+                f"{source}: the line {name!r} turns back from ({x:g}, {y:g}) to ({x1:g}, {y1:g}) "
+                "m; it goes from left to right, without an overhang"
+            )
+        if x1 == x:
+            raise InputError(
+                f"{source}: the line {name!r} is vertical from ({x:g}, {y:g}) to ({x1:g}, {y1:g}) "
+                "m; move one of the points by a millimetre"
+            )
+    return line
 
 
 def _open(ring: list[Point]) -> list[Point]:
@@ -298,7 +356,7 @@ def _add(
     elif closed is False:
         raise InputError(
             f"{where}: the line {name!r} is not closed; zones are closed, other lines are called "
-            f"{GROUND!r} or {WATER!r}"
+            f"{GROUND!r} or {WATER!r} (a frozen layer of a DXF is left out)"
         )
     elif name in section.zones:
         raise InputError(f"{where}: two outlines are called {name!r}; names must be unique")
@@ -439,32 +497,9 @@ def _read_grid(path: Path) -> Section:
 
 
 def _read_dxf(path: Path) -> Section:
-    """Closed polylines are zones, named by their layer; layers ground and water hold open lines."""
-    require("dxf", f"{path}: a DXF file")
-    import ezdxf
-
-    try:
-        drawing = ezdxf.readfile(path)
-    except (OSError, ezdxf.DXFError) as error:
-        raise InputError(f"{path}: no readable DXF file: {error}") from None
-    code = drawing.header.get("$INSUNITS", 0)
-    section = Section(unit=DXF_UNITS.get(code, f"$INSUNITS {code}") if code else None)
-    for shape in drawing.modelspace().query("LWPOLYLINE POLYLINE LINE"):
-        name, where = shape.dxf.layer, f"{path}: layer {shape.dxf.layer}"
-        if shape.dxftype() == "LINE":
-            line, closed = [tuple(shape.dxf.start)[:2], tuple(shape.dxf.end)[:2]], False
-        else:
-            line, closed = _dxf_polyline(shape, where)
-        points = [(_number(x, "x", where), _number(y, "y", where)) for x, y in line]
-        _add(section, name, points, where, closed)
+    """Closed outlines are zones, named by their layer; layers ground and water hold open lines."""
+    drawn = read_dxf(path)
+    section = Section(unit=drawn.unit, left_out=drawn.left_out)
+    for line in drawn.lines:
+        _add(section, line.layer, line.points, f"{path}: layer {line.layer}", line.closed)
     return section
-
-
-def _dxf_polyline(shape: Any, where: str) -> tuple[list[Point], bool]:
-    if shape.has_arc:
-        raise InputError(f"{where}: has an arc; draw zones with straight edges")
-    if shape.dxftype() == "LWPOLYLINE":
-        line = [(x, y) for x, y in shape.get_points("xy")]
-    else:
-        line = [tuple(vertex.dxf.location)[:2] for vertex in shape.vertices]
-    return line, bool(shape.is_closed) or (len(line) > 2 and line[0] == line[-1])

@@ -32,22 +32,14 @@ def fill_terrain(scene: Scene3d) -> Points3d:
     """
     terrain, ground, d = scene.document.terrain, scene.ground, scene.spacing
     assert terrain is not None and ground is not None
-    x_min, x_max, y_min, y_max = plan_domain(scene)
-    x = x_min + d * (np.arange(round((x_max - x_min) / d)) + 0.5)
-    y = y_min + d * (np.arange(round((y_max - y_min) / d)) + 0.5)
-    plan = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    low, high = (raster.at(*plan.T) for raster in (ground.base, ground.surface))
-    floor = float(ground.base.values.min())
-    levels = floor + d * (np.arange(max(int((high.max() - floor) / d) + 1, 1)) + 0.5)
-    tested = plan + np.asarray(BORDER_SHIFT) * d
+    plan = _columns(scene)
+    floor, highest = float(ground.base.values.min()), float(ground.surface.at(*plan.T).max())
+    levels = floor + d * (np.arange(max(int((highest - floor) / d) + 1, 1)) + 0.5)
     zone = np.full((len(plan), len(levels)), -1, np.int32)
-    for number, (entry, (bottom, top)) in enumerate(zip(terrain.zones, ground.limits, strict=True)):
-        inside = np.ones(len(plan), bool)
-        if entry.plan is not None:
-            inside = contains(np.asarray(entry.plan, float), tested)
-        under = np.maximum(low, bottom.at(*plan.T))[:, None]
-        over = np.minimum(high, top.at(*plan.T))[:, None]
-        hit = inside[:, None] & (levels > under) & (levels < over) & (zone < 0)
+    for number, (entry, (under, over)) in enumerate(
+        zip(terrain.zones, _limits(scene, plan), strict=True)
+    ):
+        hit = (levels > under[:, None]) & (levels < over[:, None]) & (zone < 0)
         if not hit.any():
             raise InputError(
                 f"{scene.name}: zone {entry.name!r} holds no point at a spacing of {d:g} m"
@@ -63,3 +55,40 @@ def fill_terrain(scene: Scene3d) -> Points3d:
         zone=chosen,
         material=material[chosen],
     )
+
+
+def drawn_volume(scene: Scene3d) -> float:
+    """Volume of the zones of a terrain [m3]: that between the rasters, whatever the points hold."""
+    plan = _columns(scene)
+    limits = np.array(_limits(scene, plan))  # zones, (under, over), columns
+    limits = np.take_along_axis(limits, np.argsort(limits[:, :1], axis=0), axis=0)
+    thickness, reached = np.zeros(len(plan)), np.full(len(plan), -np.inf)
+    for under, over in limits:
+        thickness += np.maximum(over - np.maximum(under, reached), 0.0)
+        reached = np.maximum(reached, over)
+    return float(thickness.sum() * scene.spacing**2)
+
+
+def _columns(scene: Scene3d) -> np.ndarray:
+    """Places (n, 2) of the columns of points."""
+    x_min, x_max, y_min, y_max = plan_domain(scene)
+    d = scene.spacing
+    x = x_min + d * (np.arange(round((x_max - x_min) / d)) + 0.5)
+    y = y_min + d * (np.arange(round((y_max - y_min) / d)) + 0.5)
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _limits(scene: Scene3d, plan: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Elevation below and above each zone in each column; nothing between them outside its plan."""
+    terrain, ground = scene.document.terrain, scene.ground
+    assert terrain is not None and ground is not None
+    tested = plan + np.asarray(BORDER_SHIFT) * scene.spacing
+    low, high = (raster.at(*plan.T) for raster in (ground.base, ground.surface))
+    found = []
+    for entry, (bottom, top) in zip(terrain.zones, ground.limits, strict=True):
+        under, over = np.maximum(low, bottom.at(*plan.T)), np.minimum(high, top.at(*plan.T))
+        if entry.plan is not None:
+            inside = contains(np.asarray(entry.plan, float), tested)
+            over = np.where(inside, over, under)
+        found.append((under, over))
+    return found

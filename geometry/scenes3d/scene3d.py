@@ -158,6 +158,11 @@ class Scene3d:
         return self.document.terrain.origin if self.document.terrain else (0.0, 0.0)
 
     @property
+    def crs(self) -> str:
+        """Coordinate system of the surface as WKT; empty: none."""
+        return self.ground.surface.crs if self.ground else ""
+
+    @property
     def soil(self) -> Scene | Terrain:
         """What holds the zones and their materials: the section, or the terrain."""
         part = self.section or self.document.terrain
@@ -216,17 +221,16 @@ def load_scene_3d(path: str | Path, *, spacing: float | None = None) -> Scene3d:
     terrain = document.terrain
     assert terrain is not None and spacing is not None  # both are checked by the document
 
+    surface = read_raster(path.parent / terrain.surface, origin=terrain.origin)
+
     def read(entry: str | float | None, otherwise: Raster) -> Raster:
         if entry is None:
             return otherwise
         if isinstance(entry, float):
             return Raster.level(entry)
-        return read_raster(path.parent / entry, origin=terrain.origin)
+        return read_raster(path.parent / entry, origin=terrain.origin, crs=surface.crs)
 
-    surface, base = (
-        read_raster(path.parent / name, origin=terrain.origin)
-        for name in (terrain.surface, terrain.base)
-    )
+    base = read(terrain.base, surface)
     after = None if terrain.after is None else read(terrain.after, surface)
     limits = tuple((read(zone.bottom, base), read(zone.top, surface)) for zone in terrain.zones)
     scene = Scene3d(document, spacing, None, Ground3d(surface, base, after, limits))

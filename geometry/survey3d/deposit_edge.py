@@ -97,7 +97,9 @@ class DepositEdge(MapPlaces):
             return
         if scene.ground is None:
             raise InputError(f"{where}: file: needs a scene with terrain")
-        places = edge_of(read_raster(folder / self.file, origin=scene.origin), self.every_m)
+        places = edge_of(
+            read_raster(folder / self.file, origin=scene.origin, crs=scene.crs), self.every_m
+        )
         soil = scene.ground.surface.at(*places.T) - scene.ground.base.at(*places.T)
         self._places = places[soil < LEAST_M]
         if not len(self._places):

@@ -52,7 +52,7 @@ class SurfaceAfter(MapPlaces):
         if ground is None:
             raise InputError(f"{where}: surface_after needs a scene with terrain")
         if self.file is not None:
-            raster = read_raster(folder / self.file, origin=scene.origin)
+            raster = read_raster(folder / self.file, origin=scene.origin, crs=scene.crs)
         elif ground.after is not None:
             raster = ground.after
         else:

@@ -5,6 +5,7 @@ GeoTIFF, ESRI ASCII and XYZ are read and GeoTIFF is written by rasterio (extra `
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -25,6 +26,24 @@ BESIDE = (".prj", ".tfw", ".wld")
 """Files of the same name that are read with a raster: its coordinate system, its place."""
 MOST_BYTES, MOST_PIXELS = 1_000_000_000, 50_000_000
 """Of a raster's file, and of a raster."""
+
+#: Metres in the unit of a band -> its names.
+BAND_UNITS = {
+    1.0: ("m", "metre", "meter", "metres", "meters"),
+    0.1: ("dm", "decimetre", "decimeter"),
+    0.01: ("cm", "centimetre", "centimeter", "centimetres", "centimeters"),
+    0.001: ("mm", "millimetre", "millimeter", "millimetres", "millimeters"),
+    0.3048: ("ft", "foot", "feet", "international foot"),
+    1200.0 / 3937.0: ("us-ft", "ftus", "us_ft", "us survey foot", "us survey feet"),
+}
+#: What programs write where there is no value; by chance a pixel has one of them among its like.
+MISSING = (0.0, -1.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -32767.0, 999.0, 9999.0, 99999.0,
+           32767.0, 65535.0, 255.0)  # fmt: skip
+APART = 50.0  # in units of the file
+MOST_ELEVATION = 100_000.0  # of a number in a file, in its unit: decimetres of the highest mountain
+#: What no number in a text has, and the lines of a header.
+NO_NUMBER = re.compile(rb"[^0-9eE+\-.,;\s](?!an\b|nf\b|AN\b|NF\b)")
+HEADER = re.compile(rb"\s*[A-Za-z_]+\s+[-+0-9.,eE]+\s*$")
 
 
 @dataclass(frozen=True)
@@ -67,16 +86,23 @@ def _cell(place: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return first, place - first
 
 
-def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -> Raster:
+def read_raster(
+    path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0), crs: str = ""
+) -> Raster:
     """Read the first band of a raster file; its places are the centres of the pixels.
+
+    Scale, offset and unit of the band are applied.
 
     Args:
         path: a file of one of `SUFFIXES`.
         origin: subtracted from the coordinates [m], so that they are small.
+        crs: coordinate system of what it belongs to, as WKT; empty: not known.
 
     Raises:
         InputError: no rasterio, no such file, one that is too large, one without a place, turned or
-            oblong pixels, pixels without a value, or values that another file beside it changes.
+            oblong pixels, pixels without a value or with one that means none, a coordinate system
+            that is not in metres or not that of what it belongs to, a word for a number, or values
+            that another file beside it changes.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
@@ -86,13 +112,18 @@ def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -
     rasterio = _rasterio()
     try:
         with _opened(path, rasterio) as file:
+            if path.suffix.lower() == ".asc":
+                _check_words(path)
             if file.width * file.height > MOST_PIXELS:
                 raise InputError(
                     f"{path}: {file.width} x {file.height} pixels; at most {MOST_PIXELS:,} are read"
                 )
             band = file.read(1, masked=True)
             place = file.transform
-            crs = file.crs.to_wkt() if file.crs else ""
+            system = file.crs.to_wkt() if file.crs else ""
+            _check_system(path, system, crs)
+            scale = file.scales[0] * _metres(path, file.units[0])
+            offset = file.offsets[0] * _metres(path, file.units[0])
     except rasterio.errors.RasterioError as error:
         raise InputError(f"{path}: not a raster ({error})") from error
     if place.is_identity:
@@ -103,11 +134,98 @@ def read_raster(path: str | Path, *, origin: tuple[float, float] = (0.0, 0.0)) -
     if np.isnan(values).any():
         lacking = int(np.isnan(values).sum())
         raise InputError(f"{path}: {lacking} of {values.size} pixels have no value; fill them")
+    _check_values(path, values, place)
+    values = offset + scale * values
     if place.e < 0:
         values = values[::-1]
     south = place.f + (place.e * len(values) if place.e < 0 else 0.0)
     start = (place.c + 0.5 * place.a - origin[0], south + 0.5 * place.a - origin[1])
-    return Raster(start, float(place.a), np.ascontiguousarray(values.T), crs)
+    return Raster(start, float(place.a), np.ascontiguousarray(values.T), system)
+
+
+def _check_system(path: Path, wkt: str, other: str) -> None:
+    """Check that a coordinate system is in metres, along each of its axes, and the same as another.
+
+    Raises:
+        InputError: it is in degrees or feet, or another one; one line.
+    """
+    if not wkt:
+        return
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    try:
+        system = CRS.from_wkt(wkt)
+    except CRSError as error:
+        raise InputError(f"{path}: coordinate system: {error}") from None
+    for axis in system.axis_info:
+        if axis.unit_conversion_factor == 1.0:
+            continue
+        advice = "project it" if "degree" in axis.unit_name else "convert places and elevations"
+        raise InputError(
+            f"{path}: the coordinate system {system.name!r} is in units of {axis.unit_name}; "
+            f"{advice} to metres (gdalwarp -t_srs; in QGIS: Warp)"
+        )
+    if other and not system.equals(CRS.from_wkt(other), ignore_axis_order=True):
+        raise InputError(
+            f"{path}: the coordinate system is {system.name!r}, that of the surface "
+            f"{CRS.from_wkt(other).name!r}; project all rasters to one"
+        )
+
+
+def _metres(path: Path, unit: str | None) -> float:
+    """Metres in the unit that a band names; none is the metre.
+
+    Raises:
+        InputError: it is no unit of length that we know.
+    """
+    name = (unit or "m").strip().lower()
+    for metres, names in BAND_UNITS.items():
+        if name in names:
+            return metres
+    raise InputError(f"{path}: its values are in {unit!r}, not in metres")
+
+
+def _check_values(path: Path, values: np.ndarray, place: Any) -> None:
+    """Check for numbers that stand for a missing value, which the file does not say.
+
+    Args:
+        path: for messages.
+        values: of the pixels, rows from the top, as they are stored.
+        place: of the pixels.
+
+    Raises:
+        InputError: there is one; the line has its number and place.
+    """
+    found = np.unique(values)
+    if found.tolist() == [0.0, 255.0]:  # a mask
+        return
+    for value in {found[0], found[-1]}:
+        others = found[found != value]
+        apart = np.abs(others - value).min(initial=np.inf) if others.size else 0.0
+        if abs(value) > MOST_ELEVATION or (value in MISSING and apart > APART):
+            row, column = (int(k) for k in np.argwhere(values == value)[0])
+            x, y = _rasterio().transform.xy(place, row, column)
+            raise InputError(
+                f"{path}: {int((values == value).sum())} of {values.size} pixels have the value "
+                f"{value:g}, the first at ({x:.10g}, {y:.10g})"
+                + (f"; the others have {others[0]:g} to {others[-1]:g}" if others.size else "")
+                + ": it looks like a missing value that is not declared; fill it"
+            )
+
+
+def _check_words(path: Path) -> None:
+    """Check that a grid in text holds numbers alone after its header: GDAL takes a word for 0.
+
+    Raises:
+        InputError: there is a word; the line has its number.
+    """
+    for number, line in enumerate(path.read_bytes().splitlines(), start=1):
+        if NO_NUMBER.search(line) and not HEADER.match(line):
+            word = next(part for part in line.split() if NO_NUMBER.search(part))
+            raise InputError(
+                f"{path}: line {number}: {word.decode('utf-8', 'replace')!r}: no number"
+            )
 
 
 @contextmanager
@@ -188,5 +306,6 @@ def _rasterio() -> Any:
     require("terrain", "a raster")
     import rasterio
     import rasterio.errors
+    import rasterio.transform
 
     return rasterio

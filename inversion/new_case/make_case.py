@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.case import load_case
-from geometry.scenes.drawings import read_materials, read_section, section_scene
+from geometry.scenes.drawings import Section, read_materials, read_section, reading, section_scene
 from geometry.scenes.scene import Scene
 from geometry.survey.columns import SIDES, Side
 from geometry.survey.profiles import Profile, load_profile
@@ -87,11 +87,13 @@ class NewCase:
         folder: of the case.
         scene: its section.
         runouts: measured or read from the profile.
+        read: what was read of the drawing, and what was left out, in lines.
     """
 
     folder: Path
     scene: Scene
     runouts: list[Runout]
+    read: list[str]
 
 
 def make_case(name: str, given: Given) -> NewCase:
@@ -105,7 +107,8 @@ def make_case(name: str, given: Given) -> NewCase:
         InputError: one line: what is missing or wrong; nothing is written then.
     """
     folder = _folder(name)
-    scene = _scene(given, folder.name)
+    section = read_section(given.section, given.format)
+    scene = _scene(section, given, folder.name)
     profile = None if given.profile is None else load_profile(given.profile)
     if not given.profile_std_m > 0:
         raise InputError(f"--profile-std {given.profile_std_m:g}: must be greater than 0")
@@ -118,7 +121,7 @@ def make_case(name: str, given: Given) -> NewCase:
         None if profile is None else given.profile_std_m,
     )
     _write(folder, scene, runouts, profile, words)
-    return NewCase(folder, scene, runouts)
+    return NewCase(folder, scene, runouts, reading(section, given.unit))
 
 
 def _folder(text: str) -> Path:
@@ -139,9 +142,8 @@ def _folder(text: str) -> Path:
 # --- the section ---
 
 
-def _scene(given: Given, name: str) -> Scene:
+def _scene(section: Section, given: Given, name: str) -> Scene:
     """The section as a scene, with its liquefied zones marked and its water."""
-    section = read_section(given.section, given.format)
     scene = section_scene(
         section,
         source=given.section,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import threading
 
 import pytest
 
 import flowslide
 from flowslide.command_line import main
+from geometry.survey.columns import outward_of
 from mpm_taichi.effects import effects
 
 CASE, COARSE = "lower_san_fernando_paper", 4.0
@@ -82,6 +84,21 @@ def test_nothing_is_printed_and_nothing_is_left(tmp_path, monkeypatch, capsys):
     assert {reading.name for reading in done.readings}
     assert capsys.readouterr().out == ""
     assert os.listdir(tmp_path) == []
+
+
+def test_a_case_without_measurements_is_simulated(tmp_path, capsys):
+    """The readings are those of a survey of both toes."""
+    shutil.copy(flowslide.load_case(CASE).folder / "scene.yaml", tmp_path)
+    out = tmp_path / "out"
+    bare = flowslide.simulate(tmp_path, spacing_m=COARSE, threads=1, out=out)
+    known = flowslide.simulate(CASE, spacing_m=COARSE, threads=1)
+    read = {one.name: one.simulated for one in bare.readings}
+    assert list(read) == ["left", "right"]
+    (toe,) = [one for one in known.readings if one.type == "toe_runout"]
+    side = toe.measurement.side
+    moved = outward_of(side) * (known.case.feet[side] - bare.case.feet[side])  # a surveyed foot
+    assert read[side] == pytest.approx(toe.simulated + moved)
+    assert (out / "runout.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow

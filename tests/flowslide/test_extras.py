@@ -88,7 +88,7 @@ def test_a_raster_says_what_to_install(without, tmp_path):
     without("terrain")
     with pytest.raises(InputError) as said:
         read_raster(path)
-    assert str(said.value) == "a raster needs rasterio: pip install 'flowslide[terrain]'"
+    assert str(said.value) == "a raster needs pyproj and rasterio: pip install 'flowslide[terrain]'"
 
 
 def test_what_is_missing_alone_is_named(monkeypatch):

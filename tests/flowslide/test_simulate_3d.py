@@ -13,6 +13,7 @@ import flowslide
 from benchmarks.verification.three_dimensions import slab_scene
 from flowslide.command_line import main
 from flowslide.commands import options
+from geometry.scenes3d.fill3d import drawn_volume
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.terrain.raster import Raster, write_raster
 from mpm_taichi.solver3d.problem import problem_of
@@ -115,7 +116,7 @@ def test_what_three_dimensions_lack_is_refused_before_any_work(slab, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_the_example_of_the_page_holds_its_tailings_behind_its_dam(root, tmp_path):
+def test_the_example_of_the_page_holds_its_tailings_behind_its_dam(root, tmp_path, capsys):
     pytest.importorskip("rasterio", reason="needs the extra `terrain`")
     example = runpy.run_path(str(root / "docs/examples/tailings_valley.py"))
     example["write_example"](tmp_path)
@@ -130,6 +131,12 @@ def test_the_example_of_the_page_holds_its_tailings_behind_its_dam(root, tmp_pat
     assert np.all(problem.position[:, 2] > base.at(x, y))
     between = (surface.values - base.values).sum() * base.spacing**2
     assert problem.volume.sum() == pytest.approx(between, rel=0.05)
+    thickness = np.trapezoid(surface.values - base.values, dx=base.spacing, axis=0)
+    integral = np.trapezoid(thickness, dx=base.spacing)
+    assert drawn_volume(scene) == pytest.approx(integral, rel=0.002)
+    main(["check", str(tmp_path)])
+    apart = 100.0 * (problem.volume.sum() / drawn_volume(scene) - 1.0)
+    assert f"m3 between the rasters; the points hold {apart:+.1f} %" in capsys.readouterr().out
 
 
 def test_a_slide_on_rasters_stops_at_the_wall_and_says_so(tmp_path):

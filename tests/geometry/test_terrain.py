@@ -115,6 +115,106 @@ def server():
         serving.shutdown()
 
 
+def write_band(path, values, *, dtype="float32", epsg=None, scale=1.0, offset=0.0, unit=""):
+    """A GeoTIFF as an agency may pack it; `values` has its rows from the top."""
+    rasterio = pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    values = np.asarray(values, dtype)
+    height, width = values.shape
+    place = rasterio.Affine(2.0, 0.0, 9.0, 0.0, -2.0, 25.0)
+    shape = {"width": width, "height": height, "count": 1, "dtype": dtype}
+    with rasterio.open(path, "w", driver="GTiff", transform=place, crs=epsg, **shape) as file:
+        file.write(values, 1)
+        file.scales, file.offsets, file.units = (scale,), (offset,), (unit,)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "scale", "offset", "unit"),
+    [
+        ("int16", 0.1, 0.0, ""),
+        ("int32", 0.001, 50.0, "metre"),
+        ("float32", 1.0, 0.0, "ft"),
+        ("float64", 1.0, 3.0, "US survey foot"),
+        ("int16", 1.0, 0.0, "dm"),
+    ],
+)
+def test_scale_offset_and_unit_of_a_band_are_applied(dtype, scale, offset, unit, tmp_path):
+    metres = {"ft": 0.3048, "US survey foot": 1200.0 / 3937.0, "dm": 0.1}.get(unit, 1.0)
+    stored = (PLANE.values.T[::-1] / metres - offset) / scale
+    stored = stored if dtype.startswith("float") else np.round(stored)
+    write_band(tmp_path / "a.tif", stored, dtype=dtype, scale=scale, offset=offset, unit=unit)
+    found = read_raster(tmp_path / "a.tif")
+    assert found.values == pytest.approx(PLANE.values, abs=1e-5)
+    assert found.origin == PLANE.origin
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"epsg": "EPSG:4326"}, "is in units of degree; project it to metres"),
+        ({"epsg": "EPSG:2264"}, "is in units of US survey foot; convert places and elevations"),
+        ({"epsg": "EPSG:32633+6360"}, "is in units of US survey foot"),  # heights in feet
+        ({"unit": "fathom"}, "its values are in 'fathom', not in metres"),
+    ],
+)
+def test_what_is_not_in_metres_is_refused(changes, words, tmp_path):
+    write_band(tmp_path / "a.tif", PLANE.values.T, **changes)
+    with pytest.raises(InputError) as caught:
+        read_raster(tmp_path / "a.tif")
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_rasters_of_one_scene_have_one_coordinate_system(tmp_path):
+    write_band(tmp_path / "a.tif", PLANE.values.T, epsg="EPSG:32633")
+    write_band(tmp_path / "b.tif", PLANE.values.T, epsg="EPSG:32634")
+    crs = read_raster(tmp_path / "a.tif").crs
+    assert read_raster(tmp_path / "a.tif", crs=crs).crs == crs
+    with pytest.raises(InputError, match="'WGS 84 / UTM zone 34N', that of the surface 'WGS 84 / "):
+        read_raster(tmp_path / "b.tif", crs=crs)
+
+
+@pytest.mark.parametrize("missing", [-9999.0, -32768.0, -3.4e38, 0.0, 1e20])
+@pytest.mark.parametrize("name", ["a.tif", "a.asc"])
+def test_a_number_that_means_no_value_is_refused_with_its_place(missing, name, tmp_path):
+    pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    values = PLANE.values.T[::-1] + 98.0
+    values[1, 2] = missing
+    if name == "a.tif":
+        write_band(tmp_path / name, values)
+    else:
+        rows = "\n".join(" ".join(f"{v:g}" for v in row) for row in values)
+        head = "ncols 4\nnrows 3\nxllcorner 9\nyllcorner 19\ncellsize 2\n"
+        (tmp_path / name).write_text(head + rows + "\n")
+    with pytest.raises(InputError) as caught:
+        read_raster(tmp_path / name)
+    assert "1 of 12 pixels have the value" in str(caught.value)
+    assert "the first at (14, 22); the others have 98 to 121" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.add.outer(np.arange(3.0), np.arange(4.0)),  # a beach begins at 0
+        np.array([[0.0, 255.0], [255.0, 0.0]]),  # a mask
+        np.zeros((3, 4)),
+        np.array([[-999.0, -1000.0], [-1001.0, -998.0]]),  # the sea bed
+    ],
+)
+def test_elevations_among_their_like_are_elevations(values, tmp_path):
+    write_band(tmp_path / "a.tif", values)
+    assert np.array_equal(read_raster(tmp_path / "a.tif").values, values[::-1].T)
+
+
+@pytest.mark.parametrize("name", ["a.asc", "a.xyz"])
+def test_a_word_in_a_grid_is_refused(name, tmp_path):
+    """GDAL takes it for 0 in an ESRI grid."""
+    pytest.importorskip("rasterio", reason="needs the extra `terrain`")
+    write_plane(tmp_path / name)
+    text = (tmp_path / name).read_text()
+    (tmp_path / name).write_text(text.replace("21", "none", 1))
+    with pytest.raises(InputError, match="line [0-9]+: 'none': no number|not a raster"):
+        read_raster(tmp_path / name)
+
+
 @pytest.mark.parametrize("suffix", [".tif", ".asc", ".xyz"])
 def test_a_raster_cannot_ask_the_network(server, suffix, tmp_path):
     rasterio = pytest.importorskip("rasterio", reason="needs the extra `terrain`")

@@ -157,7 +157,7 @@ def test_folders_that_are_no_case(folder, tmp_path):
         main(["simulate", str(tmp_path / "nowhere"), "--out", str(tmp_path)])
     shutil.copy(folder / "scene.yaml", tmp_path)
     with pytest.raises(InputError, match="measurements.yaml: no such file"):
-        main(["simulate", str(tmp_path), "--out", str(tmp_path)])
+        main(["simulate", str(tmp_path), "--out", str(tmp_path), "--set-of-measurements", "field"])
 
 
 def test_a_run_that_a_guard_stops_is_failed_work(folder, tmp_path):

@@ -207,6 +207,7 @@ async function madeCase() {
   const { kind } = $("make").dataset;
   const file = $("make-file").files[0];
   const name = $("make-name").value.trim() || (kind === "import" && file ? file.name.replace(/\.[^.]*$/, "").replace(/[^A-Za-z0-9_-]/g, "_") : "");
+  let read = [];
   try {
     if (!await documents.flush()) throw new Error(CHOOSE);
     const asked = { name };
@@ -214,7 +215,7 @@ async function madeCase() {
     if (kind === "import") {
       if (!file) throw new Error("choose a drawing");
       const query = new URLSearchParams({ name: file.name, unit: $("make-unit").value });
-      asked.scene = (await upload(`/api/import?${query}`, file)).scene;
+      ({ scene: asked.scene, read } = await upload(`/api/import?${query}`, file));
     }
     await send("/api/cases", asked);
     $("make").close();
@@ -223,6 +224,7 @@ async function madeCase() {
     state.mode = "section";
     await open(name);
     if (kind === "new") editor.use("zone");
+    if (read.length) say(read.join("; "));
   } catch (error) { $("make-fault").textContent = error.message; }
 }
 
