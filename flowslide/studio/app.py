@@ -246,13 +246,14 @@ class _Studio:
         """Questions of the sliders in, deposits out; the newest question wins."""
         await socket.accept()
         sending: set[asyncio.Task[None]] = set()
+        newest = [0]
         try:
             while True:
                 text = await socket.receive_text()
                 if len(text) > MOST_BYTES:
                     await socket.close(1009)
                     return
-                task = asyncio.create_task(self._answer(socket, text))
+                task = asyncio.create_task(self._answer(socket, text, newest))
                 sending.add(task)
                 task.add_done_callback(sending.discard)
         except WebSocketDisconnect:
@@ -262,13 +263,17 @@ class _Studio:
             for task in sending:
                 task.cancel()
 
-    async def _answer(self, socket: WebSocket, text: str) -> None:
+    async def _answer(self, socket: WebSocket, text: str, newest: list[int]) -> None:
+        """Answer a question; `newest` is the number of the last one of its page."""
         number = 0
         try:
             message = _object(text)
             number = message.get("id", 0)
             asked = checked_document(Asked, message, "question", "flowslide/studio/live.py")
+            newest[0] = max(newest[0], asked.id)
             case = await run_in_threadpool(self.workspace.case, asked.case, asked.documents)
+            if asked.id < newest[0]:  # threads end in any order
+                return
             found = await asyncio.wrap_future(self.live.ask(question(asked, case), socket))
             if found is not None:
                 await socket.send_bytes(found)

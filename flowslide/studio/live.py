@@ -1,9 +1,10 @@
 """Live runs: what a slider asks for, simulated at once; the newest question wins.
 
 One thread owns the solver, since its kernels belong to the thread that made them. A question that
-arrives while another of the same page is computed stops that one. Runs are kept by content, so that
-a question that was asked before is answered at once. The numbers are those of `flowslide simulate`:
-the same case, the same settings, the same readings.
+arrives while another of the same page waits takes its place; one that is computed already may end
+within `PATIENCE_S`, so that a slider that is dragged shows deposits on its way. Runs are kept by
+content, so that a question that was asked before is answered at once. The numbers are those of
+`flowslide simulate`: the same case, the same settings, the same readings.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from collections import OrderedDict
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from threading import Event, Lock
+from time import monotonic
 from typing import Any, Literal
 
 from pydantic import Field
 
 from flowslide.studio.frames import deposit
 from geometry.case import Case
+from geometry.random_scenes.sketch import signed_area
 from geometry.scenes.scene import scene_from_mapping, scene_hash
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import Measurements
@@ -31,6 +34,10 @@ from pipeline.progress import Cancelled
 
 #: Bytes of runs that are kept.
 KEPT_BYTES = 400e6
+#: How long a run may go on when a newer question of its page waits [s].
+PATIENCE_S = 0.7
+#: Points of a live run, some ten seconds of one core: others are jobs.
+MOST_POINTS = 20_000
 
 
 class Changes(StrictDocument):
@@ -93,6 +100,13 @@ def question(asked: Asked, case: Case) -> Question:
     """
     if case.survey is not None:
         case = case.with_set(asked.set)
+    spacing = asked.spacing_m or case.scene.spacing
+    points = sum(abs(signed_area(zone.polygon)) for zone in case.scene.zones) / spacing**2
+    if points > MOST_POINTS:
+        raise InputError(
+            f"{points:,.0f} points at a spacing of {spacing:g} m: sliders take at most "
+            f"{MOST_POINTS:,}; take a coarser spacing, or flowslide simulate"
+        )
     case = _at_spacing(case, asked.spacing_m)
     document, changes = case.scene.model_dump(), asked.changes
     for key, values in (("cohesion_kpa", "strengths_kpa"), ("friction_deg", "friction_deg")):
@@ -168,7 +182,7 @@ class Live:
         return self._owner.submit(self._run, replace(case, simulation=short), Event())
 
     def ask(self, asked: Question, asker: object = None) -> Future[bytes | None]:
-        """Answer a question; None where a newer one of the same asker has stopped it.
+        """Answer a question; None where a newer one of the same asker has taken its place.
 
         The future raises InputError and WorkFailed.
 
@@ -226,8 +240,10 @@ class Live:
         )
 
     def _run(self, case: Case, stop: Event) -> Run:
+        begun = monotonic()
+
         def on_time(time: float) -> None:
-            if stop.is_set():
+            if stop.is_set() and monotonic() - begun > PATIENCE_S:
                 raise Cancelled("a newer question")
 
         return simulate_case(case, threads=self.threads, on_time=on_time)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import time
+from concurrent.futures import ThreadPoolExecutor
+from itertools import cycle
+from threading import Event
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ import flowslide
 from flowslide.studio.app import MOST_BYTES, studio
 from flowslide.studio.live import Asked, Live, question
 from geometry.case import load_case
+from mpm_taichi.comparison import simulate_case
 from pipeline.places import CASES, shipped
 from tests.studio.messages import unpack
 
@@ -182,6 +186,68 @@ def test_a_kept_run_is_read_by_the_measurements_of_now(browser, workspace):
         # A case that is not saved: its documents come along.
         ask |= {"case": "drawn", "scene": case["scene"], "measurements": case["measurements"]}
         assert answer()["readings"] == after["readings"]
+
+
+def test_of_two_questions_back_to_back_the_newer_is_answered(browser, monkeypatch, workspace):
+    """A key press sends such a pair; the cases are read in threads, which end in any order."""
+    read, delays = workspace.case, cycle([0.02, 0.0, 0.005, 0.0])
+
+    def slowly(*asked):
+        time.sleep(next(delays))
+        return read(*asked)
+
+    monkeypatch.setattr(workspace, "case", slowly)
+    with (
+        browser.websocket_connect(LIVE, headers=OURS) as socket,
+        ThreadPoolExecutor(1) as waiter,
+    ):
+        for number in range(1, 41, 2):
+            for one, value in ((number, 5.0), (number + 1, 6.0)):
+                changes = {"strengths_kpa": {"loose": value}}
+                ask = {"type": "run", "id": one, "case": "small", "spacing_m": 4.0}
+                socket.send_text(json.dumps(ask | {"changes": changes}))
+            found = 0
+            while found != number + 1:  # of the dropped one there would be no answer at all
+                answer = waiter.submit(socket.receive_bytes).result(timeout=30)
+                found = unpack(answer)[0]["id"]
+                assert found in (number, number + 1)
+
+
+def test_more_points_than_a_slider_can_move_are_refused_at_once(browser):
+    with browser.websocket_connect(LIVE, headers=OURS) as socket:
+        ask = {"type": "run", "id": 1, "case": "small", "spacing_m": 0.02}
+        socket.send_text(json.dumps(ask))
+        said = json.loads(socket.receive_text())
+    assert "points at a spacing of 0.02 m: sliders take at most 20,000" in said["message"]
+
+
+def test_a_run_ends_though_a_newer_question_waits_unless_it_takes_long(workspace, monkeypatch):
+    """A dragged slider shows deposits on its way."""
+    case = workspace.case("small")
+
+    def asked(value):
+        return question(
+            Asked(type="run", spacing_m=4.0, changes={"strengths_kpa": {"loose": value}}), case
+        )
+
+    for patience, answered in ((60.0, True), (0.0, False)):
+        monkeypatch.setattr("flowslide.studio.live.PATIENCE_S", patience)
+        live, begun, go_on = Live(threads=1), Event(), Event()
+
+        def simulate(case, *, threads, on_time, begun=begun, go_on=go_on):
+            on_time(0.0)
+            begun.set()
+            assert go_on.wait(60)
+            on_time(1.0)
+            return simulate_case(case, threads=threads, on_time=on_time)
+
+        monkeypatch.setattr("flowslide.studio.live.simulate_case", simulate)
+        first = live.ask(asked(5.0))
+        assert begun.wait(60)
+        last = live.ask(asked(6.0))
+        go_on.set()
+        assert (first.result(60) is not None) is answered and last.result(60) is not None
+        live.close()
 
 
 def test_the_newest_question_wins(workspace, live):

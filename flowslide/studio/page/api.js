@@ -42,6 +42,7 @@ export class Sliders {
   constructor(on) {
     this.on = on;
     this.number = 0;
+    this.shown = 0;
     this.waiting = null;
     this.connect();
   }
@@ -54,7 +55,11 @@ export class Sliders {
     this.socket.onmessage = ({ data }) => {
       if (data instanceof ArrayBuffer) {
         const found = unpack(data);
-        if (found.header.id === this.number) { this.waiting = null; this.on.deposit(found); }
+        const { id } = found.header;
+        if (id <= this.shown) return;
+        this.shown = id;
+        if (id === this.number) this.waiting = null;
+        this.on.deposit(found, id === this.number);
       } else {
         const found = JSON.parse(data);
         if (found.id === this.number) { this.waiting = null; this.on.failed(found.message); }
@@ -62,7 +67,7 @@ export class Sliders {
     };
   }
 
-  /** Ask; answers to earlier questions are dropped. */
+  /** Ask; an answer to an earlier question is shown while this one waits for its own, unless it is older than what is shown. */
   ask(question) {
     this.number += 1;
     this.waiting = JSON.stringify({ ...question, id: this.number });

@@ -5,6 +5,7 @@ import { area, waterTableAt } from "./section.js";
 
 const $ = (id) => document.getElementById(id);
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
+const MOST_POINTS = 20000; // as flowslide/studio/live.py has it
 const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
 
 /** `page` has state, view, documents, say(words, bad) and reopen(), which goes back to the files. */
@@ -17,7 +18,9 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** Sliders of the section as it is, and its slide; nothing where that is shown already, or a fault is to be mended. */
   function flow() {
-    if (state.fresh || state.found.faults.length || documents.dirty) return;
+    if (state.fresh || documents.dirty) return;
+    if (state.found.faults.length) { empty(); return; }
+    pause();
     state.fresh = true;
     state.changes = { strengths_kpa: {}, friction_deg: {} };
     view.level = undefined;
@@ -28,12 +31,24 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     ask(false);
   }
 
+  /** No sliders, no answer: those of another case, or of a section with a fault, are nobody's. */
+  function empty() {
+    pause();
+    clearTimeout(filming);
+    $("sliders").replaceChildren();
+    $("effects").replaceChildren();
+    $("misfit").textContent = "";
+    readings([]);
+    tell();
+  }
+
   /** At most some thousand points, so that an answer comes at once. */
   function coarse(scene) {
-    const whole = scene.zones.reduce((sum, zone) => sum + area(zone.polygon), 0);
-    const fits = SPACINGS.find((spacing) => whole / spacing ** 2 <= 1600) ?? SPACINGS.at(-1);
+    const fits = SPACINGS.find((spacing) => points(scene, spacing) <= 1600) ?? SPACINGS.at(-1);
     return Math.max(fits, scene.spacing);
   }
+
+  const points = (scene, spacing) => scene.zones.reduce((sum, zone) => sum + area(zone.polygon), 0) / spacing ** 2;
 
   // --- sliders ---
 
@@ -77,10 +92,13 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     right.append(number, " ", Object.assign(document.createElement("span"), { className: "unit", textContent: unit }));
     label.append(words, right);
     const range = Object.assign(document.createElement("input"), { type: "range", id, min: low, max: high, step, value });
+    let last = value;
     const change = (source, other, film) => {
       const now = Number(source.value);
       if (source.value === "" || !Number.isFinite(now)) return;
       other.value = now;
+      if (now === last) { if (film) wantFilm(); return; } // a key press is both an input and a change
+      last = now;
       set(now);
       ask(film);
     };
@@ -134,7 +152,9 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   }
 
   function fillSpacings() {
-    const all = [...new Set([...SPACINGS, state.found.scene.spacing, state.spacing])].sort((a, b) => a - b);
+    const { scene } = state.found;
+    const live = SPACINGS.filter((one) => points(scene, one) <= MOST_POINTS);
+    const all = [...new Set([...live, scene.spacing, state.spacing])].sort((a, b) => a - b);
     $("spacing").replaceChildren(...all.map((value) => new Option(`${value} m`, value, false, value === state.spacing)));
   }
 
@@ -161,7 +181,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     });
   }
 
-  function show(found) {
+  function show(found, isNewest) {
     if (state.mode === "section") return;
     const way = view.deposit && found.header.times.length > 1;
     view.deposit = found;
@@ -178,7 +198,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     view.marks = marks(found.header.readings);
     view.paintLegend();
     view.draw();
-    if (way) return; // the film of what is shown already
+    if (way || !isNewest) return; // the film of what is shown already, or what a dragged slider has left behind
     const took = ((performance.now() - asked) / 1000).toFixed(2);
     const { points, computed_s: computed, cached, came_to_rest: rest } = found.header;
     say(`${points.toLocaleString("en")} points, ${rest ? "at rest" : "still moving"} after `
@@ -186,8 +206,14 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       + (cached ? ", kept from before" : `, ${computed.toFixed(2)} s of it simulated`));
     state.answered += 1;
     document.body.dataset.answered = String(state.answered);
-    // Who moves on at once does not wait for a film.
-    if (state.film) filming = setTimeout(() => question(true), FILM_PAUSE);
+    if (state.film) wantFilm();
+  }
+
+  /** Who moves on at once does not wait for a film. */
+  function wantFilm() {
+    state.film = true;
+    clearTimeout(filming);
+    if (view.deposit && !sliders.waiting) filming = setTimeout(() => question(true), FILM_PAUSE);
   }
 
   /** Toes, measured and simulated, as places on the section. */
@@ -229,26 +255,36 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     $("time").value = times ? `${times[view.frame].toFixed(1)} s` : "-";
   }
 
+  let watching = 0; // for the film that was asked for
+
+  /** The film stands still. */
+  function pause() {
+    clearInterval(watching);
+    state.playing = false;
+    $("play").textContent = "Play";
+  }
+
   function play() {
     if (!view.deposit) return;
+    if (state.playing) { pause(); return; }
     if (view.deposit.header.times.length < 2) {
       // The sliders bring the deposit alone; the way there is asked for when somebody looks.
       state.playing = true;
       $("play").textContent = "Pause";
       ask(true);
-      const wait = setInterval(() => {
-        if (view.deposit.header.times.length > 1) { clearInterval(wait); view.frame = 0; step(); }
+      watching = setInterval(() => {
+        if (view.deposit?.header.times.length > 1) { clearInterval(watching); view.frame = 0; step(); }
       }, 40);
       return;
     }
-    state.playing = !state.playing;
-    $("play").textContent = state.playing ? "Pause" : "Play";
-    if (state.playing && view.frame >= view.deposit.header.times.length - 1) view.frame = 0;
-    if (state.playing) step();
+    state.playing = true;
+    $("play").textContent = "Pause";
+    if (view.frame >= view.deposit.header.times.length - 1) view.frame = 0;
+    step();
   }
 
   function step() {
-    if (!state.playing) return;
+    if (!state.playing || !view.deposit) return;
     const last = view.deposit.header.times.length - 1;
     view.frame = Math.min(view.frame + 1, last);
     $("scrub").value = view.frame;
@@ -266,5 +302,5 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   $("colour").addEventListener("change", () => { view.colour = $("colour").value; view.paintLegend(); view.draw(); });
   $("before").addEventListener("change", () => { view.before = $("before").checked; view.draw(); });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  return { flow, play, readings };
+  return { flow, play, pause, empty };
 }

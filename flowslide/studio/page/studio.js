@@ -7,7 +7,7 @@ import { Editor, TOOLS } from "./editor.js";
 import { SectionPanel } from "./section_panel.js";
 import { makeSlide } from "./slide.js";
 import { SurveyPanel } from "./survey_panel.js";
-import { button } from "./ui.js";
+import { button, justTyped } from "./ui.js";
 import { Underlay } from "./underlay.js";
 import { View } from "./view.js";
 
@@ -133,7 +133,7 @@ async function open(name, again = false) {
   view.deposit = null;
   view.level = undefined;
   view.marks = [];
-  slide.readings([]);
+  slide.empty();
   take(found);
   if (!again) { await underlay.open(name); view.show(documents.now.scene); }
   if (found.faults.length) say(`${found.faults[0].document}: ${found.faults[0].message}`, true);
@@ -149,6 +149,7 @@ function apart(words, found) {
 }
 
 function setMode(mode) {
+  if (state.mode !== mode) slide.pause();
   state.mode = mode;
   document.body.dataset.mode = mode;
   if (!state.found) return;
@@ -244,6 +245,7 @@ function keys(event) {
     return;
   }
   if (event.ctrlKey || event.metaKey || document.querySelector("dialog[open]")) return;
+  if (justTyped() || event.target.closest("#section-left, #section-right, #survey-left, #survey-right")) return;
   if (editor.key(event)) { event.preventDefault(); return; }
   const modes = { 1: "section", 2: "survey", 3: "slide" };
   const tool = Object.keys(TOOLS).find((one) => TOOLS[one].key === key);

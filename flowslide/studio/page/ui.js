@@ -50,11 +50,73 @@ export function keyWords(key) {
   return [key.replaceAll("_", " "), key.endsWith("density") ? "kg/m3" : ""];
 }
 
-/** Fill a panel again; who was typing in it goes on typing, and what was unfolded stays so. */
+// --- panels that are filled again: never under the hand of somebody who types or presses ---
+
+const waiting = new Map(); // panel -> what it is to hold as soon as nobody is busy in it
+let typing = null; // field whose value nobody has taken yet
+let leaving = false; // a field was changed, and the focus is about to move on
+let pressed = null; // element on which a button of the mouse is down
+let left = -Infinity; // when a field was left
+
+addEventListener("input", ({ target }) => { typing = target; }, true);
+addEventListener("change", () => { typing = null; leaving = true; setTimeout(() => { leaving = false; fillWaiting(); }); }, true);
+addEventListener("focusout", ({ target }) => {
+  if (target.matches?.("input, select, textarea")) left = performance.now();
+  typing = null;
+  setTimeout(fillWaiting);
+}, true);
+addEventListener("pointerdown", ({ target }) => { pressed = target; }, true);
+for (const end of ["pointerup", "pointercancel"]) {
+  addEventListener(end, () => setTimeout(() => { pressed = null; fillWaiting(); }), true); // after the click
+}
+
+/** A field was left a moment ago: a key is meant for what follows it, and is no short cut. */
+export const justTyped = () => performance.now() - left < 1000;
+
+/** Fill a panel again; who is in one of its fields stays there, and what was unfolded stays so. */
 export function refill(panel, ...children) {
-  const active = panel.contains(document.activeElement) ? document.activeElement.dataset.key : undefined;
-  const unfolded = new Map([...panel.querySelectorAll("details[data-key]")].map((one) => [one.dataset.key, one.open]));
-  panel.replaceChildren(...children.filter((child) => child !== null && child !== undefined));
-  for (const one of panel.querySelectorAll("details[data-key]")) one.open = unfolded.get(one.dataset.key) ?? one.open;
-  if (active !== undefined) panel.querySelector(`[data-key="${CSS.escape(active)}"]`)?.focus();
+  waiting.set(panel, children.filter((child) => child !== null && child !== undefined));
+  fillWaiting();
+}
+
+function fillWaiting() {
+  for (const [panel, children] of waiting) {
+    if (leaving || panel.contains(typing) || panel.contains(pressed)) continue;
+    waiting.delete(panel);
+    if (signature([...panel.childNodes]) !== signature(children)) replace(panel, children);
+  }
+}
+
+/** What is seen of nodes, as text. */
+function signature(nodes) {
+  return nodes.map((node) => {
+    if (typeof node === "string") return node;
+    if (node.nodeType !== Node.ELEMENT_NODE) return node.data;
+    const attributes = [...node.attributes].filter(({ name }) => name !== "open").map(({ name, value }) => `${name}=${value}`);
+    return `<${node.tagName} ${attributes} ${node.value} ${node.checked}>${signature([...node.childNodes])}</>`;
+  }).join("\n");
+}
+
+const folds = (panel) => [...panel.querySelectorAll("details[data-key]")];
+const reachable = (panel) => [...panel.querySelectorAll("input, select, textarea, button, summary")];
+
+function replace(panel, children) {
+  const active = panel.contains(document.activeElement) ? document.activeElement : null;
+  const place = reachable(panel).indexOf(active);
+  const whole = active?.value && String(getSelection()) === active.value;
+  const before = folds(panel).map(({ dataset, open }) => [dataset.key, open]);
+  panel.replaceChildren(...children);
+  const now = folds(panel);
+  now.forEach((one, i) => {
+    // A name that was changed is part of its key: as many as before are the same ones.
+    const known = before.find(([key]) => key === one.dataset.key) ?? (now.length === before.length ? before[i] : null);
+    if (known) one.open = known[1];
+  });
+  if (!active) return;
+  const { key } = active.dataset;
+  const same = key === undefined ? null : panel.querySelector(`[data-key="${CSS.escape(key)}"]`);
+  const there = reachable(panel)[place];
+  const next = same ?? (there?.tagName === active.tagName ? there : null);
+  next?.focus();
+  if (whole) next?.select?.();
 }

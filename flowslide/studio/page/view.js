@@ -81,7 +81,7 @@ export class View {
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
     this.canvas.height = Math.round(this.canvas.clientHeight * ratio);
-    this.fit();
+    if (!this.box) this.fit(); // what somebody looks at stays where it is
     this.draw();
   }
 

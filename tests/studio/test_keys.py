@@ -1,0 +1,159 @@
+"""The page under a person's hands: real keys and a real mouse, as quick as people are.
+
+Nothing here sets a field by script: a value that a script fills in hides a lost focus.
+"""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from benchmarks.studio import pixel_of
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
+
+pytestmark = NEEDS_CHROMIUM
+IDLE = "() => document.querySelector('#status').textContent.includes('answered in')"
+
+
+@pytest.fixture
+def page(address, browser):
+    found = watched(browser, width=1380, height=860)
+    found.goto(address)
+    expect(found.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    yield found
+    assert not found.errors
+
+
+def focused(page: Page) -> str:
+    """Label of the element that has the focus."""
+    return page.evaluate("document.activeElement.getAttribute('aria-label') ?? ''")
+
+
+def section(page: Page) -> None:
+    page.locator('[data-mode="section"]').first.click()
+    expect(page.locator("#section-left .zone")).to_have_count(3)
+
+
+def test_a_slider_answers_however_fast_the_keys_come(page):
+    for presses in (1, 2, 3, 30):
+        page.locator("#sliders input[type=range]").first.focus()
+        for _ in range(presses):
+            page.keyboard.press("ArrowRight")
+        value = page.locator("#sliders input[type=range]").first.input_value()
+        page.wait_for_function(IDLE, timeout=20_000)
+        assert page.locator("#sliders input[type=number]").first.input_value() == value
+
+
+def test_a_slider_that_is_dragged_shows_deposits_on_its_way(page):
+    painted = "window.painted_ = 0; const draw = document.querySelector('#misfit'); "
+    page.evaluate(
+        painted + "new MutationObserver(() => { window.painted_ += 1; })"
+        ".observe(draw, { childList: true, characterData: true, subtree: true })"
+    )
+    box = page.locator("#sliders input[type=range]").first.bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + box["height"] / 2)
+    page.mouse.down()
+    for step in range(60):
+        page.mouse.move(box["x"] + (0.3 + 0.006 * step) * box["width"], box["y"] + 5)
+        page.wait_for_timeout(30)
+    on_the_way = page.evaluate("window.painted_")
+    page.mouse.up()
+    page.wait_for_function(IDLE, timeout=20_000)
+    assert on_the_way >= 3
+
+
+def test_numbers_are_typed_from_field_to_field(page, workspace):
+    """Tab goes on to the next field, and no digit is taken for a short cut."""
+    section(page)
+    page.locator("summary", has_text="firm").click()
+    page.get_by_label("friction of firm [deg]").click(click_count=3)
+    page.keyboard.type("28")
+    page.keyboard.press("Tab")
+    assert focused(page) == "cohesion of firm [kPa]"
+    page.keyboard.type("3")
+    page.keyboard.press("Tab")
+    page.keyboard.type("1850", delay=120)  # over the moment at which the page is saved
+    page.keyboard.press("Tab")
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert page.evaluate("document.body.dataset.mode") == "section"
+    soil = workspace.read("small")["scene"]["materials"]["firm"]
+    assert (soil["friction_deg"], soil["cohesion_kpa"], soil["density"]) == (28, 3, 1850)
+
+
+def test_the_first_click_after_a_field_counts(page, workspace):
+    section(page)
+    page.locator("summary", has_text="firm").click()
+    page.get_by_label("friction of firm [deg]").click(click_count=3)
+    page.keyboard.type("28")
+    page.get_by_label("firm liquefied", exact=True).click()
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    soil = workspace.read("small")["scene"]["materials"]["firm"]
+    assert soil["liquefied"] is True and soil["friction_deg"] == 0
+
+
+def test_a_renamed_material_keeps_the_place_of_the_cursor(page, workspace):
+    """The names of the fields change with the name."""
+    section(page)
+    page.locator("summary", has_text="firm").click()
+    page.get_by_label("name of the material firm").click(click_count=3)
+    page.keyboard.type("gravel")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Tab")
+    assert focused(page) == "friction of gravel [deg]"
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert "gravel" in workspace.read("small")["scene"]["materials"]
+
+
+def test_vertices_are_typed_from_cell_to_cell(page, workspace):
+    section(page)
+    page.locator("#section-left .zone input").first.click()
+    page.get_by_label("x of vertex 4 [m]").click(click_count=3)
+    page.keyboard.type("51")
+    page.keyboard.press("Tab")
+    page.keyboard.type("6.5")
+    page.keyboard.press("Tab")
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert [51, 6.5] in workspace.read("small")["scene"]["zones"][0]["polygon"]
+    assert page.evaluate("document.body.dataset.mode") == "section"
+
+
+def test_the_sheet_stays_where_it_is_looked_at(page):
+    """Neither a longer legend nor another tab nor a smaller window moves what is seen."""
+    section(page)
+    canvas = page.locator("#canvas").bounding_box()
+    page.mouse.move(canvas["x"] + 300, canvas["y"] + 300)
+    page.mouse.wheel(0, -300)
+    page.wait_for_timeout(100)
+    before = pixel_of(page, 60.0, 5.0), pixel_of(page, 70.0, 5.0)
+    scale = before[1][0] - before[0][0]
+    page.set_viewport_size({"width": 1380, "height": 780})
+    page.locator('[data-mode="slide"]').first.click()
+    page.wait_for_function(IDLE, timeout=20_000)
+    section(page)
+    after = pixel_of(page, 60.0, 5.0), pixel_of(page, 70.0, 5.0)
+    assert after[1][0] - after[0][0] == pytest.approx(scale)
+    assert after[0][0] == pytest.approx(before[0][0], abs=1.0)
+
+
+def test_play_and_away_at_once_leaves_nothing_behind(page):
+    for mode in ("section", "survey"):
+        page.locator('[data-mode="slide"]').first.click()
+        page.wait_for_function(IDLE, timeout=20_000)
+        page.locator("#play").click()
+        page.locator(f'[data-mode="{mode}"]').first.click()
+        page.wait_for_timeout(500)
+        assert page.locator("#play").text_content() == "Play"
+    assert not page.errors
+
+
+def test_another_case_has_sliders_of_its_own(page):
+    """A section with a fault has none: those of the case before would change nobody's strength."""
+    page.get_by_role("button", name="New", exact=True).click()
+    page.keyboard.type("empty")
+    page.keyboard.press("Enter")
+    expect(page.locator('body[data-case="empty"]')).to_have_count(1, timeout=WAIT_MS)
+    page.locator('[data-mode="slide"]').first.click()
+    expect(page.locator("#sliders input")).to_have_count(0)
+    assert page.locator("#misfit").text_content() == ""
+    page.locator("#keep").click()
+    expect(page.locator("#status")).to_have_text("the case has these values already")
