@@ -50,6 +50,7 @@ def untimed(result) -> dict:
     }
 
 
+@pytest.mark.slow
 def test_the_library_and_the_command_line_have_the_same_numbers(answered, tmp_path, capsys):
     from inversion.back_analysis.result import load_result
     from report.back_analysis import summary
