@@ -182,16 +182,18 @@ export class SectionPanel {
   }
 
   vertices({ points, kind, number }) {
+    // Asked for when it is used: the cell beside may have moved it since.
+    const place = (i) => lines(this.scene).find((line) => line.kind === kind && line.number === number).points[i];
     const rows = points.map((point, i) => {
       const cell = (k) => {
         const input = el("input", { type: "number", step: "any", value: point[k], "aria-label": `${"xy"[k]} of vertex ${i + 1} [m]`, "data-key": `vertex-${i}-${k}` });
         input.addEventListener("change", () => {
-          const to = [...point];
+          const to = [...place(i)];
           to[k] = Number(input.value);
           if (input.value === "" || !Number.isFinite(to[k])) { this.showRight(); return; }
-          this.edit("vertex moved", (scene) => moveVertex(scene, point, rounded(to)));
+          this.edit("vertex moved", (scene) => moveVertex(scene, place(i), rounded(to)));
         });
-        input.addEventListener("focus", () => { this.page.editor.selection = { zone: number, line: kind, vertex: point }; this.page.editor.view.draw(); });
+        input.addEventListener("focus", () => { this.page.editor.selection = { zone: number, line: kind, vertex: place(i) }; this.page.editor.view.draw(); });
         return el("td", {}, input);
       };
       const after = points[(i + 1) % points.length];
@@ -199,8 +201,8 @@ export class SectionPanel {
         button("+", () => this.edit("vertex added", (scene) => insertVertex(scene, rounded([(point[0] + after[0]) / 2, (point[1] + after[1]) / 2]), 2e-3)),
           { className: "small", title: "a vertex after this one", disabled: kind !== "zone" && i === points.length - 1 }),
         button("✕", () => {
-          if (!removeVertex(structuredClone(this.scene), point)) this.page.say("a zone has at least three vertices", true);
-          else this.edit("vertex removed", (scene) => removeVertex(scene, point));
+          if (!removeVertex(structuredClone(this.scene), place(i))) this.page.say("a zone has at least three vertices", true);
+          else this.edit("vertex removed", (scene) => removeVertex(scene, place(i)));
         }, { className: "small", title: "remove this vertex" })));
     });
     return el("table", { className: "vertices" }, el("thead", {}, el("tr", {}, ...["", "x [m]", "y [m]", ""].map((text) => el("th", { textContent: text })))),

@@ -41,7 +41,8 @@ const documents = new Documents({
   saved(found) {
     state.found = found;
     take(found);
-    say(found.faults.length ? `kept as a draft: ${found.faults[0].message}` : "saved", found.faults.length > 0);
+    // An edit that came meanwhile is not among what was saved: its own words stay.
+    if (!documents.dirty) say(found.faults.length ? `kept as a draft: ${found.faults[0].message}` : "saved", found.faults.length > 0);
     document.body.dataset.saved = found.revision;
     proposeOnce();
     if (state.mode !== "section") slide.flow();

@@ -70,6 +70,9 @@ for (const end of ["pointerup", "pointercancel"]) {
   addEventListener(end, () => setTimeout(() => { pressed = null; fillWaiting(); }), true); // after the click
 }
 
+// Keys come before timers: what the field before changed is shown before the next one takes a letter.
+addEventListener("keydown", () => { if (leaving) { leaving = false; fillWaiting(); } }, true);
+
 /** A field was left a moment ago: a key is meant for what follows it, and is no short cut. */
 export const justTyped = () => performance.now() - left < 1000;
 
