@@ -37,7 +37,7 @@ from diagnosis.verdict.sections_file import save_sections
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from geometry.case import Case
 from geometry.scenes.scene import scene_hash
-from geometry.survey.columns import outward_of
+from geometry.sides import outward_of
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import OnRun, RunStore
 from inversion.problem.state import State

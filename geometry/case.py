@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
+from geometry.sides import SIDES, Side
 from geometry.survey.blow_counts import BlowCount, load_blow_counts
-from geometry.survey.columns import SIDES, Side
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE

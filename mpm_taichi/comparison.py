@@ -19,7 +19,7 @@ import numpy as np
 
 from geometry.case import Case
 from geometry.scenes.scene import Material
-from geometry.survey.columns import SIDES, Side
+from geometry.sides import SIDES, Side
 from geometry.survey.measured import Deposit, Measured
 from geometry.survey.toe_runout import toe_runout
 from mpm_taichi.effects import effects_on
@@ -167,6 +167,7 @@ def _runout(deposit: Deposit, side: Side) -> float:
         spacing=deposit.spacing,
         side=side,
         initial_toe=deposit.foot[side],
+        front=deposit.front.get(side),
     )
 
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometry.sides import SIDES, outward_of
 from mpm_taichi import layout
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.trajectory import Run
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
+    from geometry.sides import Side
     from mpm_taichi.solver.initial_state import PreparedScene
     from mpm_taichi.solver.runtime import Slots
 
@@ -52,6 +55,20 @@ class Flight:
         self.peak = kinetic
         self._note_walls(position, 0.0)
 
+    @cached_property
+    def fronts(self) -> dict[Side, np.ndarray | None]:
+        """Points (P,) whose arrival at a wall is told, by its side; None: all of them.
+
+        At a far boundary the ground that goes on is no arrival.
+        """
+        scene, found = self.scene, {}
+        for side in SIDES:
+            if not scene.domain.is_open(side):
+                zones = self.prepared.points.zone[self.prepared.order]
+                is_far = scene.domain.goes_on(side)
+                found[side] = np.isin(zones, scene.front_zones(side)) if is_far else None
+        return found
+
     @property
     def scene(self) -> Scene:
         """The scene."""
@@ -61,7 +78,8 @@ class Flight:
 
     def growth(self) -> tuple[int, int]:
         """Cells an open domain lacks on the left and right for the coming chunk of frames."""
-        if self.scene.domain.walls != "open":
+        is_open = [self.scene.domain.is_open(side) for side in SIDES]
+        if not any(is_open):
             return 0, 0
         grid, position = self.prepared.grid, self.frames[-1]
         speed = self.energies[-1][layout.TOP_SPEED] + 10.0
@@ -71,7 +89,10 @@ class Flight:
         right = reach - int((right_end - position[:, 0].max()) / grid.cell)
         # Each growth lays the whole grid again, so it goes far beyond what is needed.
         spare = grid.shape[0] // 8
-        return tuple(lack + spare if lack > 0 else 0 for lack in (left, right))
+        return tuple(
+            lack + spare if lack > 0 and grows else 0
+            for lack, grows in zip((left, right), is_open, strict=True)
+        )
 
     def nodes_wanted(self) -> int:
         """Nodes of the grid after the coming growth."""
@@ -140,11 +161,9 @@ class Flight:
         top = float(position[:, 1].max())
         if domain.walls == "open" and top > domain.y_max - self.scene.spacing:  # at the lid
             return f"left the domain: a point at y = {top:.1f} m, domain.y_max {domain.y_max:g} m"
-        if domain.walls == "closed":
-            slack = self.prepared.grid.cell
-            if position[:, 0].min() < domain.x_min - slack or (
-                position[:, 0].max() > domain.x_max + slack
-            ):
+        for side in SIDES:
+            beyond = outward_of(side) * (position[:, 0] - domain.wall(side))
+            if not domain.is_open(side) and beyond.max() > self.prepared.grid.cell:
                 return "left the domain: a point behind a side wall"
         surplus = self._surplus(position, sums)
         if surplus > self.prepared.settings.energy_tolerance:
@@ -187,14 +206,12 @@ class Flight:
 
     def _note_walls(self, position: np.ndarray, now: float) -> None:
         domain, near = self.scene.domain, self.scene.spacing
-        if domain.walls == "open":
-            return
-        if position[:, 1].max() > domain.y_max - near:
+        if domain.walls == "closed" and position[:, 1].max() > domain.y_max - near:
             self.contact.setdefault("top", now)
-        if position[:, 0].min() < domain.x_min + near:
-            self.contact.setdefault("left", now)
-        if position[:, 0].max() > domain.x_max - near:
-            self.contact.setdefault("right", now)
+        for side, front in self.fronts.items():
+            x = position[:, 0] if front is None else position[front, 0]
+            if np.max(outward_of(side) * (x - domain.wall(side)), initial=-np.inf) > -near:
+                self.contact.setdefault(side, now)
 
     def _note_rest(self, kinetic: float) -> None:
         settings = self.prepared.settings

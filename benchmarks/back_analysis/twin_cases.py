@@ -19,7 +19,7 @@ from benchmarks.dam_section import dam_section
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene, load_scene, save_scene
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe_runout import toe_runout
 from inversion.engines.run_store import KeptRun, RunStore

@@ -25,7 +25,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
-from geometry.survey.columns import SIDES, Side
+from geometry.sides import SIDES, Side
 from inversion.estimation.forward import SectionSetup
 
 BONDED, ROUGH, FRICTION, COEFFICIENT = (
@@ -170,7 +170,7 @@ def _moved_base(
     """The base between the feet moved by the amplitude times `ends`, from left to right [m]."""
 
     def change(setup: SectionSetup, amplitude: float) -> SectionSetup:
-        left, right = setup.scene.foot("left"), setup.scene.foot("right")
+        left, right = setup.scene.end("left"), setup.scene.end("right")
         fade = FADE * (right - left)
         knots = [
             (left, 0.0),
@@ -274,9 +274,10 @@ def neighbours(scene: Scene, name: str) -> list[str]:
 
 
 def _sides(setup: SectionSetup) -> tuple[Side, ...]:
-    """Sides to which the slide ran, as far as the measurements say; else both."""
+    """Sides with bare ground to which the slide ran, as far as measurements say; else both."""
     named = {getattr(entry, "side", None) for entry in setup.targets.entries}
-    return tuple(side for side in SIDES if side in named) or SIDES
+    bare = tuple(side for side in SIDES if not setup.scene.domain.goes_on(side))
+    return tuple(side for side in bare if side in named) or bare
 
 
 def _both_signs(std: float) -> tuple[float, ...]:
@@ -302,7 +303,7 @@ def with_base(
     document = scene.model_dump()
     document["ground"]["points"] = line
     document["lattice_from_y"] = scene.lattice_y + lattice_rise
-    left, right = scene.foot("left"), scene.foot("right")
+    left, right = scene.end("left"), scene.end("right")
     if np.any((x > left) & (x < right) & (np.abs(y - scene.ground.height(x)) > 0.0)):
         rock = _rock(scene, line)
         for zone in document["zones"]:
@@ -312,7 +313,7 @@ def with_base(
 
 def _rock(scene: Scene, line: Sequence[Point]) -> shapely.Polygon:
     """What lies below a ground line, far enough down and out."""
-    far = 10.0 * (scene.foot("right") - scene.foot("left"))
+    far = 10.0 * (scene.end("right") - scene.end("left"))
     ends = [(line[0][0] - far, line[0][1]), *line, (line[-1][0] + far, line[-1][1])]
     deep = min(y for _, y in line) - far
     return shapely.Polygon([*ends, (ends[-1][0], deep), (ends[0][0], deep)])

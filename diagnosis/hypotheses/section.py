@@ -20,6 +20,7 @@ from diagnosis.hypotheses.assumption import (
 from diagnosis.hypotheses.model import Candidate
 from diagnosis.hypotheses.strength import liquefied_soil
 from geometry.scenes.scene import Scene
+from geometry.sides import SIDES
 from inversion.back_analysis.deviations import deviating
 from inversion.estimation.forward import SectionSetup
 from inversion.problem.question import MovedVertex, ZoneBoundary
@@ -74,8 +75,10 @@ def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundar
     outline = unary_union([shapely.Polygon(zone.polygon) for zone in scene.zones]).boundary
     height = scene.extent[1] - scene.extent[0]
     near = ON_LINE * height
-    # A closed domain cuts the section off: a boundary that ends there goes on beyond.
-    walls = (scene.domain.x_min, scene.domain.x_max) if scene.domain.walls == "closed" else ()
+    # A wall cuts the section off: a boundary that ends there goes on beyond.
+    domain = scene.domain
+    walls = {domain.wall(side) for side in SIDES if not domain.is_open(side)}
+    walls |= {scene.end(side) for side in SIDES if domain.goes_on(side)}
     std = min(TOP_STD * height, WORST_KNOWN_M) if std is None else std
     moved = [
         (x, y)

@@ -21,7 +21,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from geometry.scenes.scene import Scene, scene_from_mapping
-from geometry.survey.columns import SIDES, Side
+from geometry.sides import SIDES, Side
 from inversion.estimation.forward import SectionSetup
 from inversion.problem.scene_changes import SAME_PLACE_M
 from pipeline.cli import InputError
@@ -89,7 +89,7 @@ def _falling(scene: Scene, level: float, side: Side) -> list[tuple[float, float]
 
 def _shores(scene: Scene, level: float) -> tuple[float, float] | None:
     """Where a water level meets the section from the left and from the right; None: it does not."""
-    left, right = scene.foot("left"), scene.foot("right")
+    left, right = scene.end("left"), scene.end("right")
     outline = unary_union([Polygon(zone.polygon) for zone in scene.zones])
     cut = outline.intersection(LineString([(left - 1.0, level), (right + 1.0, level)]))
     return None if cut.is_empty else (cut.bounds[0], cut.bounds[2])
@@ -172,7 +172,11 @@ def _pool_depth(scene: Scene, side: Side) -> float:
     """Depth of the pool at the foot of one side [m]; 0 where the water table lies below it."""
     foot = scene.foot(side)
     level = scene.water_level
-    if level is None or float(scene.phreatic_level(foot)) < level - SAME_PLACE_M:
+    if (
+        level is None
+        or scene.domain.goes_on(side)
+        or float(scene.phreatic_level(foot)) < level - SAME_PLACE_M
+    ):
         return 0.0
     return max(level - float(scene.ground.height(foot)), 0.0)
 

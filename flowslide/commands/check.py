@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
             f"{area:>10.1f}{filled:>9}{drawn:>7}"
         )
         print_gaps(scene)
-        print_faces(scene)
+        print_ends(scene)
         if measurements is not None:
             _print_measurements(measurements)
         if counted:
@@ -131,22 +131,30 @@ def print_gaps(scene: Scene) -> None:
         print(f"  and {len(found) - 5} smaller gaps")
 
 
-def print_faces(scene: Scene) -> None:
-    """Print where the section ends in a vertical face, as ground that was drawn as a zone does."""
+def print_ends(scene: Scene) -> None:
+    """Print where the ground goes on, and where the section ends in a free face."""
     import shapely
 
-    from geometry.survey.columns import SIDES, outward_of, toe_thickness
+    from geometry.sides import SIDES, outward_of
+    from geometry.survey.columns import toe_thickness
 
     whole = shapely.union_all([shapely.Polygon(zone.polygon) for zone in scene.zones])
     low, high = scene.extent
     for side in SIDES:
-        x = scene.foot(side) - outward_of(side) * 0.05 * scene.spacing
+        end = scene.end(side)
+        x = end - outward_of(side) * 0.05 * scene.spacing
         cut = shapely.LineString([(x, low - 1.0), (x, high + 1.0)]).intersection(whole)
-        if cut.length > toe_thickness(scene.spacing):
+        if scene.domain.goes_on(side):
+            front = [scene.zones[number].name for number in scene.front_zones(side)]
+            toe = f"the toe there is that of {', '.join(front)}" if front else "no toe there"
             print(
-                f"  the section ends on the {side} in a face of {cut.length:.3g} m at x = "
-                f"{scene.foot(side):g} m, from which a runout is counted; ground beyond the foot "
-                "of a dam is drawn as `ground`, not as a zone"
+                f"  the ground goes on to the {side} of x = {end:g} m, beyond a face of "
+                f"{cut.length:.3g} m; {toe}. Where the soil can run out of it: {side}: free"
+            )
+        elif cut.length > toe_thickness(scene.spacing):
+            print(
+                f"  the section ends on the {side} in a free face of {cut.length:.3g} m at x = "
+                f"{end:g} m, from which a runout is counted. Where the ground goes on: {side}: far"
             )
 
 

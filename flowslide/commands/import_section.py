@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from flowslide.commands import options
-from flowslide.commands.check import print_gaps
+from flowslide.commands.check import print_ends, print_gaps
 from pipeline.cli import InputError
 
 DESCRIPTION = (
@@ -49,7 +49,9 @@ def run(arguments: argparse.Namespace) -> None:
         unit=arguments.unit,
         materials=read_materials(arguments.materials) if arguments.materials else None,
         snap=arguments.snap,
+        ends=options.ends_of(arguments),
     )
     save_scene(scene, arguments.out)
     print(f"wrote {arguments.out}: {len(scene.zones)} zones, {len(fill(scene))} points")
     print_gaps(scene)
+    print_ends(scene)

@@ -6,7 +6,7 @@ import argparse
 import shlex
 
 from flowslide.commands import options
-from flowslide.commands.check import print_faces
+from flowslide.commands.check import print_ends
 
 CASES = "case_histories"
 DESCRIPTION = (
@@ -75,6 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
             profile=arguments.profile,
             profile_std_m=arguments.profile_std,
             upstream=arguments.upstream,
+            ends=options.ends_of(arguments),
         ),
     )
     folder = made.folder
@@ -82,7 +83,7 @@ def run(arguments: argparse.Namespace) -> None:
         print(line)
     ran = ", ".join(f"{r.side} {r.value_m:g} +- {r.std_m:.2g} m" for r in made.runouts)
     print(f"wrote {folder}: {len(made.scene.zones)} zones; runout {ran}")
-    print_faces(made.scene)
+    print_ends(made.scene)
     print("It works as it is; lines with FILL IN wait for what only you know. Next:")
     typed = shlex.quote(str(folder))
     print(f"  flowslide check {typed}")

@@ -81,6 +81,19 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--snap", type=float, default=0.0, metavar="M", help="join vertices closer than M metres"
     )
+    for side in ("left", "right"):
+        parser.add_argument(
+            f"--{side}",
+            choices=("far", "free"),
+            help=f"the {side} end of the section: far, the ground goes on beyond it; free, the "
+            "soil can run out of it; default: far where the drawing ends in a face",
+        )
+
+
+def ends_of(arguments: argparse.Namespace) -> dict[str, str]:
+    """What `--left` and `--right` say of the ends of a section."""
+    stated = {side: getattr(arguments, side) for side in ("left", "right")}
+    return {side: end for side, end in stated.items() if end is not None}
 
 
 def add_effects(parser: argparse.ArgumentParser) -> None:

@@ -107,6 +107,7 @@ def section_scene(
     unit: str | None = None,
     materials: Mapping[str, Any] | None = None,
     snap: float = 0.0,
+    ends: Mapping[str, str] | None = None,
 ) -> Scene:
     """Make a scene of a section.
 
@@ -118,6 +119,7 @@ def section_scene(
         unit: unit of the coordinates; None = the file's own, or metres.
         materials: material name, or zone name where the zone names no material -> fields.
         snap: vertices nearer than this become one [m].
+        ends: side -> "far" or "free", as in `Domain`; absent: by the outline.
 
     Returns:
         A scene with open walls, room for a slide on both sides and, unless the drawing has a
@@ -134,7 +136,9 @@ def section_scene(
                     f"{source}: zone {name!r} (material {material!r}) has no {key}; give it in "
                     "the drawing or with --materials FILE"
                 )
-    return scene_from_mapping(with_room({**document, "spacing": spacing}), source)
+    document = with_room({**document, "spacing": spacing})
+    document["domain"].update(ends or {})
+    return scene_from_mapping(document, source)
 
 
 def section_document(

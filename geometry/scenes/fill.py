@@ -50,7 +50,7 @@ def fill(scene: Scene) -> MaterialPoints:
     below the ground or leave the domain stays where it was.
     """
     position, zone = lattice_points(
-        [np.asarray(z.polygon, dtype=float) for z in scene.zones],
+        scene.outlines(),
         np.asarray(scene.ground.points, dtype=float),
         (scene.domain.x_min, scene.lattice_y),
         scene.spacing,

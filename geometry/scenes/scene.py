@@ -30,6 +30,7 @@ from pydantic import (
 
 from geometry.scenes.limits import check_density, check_level, extent
 from geometry.scenes.polygon_checks import Fault, ground_faults, zone_faults
+from geometry.sides import SIDES, Side
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import read_json, read_yaml, write_text, yaml_text
@@ -45,6 +46,11 @@ MOHR_COULOMB = "mohr_coulomb"
 
 #: Context of a validation that looks at each field alone.
 UNCHECKED = "each field alone"
+
+#: An outline ends in a face where its vertices within this share of the section's height from its
+#: end rise by more than the other share of it, from the ground: natural ground, or a dam, that was
+#: cut off by the edge of the drawing. A toe of 1 : 5 or gentler has none.
+FACE_WITHIN, FACE_HEIGHT = 0.02, 0.1
 
 #: A pair of numbers that the JSON writer has spread over four lines.
 _PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
@@ -128,6 +134,21 @@ class Domain(Document):
         "closed",
         description="closed: the walls are part of the scene; open: enlarged until nothing touches",
     )
+    left: Literal["far", "free"] | None = Field(
+        None,
+        description="far: the ground goes on beyond the left end of the section, which is a smooth "
+        "wall; free: it ends there; null = far where open walls see it end in a face, else free",
+    )
+    right: Literal["far", "free"] | None = Field(None, description="the same on the right")
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Ends that nobody stated are not written: scenes without them keep their hashes."""
+        document = write(self)
+        for side in SIDES:
+            if document.get(side) is None:
+                document.pop(side, None)
+        return document
 
     @model_validator(mode="after")
     def _has_width(self) -> Domain:
@@ -139,6 +160,18 @@ class Domain(Document):
     def width(self) -> float:
         """Distance between the side walls [m]."""
         return self.x_max - self.x_min
+
+    def goes_on(self, side: Side) -> bool:
+        """The ground goes on beyond the end of the section: a far boundary is there."""
+        return (self.left if side == "left" else self.right) == "far"
+
+    def is_open(self, side: Side) -> bool:
+        """The domain is enlarged on this side until nothing touches its end."""
+        return self.walls == "open" and not self.goes_on(side)
+
+    def wall(self, side: Side) -> float:
+        """Place of a side wall, x [m]."""
+        return self.x_min if side == "left" else self.x_max
 
 
 class Ground(Document):
@@ -288,6 +321,41 @@ class Scene(Document):
         return line
 
     @model_validator(mode="after")
+    def _ends(self) -> Scene:
+        """Far boundaries are at the ends of the section, a whole number of cells apart."""
+        faces: dict[str, str] = {side: "far" for side in SIDES if self._ends_in_a_face(side)}
+        domain = self.domain.model_copy(update=faces)
+        left, right = (domain.goes_on(side) for side in SIDES)
+        if not left and not right:
+            return self
+        x_min = self.end("left") if left else domain.x_min
+        x_max = self.end("right") if right else domain.x_max
+        cells = math.ceil(round((x_max - x_min) / self.cell_size, 6)) * self.cell_size
+        x_min, x_max = (x_min, x_min + cells) if left else (x_max - cells, x_max)
+        # A document is frozen for who has it; this one is still being made.
+        self.__dict__["domain"] = domain.model_copy(update={"x_min": x_min, "x_max": x_max})
+        return self
+
+    def _ends_in_a_face(self, side: Side) -> bool:
+        """An open side of which nobody has said what it is ends in a face of soil at rest."""
+        domain = self.domain
+        stated = (domain.left if side == "left" else domain.right) is not None
+        if stated or domain.walls == "closed":
+            return False
+        if any(zone.kinematic or zone.initial_velocity != (0.0, 0.0) for zone in self.zones):
+            return False
+        low, high = self.extent
+        heights = [y for zone in self.zones for _, y in self.at_end(zone, side)]
+        foot = float(self.ground.height(self.end(side))) + FACE_WITHIN * (high - low)
+        return min(heights) <= foot and max(heights) - min(heights) > FACE_HEIGHT * (high - low)
+
+    def at_end(self, zone: Zone, side: Side) -> list[Point]:
+        """Vertices of a zone at the end of the outline on one side."""
+        low, high = self.extent
+        end, reach = self.end(side), FACE_WITHIN * (high - low)
+        return [(x, y) for x, y in zone.polygon if abs(x - end) <= reach]
+
+    @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Scene:
         if info.context is not UNCHECKED:
             for fault in self._faults():
@@ -345,10 +413,41 @@ class Scene(Document):
         """Lowest and highest elevation of the section's outline [m]."""
         return extent(zone.polygon for zone in self.zones)
 
-    def foot(self, side: Literal["left", "right"]) -> float:
-        """Place x [m] of the foot of the section: where its outline ends on one side."""
+    def end(self, side: Side) -> float:
+        """Place x [m] where the outline of the section ends on one side."""
         x = [place for zone in self.zones for place, _ in zone.polygon]
         return min(x) if side == "left" else max(x)
+
+    def front_zones(self, side: Side) -> list[int]:
+        """Numbers of the zones whose front is the toe on one side.
+
+        All, where the section ends in a foot. Where the ground goes on, those that do not reach the
+        far boundary: a dam on its foundation. None: the whole section is cut, and has no toe there.
+        """
+        return [
+            number
+            for number, zone in enumerate(self.zones)
+            if not self.domain.goes_on(side) or not self.at_end(zone, side)
+        ]
+
+    def foot(self, side: Side) -> float:
+        """Place x [m] of the foot of the section: where its front ends, or else its outline."""
+        front = self.front_zones(side)
+        x = [x for number in front for x, _ in self.zones[number].polygon]
+        if not x:
+            return self.end(side)
+        return min(x) if side == "left" else max(x)
+
+    def outlines(self) -> list[np.ndarray]:
+        """Outlines of the zones, (V, 2) [m] each; what reaches a far boundary ends at its wall."""
+        found = [np.asarray(zone.polygon, dtype=float) for zone in self.zones]
+        for side in SIDES:
+            if self.domain.goes_on(side):
+                reach = FACE_WITHIN * (self.extent[1] - self.extent[0])
+                end, wall = self.end(side), self.domain.wall(side)
+                for outline in found:
+                    outline[np.abs(outline[:, 0] - end) <= reach, 0] = wall
+        return found
 
     @property
     def has_water(self) -> bool:

@@ -252,7 +252,7 @@ def _section(section: Section, folder: Path, spacing: float | None) -> Scene:
     scene = load_scene(folder / section.file)
     x_min = scene.domain.x_min if section.x_min is None else section.x_min
     x_max = scene.domain.x_max if section.x_max is None else section.x_max
-    domain = {"x_min": x_min, "x_max": x_max, "y_max": scene.domain.y_max, "walls": "closed"}
+    domain = {**scene.domain.model_dump(), "x_min": x_min, "x_max": x_max, "walls": "closed"}
     document = {**scene.model_dump(), "domain": domain, "spacing": spacing or scene.spacing}
     source = f"{folder / section.file} at {document['spacing']:g} m spacing"
     return scene_from_mapping(document, source)

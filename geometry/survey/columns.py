@@ -16,6 +16,8 @@ from typing import Literal, overload
 
 import numpy as np
 
+from geometry.sides import Side, outward_of
+
 #: A column thinner than this [m], or than one spacing, does not count as deposit.
 THINNEST_COLUMN = 0.5
 #: Kernel length over the thinnest column; at 1 m spacing the standard deviation is then 1.4 m.
@@ -228,21 +230,6 @@ def _grow_exactly(points: np.ndarray, member: np.ndarray, reach: float) -> np.nd
             linked[block] = ((apart**2).sum(axis=-1) <= reach**2).any(axis=1)
         member[rest[linked]] = True
         front = points[rest[linked]]
-
-
-Side = Literal["left", "right"]
-SIDES: tuple[Side, Side] = ("left", "right")
-
-
-def outward_of(side: Side) -> int:
-    """Direction away from the dam: -1 on the left, 1 on the right.
-
-    Raises:
-        ValueError: no such side.
-    """
-    if side not in ("left", "right"):
-        raise ValueError(f"side is {side!r}; allowed are 'left' and 'right'")
-    return -1 if side == "left" else 1
 
 
 @overload

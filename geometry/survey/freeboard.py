@@ -14,7 +14,8 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side, connected, kernel, kernel_slope
+from geometry.sides import Side
+from geometry.survey.columns import connected, kernel, kernel_slope
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Deposit, SingleLength
 from geometry.survey.site import NOT_MADE, Site

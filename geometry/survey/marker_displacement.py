@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 from shapely.geometry import Point, Polygon
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side, kernel
+from geometry.sides import Side
+from geometry.survey.columns import kernel
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Along, Datum, Deposit, Length
 from geometry.survey.site import NOT_MADE, Site, places_within
@@ -131,7 +132,7 @@ def _stakes(site: Site) -> list[tuple[float, float]]:
     """Places just below the surface before the slide."""
     scene, found = site.scene, []
     outlines = [Polygon(zone.polygon) for zone in scene.zones]
-    for x in places_within(scene.foot("left"), scene.foot("right"), STAKES):
+    for x in places_within(scene.end("left"), scene.end("right"), STAKES):
         for y in np.arange(site.height + scene.ground.lowest, scene.ground.lowest, -0.25):
             place = Point(x, y - scene.spacing)
             if any(outline.contains(place) for outline in outlines):

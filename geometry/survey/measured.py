@@ -11,15 +11,18 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
+from shapely import contains_xy
+from shapely.geometry import Polygon
+from shapely.ops import unary_union
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side
+from geometry.sides import SIDES, Side
 from geometry.survey.marks import Mark
 from geometry.survey.quantity import OneNumber, Quantity
 from pipeline.files import content_hash
@@ -43,6 +46,7 @@ class Deposit:
         time: of the frames, (T,) ascending [s].
         at_rest: the soil stays where it is after the last frame.
         initial_volume: before the slide, where that is another than `volume`; None: the same.
+        front: by side the points (N,) whose front is the toe; a side that is absent: all.
     """
 
     position: np.ndarray
@@ -55,6 +59,13 @@ class Deposit:
     time: np.ndarray | None = None
     at_rest: bool = True
     initial_volume: np.ndarray | float | None = None
+    front: Mapping[Side, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def before(self) -> Deposit:
+        """The points before the slide."""
+        volume = self.volume if self.initial_volume is None else self.initial_volume
+        return replace(self, position=self.initial_position, volume=volume)
 
     @classmethod
     def on(
@@ -82,7 +93,19 @@ class Deposit:
             time=time,
             at_rest=at_rest,
             initial_volume=before,
+            front=_fronts(scene, initial_position),
         )
+
+
+def _fronts(scene: Scene, initial_position: np.ndarray) -> dict[Side, np.ndarray]:
+    """Points of the zones whose front is the toe, on the sides where the ground goes on."""
+    found = {}
+    for side in SIDES:
+        front = scene.front_zones(side)
+        if front and len(front) < len(scene.zones):
+            part = unary_union([Polygon(scene.zones[number].polygon) for number in front])
+            found[side] = contains_xy(part, initial_position)
+    return found
 
 
 @dataclass(frozen=True)

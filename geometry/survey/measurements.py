@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError
 
 from geometry.scenes.limits import check_level
 from geometry.scenes.scene import Document, Scene, document_error
-from geometry.survey.columns import Side
+from geometry.sides import SIDES, Side
 from geometry.survey.registry import Measurement, measurement_types
 from geometry.survey.sets import Sets
 from geometry.survey.site import check_in_domain, check_in_section
@@ -66,8 +66,7 @@ class Measurements(Sets):
 
     def feet(self, scene: Scene) -> dict[Side, float]:
         """Foot of the section before the slide by side, x [m]: as surveyed, else as drawn."""
-        sides: tuple[Side, Side] = ("left", "right")
-        surveyed = {side: self.foot(side) for side in sides}
+        surveyed = {side: self.foot(side) for side in SIDES}
         return {side: scene.foot(side) if x is None else x for side, x in surveyed.items()}
 
 
@@ -104,7 +103,7 @@ def check_places(measurements: Measurements, scene: Scene, source: str) -> None:
     Raises:
         InputError: naming the first entry with a place outside the domain or the section.
     """
-    for side in ("left", "right"):
+    for side in SIDES:
         foot = measurements.foot(side)
         if foot is not None:
             check_in_domain(foot, scene, f"{source}: initial.toe_{side}_x_m")

@@ -14,11 +14,16 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side, naked_eye_toe, outward_of, toe
+from geometry.sides import Side, outward_of
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, Length
-from geometry.survey.site import Site, check_in_domain
-from geometry.survey.toe_runout import toe_runout
+from geometry.survey.site import Site
+from geometry.survey.toe_runout import (
+    check_has_toe,
+    check_toe_in_domain,
+    runout_by_eye,
+    toe_runout,
+)
 
 
 class NoFlow(Length):
@@ -60,28 +65,34 @@ class NoFlow(Length):
             deposit.volume,
             spacing=deposit.spacing,
             side=self.side,
-            initial_toe=toe(*self._before(deposit), spacing=deposit.spacing, side=self.side),
+            initial_toe=self._toe_before(deposit),
+            front=deposit.front.get(self.side),
             derivative=derivative,
         )
 
     def by_eye(self, deposit: Deposit) -> float:
         """Movement of the outermost connected point [m]."""
-        seen, before = (
-            naked_eye_toe(*points, spacing=deposit.spacing, side=self.side)
-            for points in ((deposit.position, deposit.volume), self._before(deposit))
-        )
-        return outward_of(self.side) * (seen - before)
+        before = runout_by_eye(deposit.before, self.side, 0.0)
+        return runout_by_eye(deposit, self.side, 0.0) - before
 
-    def _before(self, deposit: Deposit) -> tuple[np.ndarray, np.ndarray | float]:
-        """Points and their volume before the slide."""
-        volume = deposit.initial_volume
-        return deposit.initial_position, deposit.volume if volume is None else volume
+    def _toe_before(self, deposit: Deposit) -> float:
+        """Place of the same points' toe before the slide, x [m]."""
+        before = deposit.before
+        moved = toe_runout(
+            before.position,
+            before.volume,
+            spacing=before.spacing,
+            side=self.side,
+            initial_toe=0.0,
+            front=before.front.get(self.side),
+        )
+        return outward_of(self.side) * moved
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
-        """A limit within closed walls; open ones give way."""
-        if scene.domain.walls == "closed":
-            end = feet[self.side] + outward_of(self.side) * self.limit_m
-            check_in_domain(end, scene, f"{where}: limit_m")
+        """A limit on a side that has a toe, within walls; open ones give way."""
+        check_has_toe(scene, self.side, where)
+        end = feet[self.side] + outward_of(self.side) * self.limit_m
+        check_toe_in_domain(end, scene, self.side, f"{where}: limit_m")
 
     @classmethod
     def could_be_made(cls, site: Site) -> Sequence[NoFlow]:

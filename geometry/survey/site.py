@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.measured import Measured
 from pipeline.cli import InputError
 
@@ -60,7 +60,7 @@ class Site:
     @property
     def reach(self) -> tuple[float, float]:
         """Where soil lies before or after the slide, as far as that is known, x from and to [m]."""
-        scene, places = self.scene, [self.scene.foot("left"), self.scene.foot("right")]
+        scene, places = self.scene, [self.scene.end("left"), self.scene.end("right")]
         for entry in self.made:
             places += entry.soil_at(self.feet)
         return max(min(places), scene.domain.x_min), min(max(places), scene.domain.x_max)
@@ -106,6 +106,6 @@ def check_in_section(x: float, scene: Scene, where: str) -> None:
     Raises:
         InputError: beginning with `where`; one line.
     """
-    left, right = scene.foot("left"), scene.foot("right")
+    left, right = scene.end("left"), scene.end("right")
     if not left <= x <= right:
         raise InputError(f"{where} {x:g} lies outside the section, x {left:g} to {right:g} m")

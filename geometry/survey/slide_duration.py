@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.frames import frames_of
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Deposit, Single

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side, column_height, connected, kernel_length
+from geometry.sides import Side
+from geometry.survey.columns import column_height, connected, kernel_length
 from geometry.survey.marks import Line, Mark
 from geometry.survey.measured import Along, Datum, Deposit, Length, exponential_correlation
 from geometry.survey.profiles import WHOLE, Profile, load_profile

@@ -9,12 +9,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.frames import check_end, frames_around, frames_of
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Along, Deposit, Length, exponential_correlation
 from geometry.survey.site import NOT_MADE, Site
-from geometry.survey.toe_runout import toe_runout
+from geometry.survey.toe_runout import check_has_toe, toe_runout
 
 #: Times that are proposed, in falls from the section's height.
 TIMES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
@@ -103,6 +103,7 @@ class ToeHistory(Length):
             spacing=deposit.spacing,
             side=self.side,
             initial_toe=deposit.foot[self.side],
+            front=deposit.front.get(self.side),
         )
 
     def _sloped_runout(self, deposit: Deposit, position: np.ndarray) -> tuple[float, np.ndarray]:
@@ -112,11 +113,13 @@ class ToeHistory(Length):
             spacing=deposit.spacing,
             side=self.side,
             initial_toe=deposit.foot[self.side],
+            front=deposit.front.get(self.side),
             derivative=True,
         )
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
-        """A history has no place on the section."""
+        """A history has no place on the section, but a side that must have a toe."""
+        check_has_toe(scene, self.side, where)
 
     @classmethod
     def could_be_made(cls, site: Site) -> Sequence[ToeHistory]:

@@ -9,10 +9,12 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side, naked_eye_toe, outward_of, toe
+from geometry.sides import Side, outward_of
+from geometry.survey.columns import naked_eye_toe, toe
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, SingleLength
 from geometry.survey.site import NOT_MADE, Site, check_in_domain
+from pipeline.cli import InputError
 
 
 @overload
@@ -23,6 +25,7 @@ def toe_runout(
     spacing: float,
     side: Side,
     initial_toe: float,
+    front: np.ndarray | None = ...,
     derivative: Literal[False] = ...,
 ) -> float: ...
 
@@ -35,6 +38,7 @@ def toe_runout(
     spacing: float,
     side: Side,
     initial_toe: float,
+    front: np.ndarray | None = ...,
     derivative: Literal[True],
 ) -> tuple[float, np.ndarray]: ...
 
@@ -47,6 +51,7 @@ def toe_runout(
     spacing: float,
     side: Side,
     initial_toe: float,
+    front: np.ndarray | None = ...,
     derivative: bool,
 ) -> float | tuple[float, np.ndarray]: ...
 
@@ -58,6 +63,7 @@ def toe_runout(
     spacing: float,
     side: Side,
     initial_toe: float,
+    front: np.ndarray | None = None,
     derivative: bool = False,
 ) -> float | tuple[float, np.ndarray]:
     """Distance of the toe from the foot of the section, outward positive.
@@ -68,16 +74,67 @@ def toe_runout(
         spacing: distance between material points [m].
         side: left or right of the dam.
         initial_toe: x of the foot before the slide [m], `Scene.foot`.
+        front: (N,) bool, points whose front is the toe, `Deposit.front`; None: all.
         derivative: return also the derivative.
 
     Returns:
         Runout [m], or with `derivative` (runout, (N, 2)).
     """
     outward = outward_of(side)
-    if derivative:
-        place, slope = toe(position, volume, spacing=spacing, side=side, derivative=True)
-        return outward * (place - initial_toe), outward * slope
-    return outward * (toe(position, volume, spacing=spacing, side=side) - initial_toe)
+    points, amounts = _part(position, volume, front)
+    if not derivative:
+        return outward * (toe(points, amounts, spacing=spacing, side=side) - initial_toe)
+    place, slope = toe(points, amounts, spacing=spacing, side=side, derivative=True)
+    change = np.zeros(np.shape(position))
+    change[slice(None) if front is None else front] = outward * slope
+    return outward * (place - initial_toe), change
+
+
+def runout_by_eye(deposit: Deposit, side: Side, initial_toe: float) -> float:
+    """The same of the outermost connected point [m]."""
+    points, amounts = _part(deposit.position, deposit.volume, deposit.front.get(side))
+    seen = naked_eye_toe(points, amounts, spacing=deposit.spacing, side=side)
+    return outward_of(side) * (seen - initial_toe)
+
+
+def _part(
+    position: np.ndarray, volume: np.ndarray | float, front: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray | float]:
+    """Points and volumes of a front."""
+    if front is None:
+        return position, volume
+    amounts = np.broadcast_to(np.asarray(volume, dtype=float), len(position))
+    return np.asarray(position)[front], amounts[front]
+
+
+def check_has_toe(scene: Scene, side: Side, where: str) -> None:
+    """Refuse a toe on a side on which the whole section goes on.
+
+    Raises:
+        InputError: beginning with `where`; one line.
+    """
+    if not scene.front_zones(side):
+        raise InputError(
+            f"{where}: the ground goes on to the {side}, and so does every zone of the section: it "
+            f"has no toe there; where it ends in a free face, say so (domain: {side}: free), and "
+            "draw soil that slides over other soil as a zone of its own"
+        )
+
+
+def check_toe_in_domain(x: float, scene: Scene, side: Side, where: str) -> None:
+    """Refuse a toe behind a wall, at which the soil would have been held.
+
+    Raises:
+        InputError: beginning with `where`; one line.
+    """
+    if not scene.domain.goes_on(side):
+        if not scene.domain.is_open(side):
+            check_in_domain(x, scene, where)
+    elif outward_of(side) * (x - scene.domain.wall(side)) > 0.0:
+        raise InputError(
+            f"{where}: {x:g} lies beyond the end of the drawn ground at x = {scene.end(side):g} m; "
+            f"draw more of the ground to the {side}"
+        )
 
 
 class ToeRunout(SingleLength):
@@ -108,15 +165,13 @@ class ToeRunout(SingleLength):
             spacing=deposit.spacing,
             side=self.side,
             initial_toe=deposit.foot[self.side],
+            front=deposit.front.get(self.side),
             derivative=derivative,
         )
 
     def by_eye(self, deposit: Deposit) -> float:
         """Runout of the outermost connected point [m]."""
-        seen = naked_eye_toe(
-            deposit.position, deposit.volume, spacing=deposit.spacing, side=self.side
-        )
-        return outward_of(self.side) * (seen - deposit.foot[self.side])
+        return runout_by_eye(deposit, self.side, deposit.foot[self.side])
 
     def place(self, feet: Mapping[Side, float]) -> float:
         """Where the measured toe lies, x [m]."""
@@ -127,9 +182,9 @@ class ToeRunout(SingleLength):
         return [self.place(feet)]
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
-        """A toe within closed walls; open ones give way."""
-        if scene.domain.walls == "closed":
-            check_in_domain(self.place(feet), scene, f"{where}: the toe")
+        """A toe on a side that has one, within walls; open ones give way."""
+        check_has_toe(scene, self.side, where)
+        check_toe_in_domain(self.place(feet), scene, self.side, f"{where}: the toe")
 
     @classmethod
     def could_be_made(cls, site: Site) -> Sequence[ToeRunout]:

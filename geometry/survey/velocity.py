@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side, connected, kernel, kernel_length, kernel_slope
+from geometry.sides import Side
+from geometry.survey.columns import connected, kernel, kernel_length, kernel_slope
 from geometry.survey.frames import check_end, frames_around, frames_of
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Along, Deposit, Single

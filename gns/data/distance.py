@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geometry.survey.columns import SIDES
+from geometry.sides import SIDES
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.data.scene_features import side_view
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import MOHR_COULOMB
+from geometry.sides import SIDES
 from mpm_taichi.effects import effects_on
 from mpm_taichi.solver.water import MovingFace, moving_face, water_force
 from pipeline.cli import InputError
@@ -289,7 +290,7 @@ def _thrusts(scene: Scene, settings: SimulationSettings) -> bool:
 
 
 def check_base_physics(scene: Scene, model: str, *, known: Collection[str] = ()) -> None:
-    """Refuse effects and other material laws, of which no learned model knows.
+    """Refuse effects, other material laws and far boundaries, of which no learned model knows.
 
     Args:
         scene: the section.
@@ -305,6 +306,11 @@ def check_base_physics(scene: Scene, model: str, *, known: Collection[str] = ())
         )
     if scene.law != MOHR_COULOMB:
         raise InputError(f"{scene.name}: law: {scene.law}; {model} knows {MOHR_COULOMB} alone")
+    if far := [side for side in SIDES if scene.domain.goes_on(side)]:
+        raise InputError(
+            f"{scene.name}: the ground goes on to the {far[0]}; {model} knows sections that end in "
+            "a foot; take the material point method (engine mpm)"
+        )
 
 
 def _phreatic_line(scene: Scene) -> np.ndarray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from gns.data.scene_facts import SOIL, SceneFacts
 
 NAMES = (

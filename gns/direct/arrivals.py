@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.survey.columns import SIDES, Side, outward_of, toe
+from geometry.sides import SIDES, Side, outward_of
+from geometry.survey.columns import toe
 
 #: Shares of the travel of a toe, and of the way of all soil, at which the time is taken.
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)

@@ -19,7 +19,8 @@ import numpy as np
 import shapely
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import SIDES, column_height, kernel_length, toe
+from geometry.sides import SIDES
+from geometry.survey.columns import column_height, kernel_length, toe
 from gns.data.scene_facts import check_base_physics
 from mpm_taichi.effects import effects_on, liquefied_zones
 from mpm_taichi.solver.water import WATER_DENSITY

@@ -21,7 +21,7 @@ from typing import Protocol
 
 import numpy as np
 
-from geometry.survey.columns import SIDES, Side
+from geometry.sides import SIDES, Side
 from gns.data.dataset import Windows
 from gns.data.scene_facts import SceneFacts
 from gns.data.scene_features import SideView, side_view

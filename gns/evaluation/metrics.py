@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.survey.columns import SIDES, Side, kernel_length, toe
+from geometry.sides import SIDES, Side
+from geometry.survey.columns import kernel_length, toe
 from geometry.survey.surface_profile import surface_profile
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.data.statistics import moving, velocities

@@ -14,7 +14,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Document, checked_document
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.measurements import Measurements
 from geometry.survey.quantity import Confidence
 from inversion.classical.kinetics import EndSlope, Stages

@@ -22,7 +22,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon, box
 
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from inversion.classical.section import Section, water_line_after
 from inversion.classical.slices import Polyline, Slices, WaterForm, cut
 from pipeline.cli import InputError

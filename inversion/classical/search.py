@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from inversion.classical.limit_equilibrium import bishop, required_strength
 from inversion.classical.section import Section
 from inversion.classical.slices import Circle, Polyline, WaterForm, slice_at

@@ -13,7 +13,7 @@ import numpy as np
 
 from geometry.case import SCENE_FILE, Case
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.profiles import load_profile
 from geometry.survey.surface_profile import surface_profile
 from inversion.classical.judgement import SEARCH, Judgement

@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from inversion.classical.section import OUTSIDE, WATER_UNIT_WEIGHT, Section
 
 WaterForm = Literal["buoyant", "pore_pressure"]

@@ -20,7 +20,7 @@ import numpy as np
 
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import outward_of
+from geometry.sides import outward_of
 from geometry.survey.measured import Measured, Reading
 from geometry.survey.no_flow import NoFlow
 from geometry.survey.toe_runout import ToeRunout

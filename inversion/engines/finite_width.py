@@ -19,6 +19,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import Section
+from geometry.sides import SIDES
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import KeepsRuns, KeptRun, RunStore
 from inversion.engines.run_store_3d import RunStore3d
@@ -133,11 +134,11 @@ def paired(setup: SectionSetup) -> SectionSetup:
     """
     scene = setup.scene
     domain, room = scene.domain, ROOM * (scene.extent[1] - scene.extent[0])
-    room = room if domain.walls == "open" else 0.0
+    left, right = (room if domain.is_open(side) else 0.0 for side in SIDES)
     closed = {
-        "x_min": domain.x_min - room,
-        "x_max": domain.x_max + room,
-        "y_max": domain.y_max,
+        **domain.model_dump(),
+        "x_min": domain.x_min - left,
+        "x_max": domain.x_max + right,
         "walls": "closed",
     }
     changes = {

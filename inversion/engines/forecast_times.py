@@ -13,7 +13,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from geometry.survey.columns import SIDES, Side, outward_of
+from geometry.sides import SIDES, Side, outward_of
 from geometry.survey.measured import Measured
 from geometry.survey.slide_duration import SlideDuration
 from geometry.survey.toe_history import ToeHistory

@@ -23,7 +23,7 @@ from pipeline.files import content_hash
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
-    from geometry.survey.columns import Side
+    from geometry.sides import Side
     from geometry.survey.measured import Measured
     from pipeline.config import SimulationSettings
 

@@ -95,7 +95,7 @@ class RunStore3d(RunStore):
         left = domain.x_min if self.section.x_min is None else self.section.x_min
         right = domain.x_max if self.section.x_max is None else self.section.x_max
         left = domain.x_min + d * math.floor((left - domain.x_min) / d)
-        changed = {"x_min": left, "x_max": right, "y_max": domain.y_max, "walls": "closed"}
+        changed = {**domain.model_dump(), "x_min": left, "x_max": right, "walls": "closed"}
         return scene_from_mapping(
             {**scene.model_dump(), "domain": changed}, f"{scene.name} in three dimensions"
         )

@@ -20,7 +20,7 @@ import numpy as np
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import Scene3d
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.measured import Deposit, Measured, Reading
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters

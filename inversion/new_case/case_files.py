@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from geometry.survey.profiles import Profile
 from pipeline.cli import InputError
 from pipeline.files import yaml_text
@@ -72,7 +72,10 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
             "Lengths in m.\n"
             f"{FILL_IN}: where the section, the strengths and the water come from, in README.md."
         ),
-        "domain": "Room for the slide; open walls give way where more is needed.",
+        "domain": (
+            "Room for the slide; open walls give way where more is needed. left, right: far where "
+            "the ground\ngoes on beyond the end of the section, free where soil can run out of it."
+        ),
         "ground": "The rigid base. rough: soil slips on it where its own strength is exceeded.",
         "zones": "Outlines in order. A zone's material is a key of `materials`.",
         "materials": (

@@ -15,14 +15,14 @@ import re
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from geometry.case import load_case
 from geometry.scenes.drawings import Section, read_materials, read_section, reading, section_scene
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import SIDES, Side
+from geometry.sides import SIDES, Side
 from geometry.survey.profiles import Profile, load_profile
 from inversion.back_analysis.case import inversion_case
 from inversion.new_case.case_files import (
@@ -63,6 +63,7 @@ class Given:
         profile: CSV file of the surveyed surface (x_m, y_m).
         profile_std_m: standard deviation of the survey [m].
         upstream: "left" or "right".
+        ends: side -> "far" (the ground goes on) or "free"; absent: by the outline.
     """
 
     section: str
@@ -77,6 +78,7 @@ class Given:
     profile: str | None = None
     profile_std_m: float = 0.5
     upstream: Side = "left"
+    ends: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,7 @@ def _scene(section: Section, given: Given, name: str) -> Scene:
         unit=given.unit,
         materials=read_materials(given.materials) if given.materials else None,
         snap=given.snap,
+        ends=given.ends,
     )
     scene = _mark_liquefied(scene, given.liquefied, given.section)
     if given.water_level is None:

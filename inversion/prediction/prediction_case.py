@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.case import Case
 from geometry.scenes.scene import Scene
-from geometry.survey.columns import SIDES
+from geometry.sides import SIDES
 from geometry.survey.measured import Measured, single_lengths
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Targets
@@ -117,9 +117,8 @@ def _other_toes(entries: Sequence[Measured], scene: Scene) -> list[ToeRunout]:
     taken = {entry.toe_side for entry in entries}
     found = []
     for side in SIDES:
-        wall = scene.domain.x_min if side == "left" else scene.domain.x_max
-        room = abs(wall - scene.foot(side)) > 2.0 * scene.spacing
-        if side not in taken and (room or scene.domain.walls == "open"):
+        room = abs(scene.domain.wall(side) - scene.foot(side)) > 2.0 * scene.spacing
+        if side not in taken and (room or scene.domain.is_open(side)):
             found.append(
                 ToeRunout(
                     type="toe_runout",

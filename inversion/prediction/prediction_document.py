@@ -128,10 +128,9 @@ def _at_the_edge(case: PredictionCase, found: Distribution, number: int) -> floa
     entry, scene = case.entries[number], case.scene
     if entry.toe_side is None:
         return None
-    if scene.domain.walls == "open":
+    if scene.domain.is_open(entry.toe_side):
         return 0.0
-    edge = scene.domain.x_min if entry.toe_side == "left" else scene.domain.x_max
-    room = abs(edge - case.feet[entry.toe_side])
+    room = abs(scene.domain.wall(entry.toe_side) - case.feet[entry.toe_side])
     return _round(np.mean(found.samples[:, number] > room - 2.0 * scene.spacing))
 
 

@@ -9,7 +9,8 @@ from mpm_taichi.effects.framework.base import Amplitude, Effect, ti
 from mpm_taichi.effects.framework.free_water import FAR
 
 if TYPE_CHECKING:
-    from geometry.scenes.scene import Scene
+    from geometry.scenes.scene import Domain, Scene
+    from geometry.sides import Side
 
 
 def resistance(effect, here):  # noqa: ANN001, ANN201
@@ -19,14 +20,19 @@ def resistance(effect, here):  # noqa: ANN001, ANN201
 
 
 def feet_with_room(scene: Scene) -> dict[str, float]:
-    """Places [m] of the feet that have ground before them; far away where a wall stands."""
+    """Places [m] of the feet that have bare ground before them; far away where they have none."""
     room = 2.0 * scene.cell_size
     left, right = scene.foot("left"), scene.foot("right")
-    is_open = scene.domain.walls == "open"
+    domain = scene.domain
     return {
-        "left_foot": left if is_open or left - room > scene.domain.x_min else -FAR,
-        "right_foot": right if is_open or right + room < scene.domain.x_max else FAR,
+        "left_foot": left if _has_room("left", domain, left - room > domain.x_min) else -FAR,
+        "right_foot": right if _has_room("right", domain, right + room < domain.x_max) else FAR,
     }
+
+
+def _has_room(side: Side, domain: Domain, away_from_wall: bool) -> bool:
+    """Bare ground lies before a foot; where the ground goes on, soil does."""
+    return not domain.goes_on(side) and (domain.is_open(side) or away_from_wall)
 
 
 def constants(scene: Scene, amplitude: float, parameters: Mapping[str, float]) -> dict[str, float]:

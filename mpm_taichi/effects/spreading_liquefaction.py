@@ -52,7 +52,7 @@ def sources(scene: Scene, from_x: float) -> list[float]:
     if from_x != AT_TOE:
         return [from_x]
     left, right = reach(scene)
-    gaps = left - scene.foot("left"), scene.foot("right") - right
+    gaps = left - scene.end("left"), scene.end("right") - right
     near = min(gaps) + 1e-6 * (right - left)
     return [end for end, gap in zip((left, right), gaps, strict=True) if gap <= near]
 

@@ -24,6 +24,7 @@ import numpy as np
 import taichi as ti
 
 from geometry.scenes.scene import Ground
+from geometry.sides import SIDES
 from mpm_taichi.layout import (
     AREA,
     COEFFICIENT,
@@ -111,7 +112,7 @@ def node_tables(
     Args:
         scene: the scene.
         grid: its grid.
-        wall_contact: "smooth" or "no_slip" side walls.
+        wall_contact: "smooth" or "no_slip" side walls; a far boundary is smooth.
         water: "buoyant" (weight reduced below the phreatic line) or "pore_pressure" (its slope
             pushes as well: - grad u with u hydrostatic below the line).
         water_face: "fixed", or "moving": water may come to wherever the pool's level reaches.
@@ -150,9 +151,10 @@ def node_tables(
     # An open domain is enlarged before anything comes near, so its grid has the same three rows.
     last_x, last_y = grid.shape[0] - 1 - MARGIN, grid.shape[1] - 1 - MARGIN
     if wall_contact == "no_slip":
-        for wall in (kind[: MARGIN + 1], kind[last_x:]):
-            wall &= ~COLUMN
-            wall |= STICK
+        for side, wall in zip(SIDES, (kind[: MARGIN + 1], kind[last_x:]), strict=True):
+            if not scene.domain.goes_on(side):
+                wall &= ~COLUMN
+                wall |= STICK
     kind[: MARGIN + 1] |= LEFT
     kind[last_x:] |= RIGHT
     kind[:, last_y:] |= TOP

@@ -21,9 +21,11 @@ from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
 from geometry.scenes.scene import Scene
+from geometry.sides import SIDES
 from mpm_taichi.solver.water import MovingFace, moving_face
 from mpm_taichi.trajectory import Run, refuse_empty
 from report.pictures.colouring import Colouring, colouring_of
+from report.pictures.far_boundary import far_boundary
 from report.style import GROUND_COLOUR, GROUND_LINE, HALO, WATER_COLOUR, WATER_LINE, labels, tidy
 
 Overlay = Callable[[Axes], None]
@@ -284,8 +286,13 @@ def _draw_water(ax: Axes, run: Run, x_limits: tuple[float, float]) -> DrawnWater
     scene = run.scene
     if scene.water_level is None:
         return None
-    if scene.domain.walls == "closed":
-        x_limits = max(x_limits[0], scene.domain.x_min), min(x_limits[1], scene.domain.x_max)
+    left, right = (
+        None if scene.domain.is_open(side) else scene.domain.wall(side) for side in SIDES
+    )
+    x_limits = (
+        x_limits[0] if left is None else max(x_limits[0], left),
+        x_limits[1] if right is None else min(x_limits[1], right),
+    )
     x = np.linspace(*x_limits, max(round((x_limits[1] - x_limits[0]) / scene.spacing), 200))
     face = moving_face(scene, run.settings, run.positions[0][~run.kinematic])
     pool = PolyCollection([], facecolors=WATER_COLOUR, linewidths=0, zorder=LAYER["water"])
@@ -311,9 +318,12 @@ def _draw_ground(
     y = scene.ground.height(x)
     ax.fill_between(x, y_limits[0], y, color=GROUND_COLOUR, linewidth=0, zorder=LAYER["ground"])
     ax.plot(x, y, color=GROUND_LINE, linewidth=1.0, zorder=LAYER["ground"])
-    if scene.domain.walls == "closed":
-        for wall, edge in zip((scene.domain.x_min, scene.domain.x_max), x_limits, strict=True):
-            if x_limits[0] < wall < x_limits[1]:
+    for side, edge in zip(SIDES, x_limits, strict=True):
+        wall = scene.domain.wall(side)
+        if not scene.domain.is_open(side) and x_limits[0] < wall < x_limits[1]:
+            if scene.domain.goes_on(side):
+                far_boundary(ax, scene, side, edge, y_limits)
+            else:
                 ax.axvspan(wall, edge, color=GROUND_COLOUR, linewidth=0, zorder=LAYER["ground"])
                 ax.axvline(wall, color=GROUND_LINE, linewidth=1.6, zorder=LAYER["ground"])
 

@@ -23,8 +23,10 @@ from shapely.geometry import Polygon as Shape
 from geometry.random_scenes.sketch import signed_area
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Material, Scene
+from geometry.sides import SIDES
 from pipeline.cli import InputError
 from report import style
+from report.pictures.far_boundary import far_boundary
 
 LABEL_SIZE = 7.5
 LIQUEFIED, CLAY = "#d55e00", "#ddaa77"
@@ -169,8 +171,11 @@ def _draw_ground(
     y = scene.ground.height(x)
     ax.fill_between(x, y_limits[0], y, color=style.GROUND_COLOUR, lw=0, zorder=3)
     ax.plot(x, y, color=style.GROUND_LINE, lw=1.0, zorder=3)
-    if scene.domain.walls == "closed":
-        for wall in (scene.domain.x_min, scene.domain.x_max):
+    for side, edge in zip(SIDES, x_limits, strict=True):
+        wall = scene.domain.wall(side)
+        if scene.domain.goes_on(side):
+            far_boundary(ax, scene, side, edge, y_limits)
+        elif not scene.domain.is_open(side):
             ax.plot(
                 [wall, wall],
                 [scene.ground.height(wall), y_limits[1]],

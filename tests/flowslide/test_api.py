@@ -11,7 +11,7 @@ import pytest
 
 import flowslide
 from flowslide.command_line import main
-from geometry.survey.columns import outward_of
+from geometry.sides import outward_of
 from mpm_taichi.effects import effects
 
 CASE, COARSE = "lower_san_fernando_paper", 4.0

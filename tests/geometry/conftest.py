@@ -27,7 +27,14 @@ def scene_of(
     return Scene.model_validate(
         {
             "name": "test",
-            "domain": {"x_min": -1000.0, "x_max": 1000.0, "y_max": 1000.0, "walls": "open"},
+            "domain": {
+                "x_min": -1000.0,
+                "x_max": 1000.0,
+                "y_max": 1000.0,
+                "walls": "open",
+                "left": "free",
+                "right": "free",
+            },
             "ground": {"points": list(ground)},
             "zones": [
                 {"name": f"zone_{i}", "polygon": list(polygon), "material": "soil"}

@@ -99,7 +99,14 @@ def model(dtype: torch.dtype = torch.float64, **changes) -> Model:
 
 BLOCK = {
     "name": "block",
-    "domain": {"x_min": -100.0, "x_max": 100.0, "y_max": 50.0, "walls": "open"},
+    "domain": {
+        "x_min": -100.0,
+        "x_max": 100.0,
+        "y_max": 50.0,
+        "walls": "open",
+        "left": "free",
+        "right": "free",
+    },
     "ground": {"points": [[-100.0, 0.0], [100.0, 0.0]]},
     "zones": [
         {

@@ -229,6 +229,6 @@ def test_ground_that_was_drawn_as_a_zone_is_remarked(dry, tmp_path, capsys):
     dry.write_text(DRY + foundation + "foundation,20,0,,\nfoundation,0,0,,\nfoundation,-40,0,,\n")
     new(tmp_path / "dam", "--liquefied", "base", "--runout", "left=5", section=dry)
     said = capsys.readouterr().out
-    assert "ends on the left in a face of 4 m at x = -40 m" in said
+    assert "the ground goes on to the left of x = -40 m, beyond a face of 4 m" in said
     main(["check", str(tmp_path / "dam")])
-    assert said.count("in a face of") == 2 == capsys.readouterr().out.count("in a face of")
+    assert said.count("goes on to") == 2 == capsys.readouterr().out.count("goes on to")

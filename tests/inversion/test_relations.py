@@ -24,7 +24,14 @@ DRY = 1800.0 * 9.81e-3
 """Unit weight, kPa/m."""
 SCENE = {
     "name": "block",
-    "domain": {"x_min": -60.0, "x_max": 90.0, "y_max": 20.0, "walls": "open"},
+    "domain": {
+        "x_min": -60.0,
+        "x_max": 90.0,
+        "y_max": 20.0,
+        "walls": "open",
+        "left": "free",
+        "right": "free",
+    },
     "ground": {"points": [[-60.0, 0.0], [90.0, 0.0]]},
     "zones": [
         {"name": "deep", "polygon": [[0, 0], [40, 0], [40, 4], [0, 4]], "material": "sand"},

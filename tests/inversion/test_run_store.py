@@ -84,7 +84,14 @@ def sliding(monkeypatch):
     scene = scene_from_mapping(
         {
             "name": "block",
-            "domain": {"x_min": -100.0, "x_max": 100.0, "y_max": 50.0, "walls": "open"},
+            "domain": {
+                "x_min": -100.0,
+                "x_max": 100.0,
+                "y_max": 50.0,
+                "walls": "open",
+                "left": "free",
+                "right": "free",
+            },
             "ground": {"points": [[-100.0, 0.0], [100.0, 0.0]]},
             "zones": [
                 {

@@ -21,7 +21,8 @@ def sheet(share, *, velocity=SPEED, level=20.0, line=None, contact="coulomb", wa
     return scene_from_mapping(
         {
             "name": "sheet",
-            "domain": {"x_min": 60, "x_max": 60 + LENGTH + 40, "y_max": 20, "walls": walls},
+            "domain": {"x_min": 60, "x_max": 60 + LENGTH + 40, "y_max": 20, "walls": walls,
+                       "left": "free", "right": "free"},
             "ground": ground,
             "zones": [
                 {"name": "a", "material": "s", "initial_velocity": [velocity, 0.0],

@@ -14,7 +14,14 @@ def block(entry, friction=0.2):
     return scene_from_mapping(
         {
             "name": "block",
-            "domain": {"x_min": 0, "x_max": 60, "y_max": 20, "walls": "open"},
+            "domain": {
+                "x_min": 0,
+                "x_max": 60,
+                "y_max": 20,
+                "walls": "open",
+                "left": "free",
+                "right": "free",
+            },
             "ground": {
                 "points": [[0, 0], [60, 0]],
                 "contact": "coulomb",

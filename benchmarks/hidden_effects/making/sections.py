@@ -18,7 +18,7 @@ from geometry.scenes.scene import (
     checked_document,
     load_scene,
 )
-from geometry.survey.columns import Side
+from geometry.sides import Side
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Question, load_question
 from pipeline.cli import InputError

@@ -125,7 +125,7 @@ def save(result: Rollout, folder: Path, name: str) -> None:
 
 
 def _print(result: Rollout) -> None:
-    from geometry.survey.columns import SIDES
+    from geometry.sides import SIDES
     from gns.evaluation.metrics import runout
     from pipeline.table import aligned
 
