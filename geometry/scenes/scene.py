@@ -422,13 +422,32 @@ class Scene(Document):
         """Numbers of the zones whose front is the toe on one side.
 
         All, where the section ends in a foot. Where the ground goes on, those that do not reach the
-        far boundary: a dam on its foundation. None: the whole section is cut, and has no toe there.
+        far boundary, if they rise above what lies before them: a dam on its foundation. None: the
+        section has no toe there; it is cut, or the dam is buried on that side.
         """
-        return [
-            number
-            for number, zone in enumerate(self.zones)
-            if not self.domain.goes_on(side) or not self.at_end(zone, side)
-        ]
+        if not self.domain.goes_on(side):
+            return list(range(len(self.zones)))
+        front = [n for n, zone in enumerate(self.zones) if not self.at_end(zone, side)]
+        corners = [corner for number in front for corner in self.zones[number].polygon]
+        if not corners:
+            return []
+        low, high = self.extent
+        foot = (min if side == "left" else max)(x for x, _ in corners)
+        rise = max(y for _, y in corners) - self.surface(foot)
+        return front if rise > FACE_HEIGHT * (high - low) else []
+
+    def surface(self, x: float) -> float:
+        """Elevation of the outline's highest point at `x` [m]."""
+        found = []
+        for zone in self.zones:
+            line = np.asarray([*zone.polygon, zone.polygon[0]], dtype=float)
+            (x0, y0), (x1, y1) = line[:-1].T, line[1:].T
+            over = (np.minimum(x0, x1) <= x) & (x <= np.maximum(x0, x1))
+            width = np.where(x1 == x0, 1.0, x1 - x0)
+            found += [
+                np.where(x1 == x0, np.maximum(y0, y1), y0 + (x - x0) / width * (y1 - y0))[over]
+            ]
+        return float(np.max(np.concatenate(found)))
 
     def foot(self, side: Side) -> float:
         """Place x [m] of the foot of the section: where its front ends, or else its outline."""

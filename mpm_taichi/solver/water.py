@@ -13,6 +13,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
+    from geometry.sides import Side
     from pipeline.config import SimulationSettings
 
 WATER_DENSITY = 1000.0
@@ -24,6 +25,9 @@ FACE_PLACES = 4
 FACE_DEPTH = 3
 """It begins this many half cells inside the face: nearer to it nodes have little soil, and what
 thrust falls on them is lost (a fifth of it without this)."""
+
+SMOOTHED_PLACES = 9
+"""The head of groundwater is a mean over this many half cells: the top of soil is jagged."""
 
 LEVEL_WITH_POOL = 0.01
 """Head that is lower than the pool's by less than this is the pool's [m]."""
@@ -108,13 +112,7 @@ class MovingFace:
             places: (k,) x [m], evenly spaced and ascending.
             position: (P, 2) the points now [m], in the order of those of the start.
         """
-        step = places[1] - places[0]
-        column = np.floor((position[:, 0] - places[0]) / step + 0.5).astype(np.int64)
-        column = np.clip(column, 0, len(places) - 1)
-        top = np.full(len(places), -np.inf)
-        np.maximum.at(top, column, position[:, 1] + self.half)
-        padded = np.pad(top, 1, mode="edge")  # a gap between two points is no gap in the soil
-        top = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+        column, top = self._columns(places, position)
         head = self._carried(places, position, column)
         if not self.from_left:
             head, top = head[::-1], top[::-1]
@@ -123,6 +121,16 @@ class MovingFace:
         head = self.level + np.clip(inside, 0.0, 1.0) * (head - self.level)
         head = np.minimum.accumulate(np.minimum(head, self.level))
         return head if self.from_left else head[::-1]
+
+    def _columns(self, places: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Place of each point (P,), and the top of the soil at each place (k,) [m]; -inf: none."""
+        step = places[1] - places[0]
+        column = np.floor((position[:, 0] - places[0]) / step + 0.5).astype(np.int64)
+        column = np.clip(column, 0, len(places) - 1)
+        top = np.full(len(places), -np.inf)
+        np.maximum.at(top, column, position[:, 1] + self.half)
+        padded = np.pad(top, 1, mode="edge")  # a gap between two points is no gap in the soil
+        return column, np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
 
     def _carried(self, places: np.ndarray, position: np.ndarray, column: np.ndarray) -> np.ndarray:
         """Head that the soil below the pool's level has brought along to each place (k,) [m]."""
@@ -149,6 +157,23 @@ class MovingFace:
         return int(np.argmax(np.where(dry, top, -np.inf))) if dry.any() else len(head)
 
 
+class Groundwater(MovingFace):
+    """The head where the high end of the water table is groundwater: no pool fills what sinks.
+
+    The slide is too fast for pore water to flow, so soil keeps the head it had, wherever it has
+    moved to, but where that would be above the soil: what has sunk or run out is then full of water
+    to its surface.
+    """
+
+    def head(self, places: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """As `MovingFace.head`."""
+        column, top = self._columns(places, position)
+        lowest = position[:, 1].min() - self.half
+        kept = np.minimum(self._carried(places, position, column), np.maximum(top, lowest))
+        wide = np.pad(kept, SMOOTHED_PLACES // 2, mode="edge")
+        return np.convolve(wide, np.full(SMOOTHED_PLACES, 1.0 / SMOOTHED_PLACES), mode="valid")
+
+
 def moving_face(
     scene: Scene, settings: SimulationSettings, position: np.ndarray
 ) -> MovingFace | None:
@@ -162,4 +187,8 @@ def moving_face(
     if settings.water != "pore_pressure" or settings.water_face != "moving":
         return None
     face = MovingFace.at_start(scene, position)
-    return face if face.holds_back else None
+    if not face.holds_back:
+        return None
+    side: Side = "left" if face.from_left else "right"
+    is_pool = not scene.domain.goes_on(side) or scene.surface(scene.end(side)) < face.level
+    return face if is_pool else Groundwater.at_start(scene, position)
