@@ -25,6 +25,10 @@ BOX, SMALLEST_BOX, LARGEST_BOX = 1.0, 1e-3, 4.0
 SMALL_LOG, SMALL_STEP, SMALL_GAIN = 0.01, 0.1, 0.05
 #: The best step gains less than this share of the sum: nothing more to be had.
 STATIONARY = 1e-3
+#: How a search ends whose steps have become small without making the loss smaller ...
+NOISE = "no step makes it smaller: the noise of the simulation is reached"
+#: ... whose answer fits if no fitted number is farther off than this many standard deviations.
+MET = 0.5
 LEAST = "least sum of squares"
 
 
@@ -106,6 +110,10 @@ def gauss_newton(search: Search, first: Linearised) -> SearchResult:
     reached = best.loss < objective.tolerance
     if objective.loss == "misfit":
         reached = words.startswith(LEAST)
+    if not reached and words == NOISE and (off := objective.farthest_off(best.prediction)) < MET:
+        # Far, thin flows are noisy: what meets the data well within their errors is an answer.
+        reached = True
+        words = f"the data are met within {off:.2g} of their standard deviations; {NOISE}"
     return SearchResult(best, reached, words, search.evaluations, search.runs)
 
 
@@ -191,7 +199,7 @@ def _ended(search: Search, evaluation: Linearised, step: Step, box: float) -> st
         bound = [b for b in objective.parameters.at_bound(evaluation.values) if b]
         return LEAST + (", at a bound" if bound and not good else "")
     if box < SMALLEST_BOX:
-        return "no step makes it smaller: the noise of the simulation is reached"
+        return NOISE
     if search.exhausted:
         return f"stopped after {search.runs} simulations, as allowed"
     return ""

@@ -134,6 +134,11 @@ class Objective:
         standardised = self.survey_whitener @ difference
         return float(standardised @ standardised)
 
+    def farthest_off(self, prediction: Prediction) -> float:
+        """Largest difference of a fitted number, in standard deviations; infinite if it failed."""
+        off = np.abs(self.difference(prediction)) / np.sqrt(np.diag(self.covariance))
+        return float(off.max()) if np.isfinite(off).all() else float("inf")
+
     def residuals(self, prediction: Prediction, fitted: np.ndarray) -> np.ndarray:
         """All that is squared and summed: data, then what is known beforehand."""
         data = self.whitener @ self.difference(prediction)

@@ -205,6 +205,22 @@ def test_a_failed_start_says_why():
         calibrate(search, np.array([30.0]), method="gauss_newton", least_m=2.0)
 
 
+@pytest.mark.parametrize(("std", "fits"), [(10.0, True), (1.0, False)])
+def test_noise_well_below_the_errors_of_the_data_is_no_misfit(std, fits):
+    """A toe that jumps by 2.5 m, as of a far, thin flow, about one that was measured between."""
+
+    def jumping(values):
+        return np.round(dam([values[0], 30.0]) / 2.5) * 2.5
+
+    search = problem([strength("a")], jumping, targets(53.75, std=std))
+    smooth = FiniteSteps(search.objective.parameters, np.array([2.5]))
+    search.steps = smooth
+    first = search.evaluate(np.array([40.0]), "start", 0)
+    found = gauss_newton(search, first)
+    assert found.reached is fits and abs(found.best.prediction.values[0] - 53.75) < 2.5
+    assert found.words.startswith("the data are met within 0.1") is fits
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_no_search_goes_on_for_ever(method):
     """A formula of pure noise: nothing to be found, and yet an end."""
