@@ -10,8 +10,8 @@ from flowslide.commands.check import print_ends
 
 CASES = "case_histories"
 DESCRIPTION = (
-    "Make a commented, working case folder from a section (CSV, GeoJSON, DXF, FLAC2D) and a "
-    "measured runout or a surveyed profile. docs/start/your-own-case.md shows how."
+    "Make a commented, working case folder from a section (CSV, GeoJSON, DXF, FLAC2D) and, where "
+    "it has slid, a measured runout or a surveyed profile. docs/start/your-own-case.md shows how."
 )
 
 
@@ -82,12 +82,18 @@ def run(arguments: argparse.Namespace) -> None:
     for line in made.read:
         print(line)
     ran = ", ".join(f"{r.side} {r.value_m:g} +- {r.std_m:.2g} m" for r in made.runouts)
-    print(f"wrote {folder}: {len(made.scene.zones)} zones; runout {ran}")
+    ran = f"runout {ran}" if ran else "no slide was measured"
+    print(f"wrote {folder}: {len(made.scene.zones)} zones; {ran}")
     print_ends(made.scene)
     print("It works as it is; lines with FILL IN wait for what only you know. Next:")
     typed = shlex.quote(str(folder))
     print(f"  flowslide check {typed}")
     print(f"  flowslide show {typed} --out {folder.name}.png")
+    if not made.runouts:
+        print(f"  flowslide simulate {typed}")
+        if any(soil.liquefied for soil in made.scene.materials.values()):
+            print(f"  flowslide predict {typed} --residual-strength MEAN+-STD")
+        return
     print(f"  flowslide invert {typed} --quick")
     if folder.resolve().parent == Path(CASES).resolve():
         print(f"  snakemake -c 2 answer_{folder.name}")

@@ -221,16 +221,20 @@ def readme_text(
             f"{words.profile_std_m:g} m | {FILL_IN} |"
         )
     table = "\n".join(rows)
+    files = ""
+    if runouts:
+        files = (
+            "| `measurements.yaml` | what was measured after it |\n"
+            "| `inversion.yaml` | which strengths are unknown |\n"
+        )
     return f"""# {words.title}
 
-{FILL_IN}: what failed, when, and how.
+{FILL_IN}: {"what failed, when, and how" if runouts else "what stands there, and since when"}.
 
 | file | what |
 |---|---|
-| `scene.yaml` | the section before the slide, from `{words.section_file}` |
-| `measurements.yaml` | what was measured after it |
-| `inversion.yaml` | which strengths are unknown |
-
+| `scene.yaml` | the section{" before the slide" if runouts else ""}, from `{words.section_file}` |
+{files}
 ## How far each number may be trusted
 
 Axes: x to the right, y up, metres; upstream is {words.upstream}.

@@ -1,11 +1,12 @@
 """A folder for a dam of your own, from a drawn section and a survey.
 
-In: a section (CSV, GeoJSON, DXF) and a measured runout or a surveyed profile. Out: a commented
-folder with `scene.yaml`, `measurements.yaml`, `inversion.yaml`, `README.md` and the profile, which
-can be checked and inverted as it is. What is assumed says so and waits to be replaced.
+In: a section (CSV, GeoJSON, DXF) and, where it has slid, a measured runout or a surveyed profile.
+Out: a commented folder with `scene.yaml`, `README.md` and, of a slide, `measurements.yaml`,
+`inversion.yaml` and the profile, which can be checked and simulated or inverted as it is. What is
+assumed says so and waits to be replaced.
 
-Nothing is made up that decides the answer: a zone without strength, a slide without a runout and a
-section without a liquefied zone are refused.
+Nothing is made up that decides the answer: a zone without strength, a survey without a runout and a
+slide without a liquefied zone are refused.
 """
 
 from __future__ import annotations
@@ -17,11 +18,10 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from geometry.case import load_case
 from geometry.scenes.drawings import Section, read_materials, read_section, reading, section_scene
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.sides import SIDES, Side
 from geometry.survey.profiles import Profile, load_profile
 from inversion.back_analysis.case import inversion_case
@@ -79,6 +79,11 @@ class Given:
     profile_std_m: float = 0.5
     upstream: Side = "left"
     ends: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def has_slid(self) -> bool:
+        """Something was measured after a slide."""
+        return bool(self.runouts) or self.profile is not None
 
 
 @dataclass(frozen=True)
@@ -156,23 +161,25 @@ def _scene(section: Section, given: Given, name: str) -> Scene:
         snap=given.snap,
         ends=given.ends,
     )
-    scene = _mark_liquefied(scene, given.liquefied, given.section)
+    scene = _mark_liquefied(scene, given)
     if given.water_level is None:
         return scene
     if scene.has_water:
         raise InputError(
             f"--water-level {given.water_level:g}: {given.section} has a water table already"
         )
-    if not scene.ground.lowest < given.water_level < scene.domain.y_max:
+    if not given.water_level > scene.ground.lowest:
         raise InputError(
             f"--water-level {given.water_level:g}: must lie above the base at "
-            f"{scene.ground.lowest:g} m and below {scene.domain.y_max:g} m"
+            f"{scene.ground.lowest:g} m"
         )
-    return scene.changed(water_level=given.water_level)
+    document = {**scene.model_dump(), "water_level": given.water_level}
+    return scene_from_mapping(document, "--water-level")
 
 
-def _mark_liquefied(scene: Scene, named: Sequence[str], source: str) -> Scene:
-    """Mark the materials of the zones named; refuse a section in which none is liquefied."""
+def _mark_liquefied(scene: Scene, given: Given) -> Scene:
+    """Mark the materials of the zones named; refuse a slide in which none is liquefied."""
+    named, source = given.liquefied, given.section
     zones = {zone.name: zone.material for zone in scene.zones}
     for zone in named:
         if zone not in zones:
@@ -190,7 +197,7 @@ def _mark_liquefied(scene: Scene, named: Sequence[str], source: str) -> Scene:
     liquefied = {
         name: fields for name, fields in document["materials"].items() if fields["liquefied"]
     }
-    if not liquefied:
+    if not liquefied and given.has_slid:
         raise InputError(
             f"{source}: no zone is liquefied; name those whose S_r is unknown with --liquefied "
             f"ZONE; there are {', '.join(zones)}"
@@ -218,7 +225,7 @@ def _runouts(given: Sequence[str], profile: Profile | None, scene: Scene) -> lis
             runout = _runout_of_profile(profile, side, scene)
             if runout is not None:
                 found[side] = runout
-    if not found:
+    if profile is not None and not found:
         raise InputError(
             "no runout is known: give --runout SIDE=M, or --profile with a survey that reaches a "
             "toe beyond the foot of the section"
@@ -288,12 +295,14 @@ def _write(
     words: CaseWords,
 ) -> None:
     """Write the files next to their place, load them as an inversion does, and put them there."""
-    texts: Mapping[str, Any] = {
+    texts: dict[str, str] = {
         "scene.yaml": scene_file_text(scene, words),
-        "measurements.yaml": measurements_text(scene, runouts, profile, words),
-        "inversion.yaml": inversion_text(scene, [toe_name(runout) for runout in runouts]),
         "README.md": readme_text(scene, runouts, profile, words),
     }
+    if runouts:
+        toes = [toe_name(runout) for runout in runouts]
+        texts["measurements.yaml"] = measurements_text(scene, runouts, profile, words)
+        texts["inversion.yaml"] = inversion_text(scene, toes)
     parent = make_folder(folder.parent)
     try:
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=parent))
@@ -306,7 +315,9 @@ def _write(
             text = profile_text(profile, words)
             (temporary / PROFILE_FILE).write_text(text, encoding="utf-8")
         try:
-            inversion_case(load_case(temporary))
+            case = load_case(temporary)
+            if runouts:
+                inversion_case(case)
         except InputError as error:
             raise InputError(str(error).replace(str(temporary), str(folder))) from None
         temporary.chmod(0o755)

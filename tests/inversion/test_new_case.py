@@ -155,17 +155,22 @@ def test_the_profile_keeps_its_numbers_and_has_room(dry, tmp_path):
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        ([], "no zone is liquefied; name those .* with --liquefied ZONE; there are base, cap"),
+        (
+            ["--runout", "left=3"],
+            "no zone is liquefied; name those .* with --liquefied ZONE; there are base, cap",
+        ),
         (["--liquefied", "toe"], "--liquefied toe: no such zone; there are base, cap"),
         (["--liquefied", "cap"], "'cap' is liquefied: its friction_deg must be 0"),
-        (["--liquefied", "base"], "no runout is known: give --runout SIDE=M, or --profile"),
         (["--liquefied", "base", "--runout", "up=3"], "--runout up=3: must look like left=53"),
         (["--liquefied", "base", "--runout", "left=far"], "must look like left=53"),
         (["--liquefied", "base", "--runout", "left=3+-0"], "must be greater than 0"),
         (["--liquefied", "base", "--runout", "left=3", "--runout", "left=4"], "given twice"),
         (["--liquefied", "base", "--runout", "left=3", "--spacing", "-1"], "--spacing -1"),
         (["--liquefied", "base", "--runout", "left=3", "--spacing", "6"], "is a sliver"),
-        (["--liquefied", "base", "--runout", "left=3", "--water-level", "90"], "above the base"),
+        (
+            ["--liquefied", "base", "--runout", "left=3", "--water-level", "90"],
+            "allowed are levels",
+        ),
         (["--liquefied", "base", "--runout", "left=3", "--profile-std", "0"], "--profile-std 0"),
         (["--liquefied", "base", "--profile", "none.csv"], "none.csv: no such file"),
     ],
@@ -174,6 +179,25 @@ def test_what_cannot_be_made_is_refused_and_leaves_nothing(dry, tmp_path, option
     with pytest.raises(InputError, match=complaint):
         new(tmp_path / "cases" / "dam", *options, section=dry)
     assert not (tmp_path / "cases").exists()
+
+
+@pytest.mark.parametrize("liquefied", [[], ["--liquefied", "base"]])
+def test_a_section_alone_is_a_case_to_be_simulated(dry, tmp_path, capsys, liquefied):
+    folder = new(tmp_path / "dam", *liquefied, "--water-level", "12", section=dry)
+    said = capsys.readouterr().out
+    assert sorted(path.name for path in folder.iterdir()) == ["README.md", "scene.yaml"]
+    assert "no slide was measured" in said and "flowslide simulate" in said
+    assert "invert" not in said and ("flowslide predict" in said) is bool(liquefied)
+    assert "measurements.yaml" not in (folder / "README.md").read_text()
+    case = load_case(folder)
+    assert case.survey is None and case.scene.water_level == 12.0, "deeper than the section is high"
+
+
+def test_a_survey_that_reaches_no_toe_is_no_slide(dry, tmp_path):
+    survey = tmp_path / "survey.csv"
+    survey.write_text("x_m,y_m\n3,2.25\n10,5\n")
+    with pytest.raises(InputError, match="no runout is known: give --runout SIDE=M, or --profile"):
+        new(tmp_path / "dam", "--liquefied", "base", "--profile", survey, section=dry)
 
 
 def test_a_profile_that_cannot_be_is_refused_and_leaves_nothing(dry, tmp_path):
