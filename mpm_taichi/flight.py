@@ -10,6 +10,7 @@ import numpy as np
 
 from geometry.sides import SIDES, outward_of
 from mpm_taichi import layout
+from mpm_taichi.rest import stands_still, still_frames
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.trajectory import Run
 
@@ -68,6 +69,13 @@ class Flight:
                 is_far = scene.domain.goes_on(side)
                 found[side] = np.isin(zones, scene.front_zones(side)) if is_far else None
         return found
+
+    @cached_property
+    def still_frames(self) -> int:
+        """Frames over which a section that stands is watched."""
+        low, high = self.scene.extent
+        gravity = self.prepared.settings.gravity_m_per_s2
+        return still_frames(high - low, gravity, self.prepared.frame_time)
 
     @property
     def scene(self) -> Scene:
@@ -218,8 +226,12 @@ class Flight:
         self.peak = max(self.peak, kinetic)
         calm = kinetic <= settings.early_stop_energy_fraction * self.peak
         self.quiet = self.quiet + self.prepared.frame_time if calm else 0.0
-        over = len(self.frames) * self.prepared.frame_time > self.prepared.busy_until
-        if settings.early_stop and over and self.quiet >= settings.early_stop_hold_s:
+        if not settings.early_stop:
+            return
+        frame_time, busy = self.prepared.frame_time, self.prepared.busy_until
+        now, count = len(self.frames) * frame_time, self.still_frames
+        self.ended = now > busy and self.quiet >= settings.early_stop_hold_s
+        if now > busy + count * frame_time and stands_still(self.frames, count, self.scene.spacing):
             self.ended = True
 
     def finish(self, slot: int, slots: Slots) -> Run:

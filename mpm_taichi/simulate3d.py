@@ -19,6 +19,7 @@ from mpm_taichi.layout import (
     SHEAR,
     VOLUMETRIC,
 )
+from mpm_taichi.rest import stands_still, still_frames
 from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver3d import layout
 from mpm_taichi.solver3d.initial_state import Arrays3d
@@ -135,6 +136,8 @@ class Flight3d:
         self.steps = self.settle_steps = 0
         self.unbalanced = 0.0
         self.quiet = 0.0
+        height = float(np.ptp(problem.position[:, 2])) + problem.spacing
+        self.still_frames = still_frames(height, self.gravity, self.frame_time)
         self.wall_time = 0.0
         self.ended, self.reason = False, ""
         self.initial_stress = np.zeros((len(problem.position), 6), np.float32)
@@ -261,7 +264,10 @@ class Flight3d:
         self.peak = max(self.peak, kinetic)
         calm = kinetic <= settings.early_stop_energy_fraction * self.peak
         self.quiet = self.quiet + self.frame_time if calm else 0.0
-        rested = settings.early_stop and self.quiet >= settings.early_stop_hold_s
+        rested = settings.early_stop and (
+            self.quiet >= settings.early_stop_hold_s
+            or stands_still(self.frames, self.still_frames, self.problem.spacing)
+        )
         self.ended = rested or self.now >= settings.duration_s - 0.5 * self.frame_time
 
     # -- checkpoint -----------------------------------------------------------------------------

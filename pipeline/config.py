@@ -131,7 +131,9 @@ class SimulationSettings(Settings):
     """How a scene is simulated by the material point method."""
 
     duration_s: float = Field(
-        40.0, gt=0, description="motion that is simulated, s; a scale has its own"
+        240.0,
+        gt=0,
+        description="longest motion, s: a run that comes to rest ends before; a scale has its own",
     )
     frame_interval: float = Field(
         0.4, gt=0, description="time between stored frames, in units of sqrt(spacing / gravity)"
