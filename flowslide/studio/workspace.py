@@ -39,6 +39,8 @@ from flowslide.studio.case_documents import (
 )
 from geometry.case import SCENE_FILE, Case, load_case
 from geometry.scenes.fill import fill
+from geometry.scenes.scene import Scene
+from geometry.sides import SIDES, Side
 from pipeline.cli import InputError
 from pipeline.files import atomic_path, content_hash, make_folder, read_json, write_json
 from pipeline.places import CASES, names_of, shipped
@@ -240,6 +242,7 @@ class Workspace:
             "points": len(fill(scene)),
             "duration_s": case.simulation.duration_s,
             "feet": dict(case.feet),
+            "ends": {side: _end_of(scene, side) for side in SIDES},
             "marks": marks_of(case),
             "sets": [] if case.survey is None else list(case.survey.sets),
         }
@@ -344,6 +347,17 @@ class Workspace:
         make_folder(self.hidden(name))
         with atomic_path(self.hidden(name, file)) as temporary:
             temporary.write_bytes(content)
+
+
+def _end_of(scene: Scene, side: Side) -> dict[str, Any]:
+    """Where the section ends on one side, and whether the ground goes on there."""
+    heights = [y for zone in scene.zones for _, y in scene.at_end(zone, side)]
+    return {
+        "goes_on": scene.domain.goes_on(side),
+        "x_m": scene.end(side),
+        "low_m": min(heights),
+        "top_m": max(heights),
+    }
 
 
 def _copy(source: Path, target: Path) -> None:

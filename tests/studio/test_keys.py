@@ -157,3 +157,22 @@ def test_another_case_has_sliders_of_its_own(page):
     assert page.locator("#misfit").text_content() == ""
     page.locator("#keep").click()
     expect(page.locator("#status")).to_have_text("the case has these values already")
+
+
+def test_the_end_of_a_section_is_seen_and_said(page, workspace):
+    """A side that ends in a face goes on until somebody says that it does not."""
+    scene = workspace.read("small")["scene"]
+    x = max(x for zone in scene["zones"] for x, _ in zone["polygon"])
+    section(page)
+    ends = page.get_by_label("right end of the section")
+    assert ends.input_value() == "free", "it ends in a foot"
+    page.locator("#section-left .zone input").first.focus()
+    ends.focus()
+    page.keyboard.press("ArrowUp")
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert workspace.read("small")["scene"]["domain"]["right"] == "far"
+    expect(page.get_by_label("right end of the section")).to_have_value("goes_on")
+    found = workspace.read("small")["derived"]["ends"]["right"]
+    assert found["goes_on"] and found["x_m"] == x
+    page.locator("#undo").click()
+    expect(page.get_by_label("right end of the section")).to_have_value("free")

@@ -7,7 +7,7 @@ import { zoneColours } from "./view.js";
 const FIRST = ["friction_deg", "cohesion_kpa", "density"]; // fields of a material that are always shown
 const words = (name) => name.replaceAll("_", " ");
 
-/** `page` has documents, editor, materials (forms), underlay and say(words, bad). */
+/** `page` has documents, editor, materials (forms), derived() (what the server found), underlay and say(words, bad). */
 export class SectionPanel {
   constructor(left, right, page) {
     Object.assign(this, { left, right, page, faults: [] });
@@ -22,7 +22,7 @@ export class SectionPanel {
     refill(this.left,
       el("h2", { textContent: "Zones" }), ...this.zones(scene),
       el("h2", { textContent: "Materials" }), ...Object.keys(scene.materials).map((name) => this.material(scene, name)),
-      el("h2", { textContent: "Base and water" }), ...this.base(scene), ...this.water(scene),
+      el("h2", { textContent: "Base and water" }), ...this.base(scene), ...this.ends(), ...this.water(scene),
       el("h2", { textContent: "Points" }),
       field({ words: "spacing", value: scene.spacing, unit: "m", holder: "height / 25",
         help: "distance between material points; half of it takes eight times as long" },
@@ -144,6 +144,15 @@ export class SectionPanel {
       found.push(button("Level base", () => set((ground) => { delete ground.points; }), { title: "level, at the lowest vertex" }));
     }
     return found;
+  }
+
+  /** What is beyond the ends of a section that holds together. */
+  ends() {
+    return Object.entries(this.page.derived()?.ends ?? {}).map(([side, end]) =>
+      field({ words: `${side} end of the section`, shown: `${side} end`, kind: "choice", choices: ["goes_on", "free"],
+        value: end.goes_on ? "goes_on" : "free",
+        help: "goes on: ground, held by a smooth wall, along which soil settles; free: soil can run out of it" },
+      (value) => this.edit(`${side} end`, (to) => { to.domain[side] = value === "free" ? "free" : "far"; })));
   }
 
   water(scene) {

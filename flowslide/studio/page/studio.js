@@ -64,6 +64,7 @@ const page = {
   view, editor, documents, say, refresh,
   get materials() { return state.workspace.materials; },
   get forms() { return state.workspace.measurements; },
+  derived: () => state.found?.derived,
   summary() {
     const { derived, shipped } = state.found;
     if (shipped) return "This case ships with flowslide. Copy it to edit it.";
@@ -92,6 +93,7 @@ function take(found) {
   editor.faults = sectionPanel.faults = of("scene");
   surveyPanel.faults = found.faults.filter(({ document }) => document !== "scene");
   showMarks();
+  view.ends = found.derived?.ends ?? {};
   view.preview(documents.now.scene);
   view.paintLegend();
   refresh();

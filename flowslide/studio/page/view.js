@@ -148,6 +148,7 @@ export class View {
     pen.setTransform(k, 0, 0, -k, -left * k, canvas.height + bottom * k);
     this.paintSection(pen, 1 / k);
     this.paintGround(pen, 1 / k);
+    this.paintEnds(pen, 1 / k);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.paintAxes(pen);
     this.paintMarks(pen);
@@ -263,6 +264,22 @@ export class View {
         pen.globalAlpha = 1;
       }
     });
+  }
+
+  /** A hatch where the ground goes on beyond the end of the section. */
+  paintEnds(pen, pixel) {
+    const wide = pixel * (devicePixelRatio || 1);
+    for (const [side, { goes_on: goesOn, x_m: x, low_m: low, top_m: top }] of Object.entries(this.ends ?? {})) {
+      if (!goesOn) continue;
+      const out = (side === "left" ? -1 : 1) * 14 * wide;
+      pen.beginPath();
+      pen.moveTo(x, low);
+      pen.lineTo(x, top);
+      for (let y = low; y < top; y += 9 * wide) { pen.moveTo(x, y); pen.lineTo(x + out, Math.min(y + 14 * wide, top)); }
+      pen.strokeStyle = css("--ground");
+      pen.lineWidth = 1.2 * wide;
+      pen.stroke();
+    }
   }
 
   paintGround(pen, pixel) {
