@@ -40,7 +40,7 @@ def write_report(data: BackAnalysisData, *, film: bool = True) -> Path:
     """
     moving = save_film(data) if film else known_film(data.folder)
     page = data.folder / PAGE
-    lead = f"{words.answer_sentence(data)} {words.misfit_sentence(data)}"
+    lead = f"{words.answer_sentence(data)} {words.misfit_sentence(data)} {words.doubted(data)}"
     write_page(page, f"{data.result.title}: back-analysis", sections(data, moving), lead=lead)
     return page
 
@@ -59,6 +59,8 @@ def summary(data: BackAnalysisData) -> str:
         f"{result.runs_to_answer} simulations ({result.runs} in all, "
         f"{result.timings.get('in all', 0):.0f} s)"
     )
+    if doubt := words.doubted(data):
+        heading = f"{plain(doubt)}\n{heading}"
     strengths = data.strengths or answer.parameters
     lines = [m for m in result.measurements if m.role != "constructed"]
     counts = Counter(m.group for m in lines)
@@ -86,6 +88,7 @@ def summary(data: BackAnalysisData) -> str:
                 plain,
                 [
                     *words.undetermined_sentences(data),
+                    *words.hand_check_sentences(data),
                     *words.spacing_sentences(data),
                     *result.remarks,
                 ],
@@ -116,7 +119,8 @@ def sections(data: BackAnalysisData, film: Path | None) -> list[Section]:
 
 
 def _answer(data: BackAnalysisData) -> Section:
-    before, after = words.meaning_sentences(data), words.surrogate_sentences(data)
+    before = [*words.meaning_sentences(data), *words.hand_check_sentences(data)]
+    after = words.surrogate_sentences(data)
     return Section(
         "Answer",
         [

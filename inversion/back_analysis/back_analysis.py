@@ -32,6 +32,7 @@ from inversion.back_analysis.changed_answers import (
     sensitivity_answer,
     variant_answer,
 )
+from inversion.back_analysis.hand_checks import ratio_check, stability_check
 from inversion.back_analysis.perturbed_answers import (
     ROUNDS,
     EquivalentAnswer,
@@ -40,6 +41,7 @@ from inversion.back_analysis.perturbed_answers import (
     walk,
 )
 from inversion.back_analysis.result import (
+    HandCheck,
     Noise,
     Result,
     SeedAnswer,
@@ -50,6 +52,7 @@ from inversion.back_analysis.result import (
     WaterfallBar,
 )
 from inversion.back_analysis.result_builder import compared_relations
+from inversion.classical.slices import WaterForm
 from inversion.engines.registry import REFERENCE, Engine, engine_named
 from inversion.engines.run_store import Store
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
@@ -100,6 +103,7 @@ class BackAnalysis:
     sensitivities: list[SensitivityAnswer] = field(default_factory=list)
     ratio_changes: dict[str, dict[str, float]] = field(default_factory=dict)
     noise: Noise | None = None
+    hand_checks: list[HandCheck] = field(default_factory=list)
     waterfall: WaterfallAnswer | None = None
     more_sources: dict[str, dict[str, float]] = field(default_factory=dict)
     remarks: dict[str, list[str]] = field(default_factory=dict)  # by stage
@@ -143,6 +147,7 @@ class BackAnalysis:
             ("starts", self.search_from_elsewhere),
             ("equally good", self.find_equally_good),
             ("seeds", self.measure_noise),
+            ("hand checks", self.check_by_hand),
         ]
         if settings.variants:
             stages.append(("variants", self.solve_variants))
@@ -337,6 +342,22 @@ class BackAnalysis:
             self._count(engine)
             self.say(f"other answers that fit as well: {len(self.stops)}")
 
+    def check_by_hand(self) -> None:
+        """Limit equilibrium of the section before, with the strengths of the answer."""
+        if not isinstance(self.case, InversionCase):
+            return
+        setup, targets = self.case.setup, self.objective.targets
+        numbers = {targets.groups[place] for place in np.flatnonzero(targets.fitted)}
+        fitted = [targets.entries[number] for number in sorted(numbers)]
+        sides = dict.fromkeys(e.toe_side for e in fitted if e.toe_side and not e.censored)
+        form: WaterForm = "pore_pressure" if setup.settings.water == "pore_pressure" else "buoyant"
+        for side in sides:
+            try:
+                scene = setup.scene_at(self.found.values)
+                self.hand_checks.append(stability_check(scene, side, form))
+            except WorkFailed as error:
+                self.remark(f"factor of safety of the section before, to the {side}: {error}")
+
     def measure_noise(self) -> None:
         """Find the answer again on jittered points."""
         seeds = list(range(1, self.case.config.inversion.noise_seeds + 1))
@@ -511,6 +532,19 @@ class BackAnalysis:
                     found.best.prediction, found.values, case.parameters.names
                 )
             }
+        answer = result_builder.answer(
+            case,
+            self.objective,
+            found,
+            self.spread,
+            self.stops,
+            resolved,
+            self.sensitivities,
+            changes,
+            noise_std,
+            self.more_sources,
+        )
+        ratios = [ratio_check(p) for p in answer.parameters if p.lower_bound_95 is None]
         return Result(
             case=case.name,
             title=case.title,
@@ -520,18 +554,7 @@ class BackAnalysis:
             coarse_spacing_m=self.coarse_spacing_m,
             manifest=self._manifest(),
             question=case.question,
-            answer=result_builder.answer(
-                case,
-                self.objective,
-                found,
-                self.spread,
-                self.stops,
-                resolved,
-                self.sensitivities,
-                changes,
-                noise_std,
-                self.more_sources,
-            ),
+            answer=answer,
             iterations=result_builder.iterations(found.evaluations, self.objective),
             starts=self.starts,
             variants=self.variants,
@@ -541,6 +564,7 @@ class BackAnalysis:
             classical=[],
             waterfall=self.waterfall,
             relations=compared_relations(case) if isinstance(case, InversionCase) else [],
+            hand_checks=[*self.hand_checks, *(one for one in ratios if one is not None)],
             remarks=[line for lines in self.remarks.values() for line in lines],
             published=case.measurements.strength_published_kpa,
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},

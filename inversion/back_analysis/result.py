@@ -171,6 +171,17 @@ class Answer(StrictDocument):
     steps: dict[str, float] = Field(description="parameter -> finite-difference step, outside unit")
 
 
+class HandCheck(StrictDocument):
+    """What a hand calculation says of the answer."""
+
+    name: str = Field(description="stability, or the ratio of a parameter")
+    words: str = Field(description="the check and what it says")
+    value: float = Field(description="factor of safety, or ratio")
+    low: float | None = Field(description="lower end of what is expected; null: none")
+    high: float | None = Field(description="upper end")
+    agrees: bool = Field(description="False: the answer is doubted in the first line")
+
+
 class Iteration(StrictDocument):
     """One look at the engine: a forward run with its derivative, or a run of the scan."""
 
@@ -435,6 +446,9 @@ class Result(StrictDocument):
     )
     surrogate: Surrogate | None = Field(
         None, description="of the engine gns; null: the material point method answered"
+    )
+    hand_checks: list[HandCheck] = Field(
+        default_factory=list, description="what can be said without a simulation"
     )
     remarks: list[str] = Field(description="what could not be had, and why")
     published: dict[str, dict[str, Any]] = Field(description="strengths found by others, kPa")

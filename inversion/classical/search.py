@@ -53,6 +53,7 @@ def critical_circle(
     toe: tuple[float, float],
     form: WaterForm = "buoyant",
     wanted: Literal["factor", "strength"] = "factor",
+    rounds: int = ROUNDS,
 ) -> FoundCircle:
     """The critical circle by Bishop's method.
 
@@ -63,6 +64,7 @@ def critical_circle(
         toe: smallest and largest x of the lower end [m].
         form: how water is taken into account.
         wanted: `factor`: the lowest factor of safety; `strength`: the highest S_r for FS = 1.
+        rounds: grids of circles, each finer than the one before.
 
     Raises:
         WorkFailed: no circle in the ranges stays within the soil.
@@ -70,7 +72,7 @@ def critical_circle(
     ranges = np.array([head, toe, (0.03, 0.60)], dtype=float)
     widest = ranges.copy()
     best, best_value, tried = None, np.inf, 0
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         numbers = [np.linspace(low, high, GRID) for low, high in ranges]
         x_head, x_toe, sag = (a.ravel() for a in np.meshgrid(*numbers, indexing="ij"))
         circles = _circles(section, x_head, x_toe, sag)

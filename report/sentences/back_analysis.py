@@ -46,6 +46,18 @@ def answer_sentence(data: BackAnalysisData) -> str:
     return f"{'; '.join(parts)}; {how}.{end}"
 
 
+def doubted(data: BackAnalysisData) -> str:
+    """What hand checks do not allow, for the first line; empty: nothing."""
+    outside = [check.words for check in data.result.hand_checks if not check.agrees]
+    return f"DOUBTED BY HAND CHECKS: {'; '.join(outside)}." if outside else ""
+
+
+def hand_check_sentences(data: BackAnalysisData) -> list[str]:
+    """What can be said of the answer without a simulation."""
+    checks = [check.words for check in data.result.hand_checks]
+    return [f"Checked by hand: {'; '.join(checks)}."] if checks else []
+
+
 def answer_words(p: ParameterAnswer) -> str:
     """A parameter and its answer; of a bound the limit of flow that it rests on."""
     of = "" if p.lower_bound_95 is None else ", limit of flow"

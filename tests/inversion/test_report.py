@@ -13,7 +13,7 @@ from flowslide.command_line import main
 from flowslide.commands.report import folders
 from inversion.back_analysis.result import Result, save_result
 from pipeline.cli import InputError
-from report.back_analysis import PAGE, write_report
+from report.back_analysis import PAGE, summary, write_report
 from report.charts.iterations import MOST, shown_looks
 from report.charts.uncertainty import bars
 from report.data.back_analysis import BackAnalysisData, _case, load_back_analysis
@@ -21,6 +21,7 @@ from report.data.methods import reference, slides
 from report.numbers import signed
 from report.sentences.back_analysis import (
     answer_sentence,
+    doubted,
     misfit_sentence,
     undetermined_sentences,
     variant_sentences,
@@ -129,6 +130,18 @@ def test_the_answer_is_one_sentence():
     )
     made["answer"]["reached"] = False
     assert "NOT FITTED" in answer_sentence(BackAnalysisData(Path(), Result.model_validate(made)))
+
+
+def test_what_a_hand_check_doubts_stands_in_the_first_line():
+    check = {"name": "stability", "value": 1.3, "low": None, "high": 1.05, "words": "it stands"}
+    for agrees in (True, False):
+        made = document([parameter("s")])
+        made["hand_checks"] = [{**check, "agrees": agrees}]
+        data = BackAnalysisData(Path(), Result.model_validate(made))
+        said = summary(data)
+        assert said.startswith("DOUBTED BY HAND CHECKS: it stands.") is not agrees
+        assert "Checked by hand: it stands." in said
+        assert doubted(data) in ("", said.splitlines()[0])
 
 
 def test_misfits_are_not_hidden(full_page):
