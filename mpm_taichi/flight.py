@@ -226,9 +226,9 @@ class Flight:
         self.peak = max(self.peak, kinetic)
         calm = kinetic <= settings.early_stop_energy_fraction * self.peak
         self.quiet = self.quiet + self.prepared.frame_time if calm else 0.0
+        frame_time, busy = self.prepared.frame_time, self.prepared.busy_until
         if not settings.early_stop:
             return
-        frame_time, busy = self.prepared.frame_time, self.prepared.busy_until
         now, count = len(self.frames) * frame_time, self.still_frames
         self.ended = now > busy and self.quiet >= settings.early_stop_hold_s
         if now > busy + count * frame_time and stands_still(self.frames, count, self.scene.spacing):

@@ -93,7 +93,7 @@ def test_an_open_domain_is_bit_for_bit_a_wide_one():
     """Place and time that an effect sees must not depend on how often the grid has grown."""
     pushed = {"shaking": {"amplitude": 0.5, "frequency_hz": 0.3}, "side_friction": 0.1,
               "weak_base": {"amplitude": 0.9, "x_to_m": 30.0}}  # fmt: skip
-    domain = {"y_max": 20, "walls": "open"}
+    domain = {"y_max": 20, "walls": "open", "left": "free", "right": "free"}
     settings = SHORT.model_copy(update={"duration_s": 5.0})
     narrow, wide = simulate(
         [

@@ -30,11 +30,12 @@ def slump(**changes):
 
 
 SHORT = SimulationSettings(duration_s=3.0, early_stop=False)
+FREE = {"left": "free", "right": "free"}
 
 
 @pytest.mark.slow
 def test_open_domain_is_bit_for_bit_a_wide_one():
-    narrow = {"x_min": 16, "x_max": 44, "y_max": 20, "walls": "open"}
+    narrow = {"x_min": 16, "x_max": 44, "y_max": 20, "walls": "open", **FREE}
     wide = {"x_min": -40, "x_max": 100, "y_max": 20, "walls": "closed"}
     open_run, wide_run = simulate(
         [slump(domain=narrow), slump(domain=wide)], SHORT.model_copy(update={"duration_s": 6.0})
