@@ -223,7 +223,7 @@ def test_requirements_alone_are_enough_for_a_back_analysis(bare, tmp_path):
         return done.stdout
 
     said = run("invert", CASE, "--spacing", "4", "--quick", "--report", "page")
-    assert said.startswith("Lower San Fernando Paper: back-analysis")
+    assert "\nLower San Fernando Paper: back-analysis" in f"\n{said}"
     folder = tmp_path / "results" / CASE / "inversion"
     (strength, *_) = json.loads((folder / "result.json").read_text())["answer"]["parameters"]
     assert strength["name"] == "residual_strength_1" and 30.0 < strength["value"] < 75.0
