@@ -1,4 +1,4 @@
-"""The documents of a case as the page has them: what is wrong with them, and how they are written.
+"""The documents of a case as the page has them, and how they are written.
 
 A case is a mapping of parts: `scene`, `measurements`, `inversion`, `diagnosis` (the contents of its
 YAML files, None where there is no file) and `tables` (the texts of its CSV files by name).
@@ -9,47 +9,24 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from flowslide.studio.faults import DOCUMENTS
 from flowslide.studio.yaml_edits import edited_yaml
 from geometry.case import SCENE_FILE, Case
 from geometry.scenes.drawings import with_room
-from geometry.scenes.scene import Scene, checked_document, scene_faults, scene_from_mapping
+from geometry.scenes.limits import FARTHEST_M
+from geometry.scenes.scene import Scene, checked_document, scene_from_mapping
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements
 from inversion.new_case.case_files import CaseWords, inversion_text, readme_text, scene_file_text
 from pipeline.cli import InputError
 from pipeline.files import parse_yaml, read_text, read_yaml, write_text, yaml_text
 
-DOCUMENTS = {
-    "scene": SCENE_FILE,
-    "measurements": MEASUREMENTS_FILE,
-    "inversion": "inversion.yaml",
-    "diagnosis": "diagnosis.yaml",
-}
-"""Part of a case that the page edits -> its file."""
 TABLES = "tables"
 """The part that holds the texts of a case's CSV files by their names."""
 _TABLE = re.compile(r"[A-Za-z0-9_-]{1,64}\.csv")
-
-
-@dataclass(frozen=True)
-class Fault:
-    """What is wrong with a document, in the words of `flowslide check`.
-
-    Attributes:
-        document: part of the case.
-        message: one line.
-        zones: names of those it concerns.
-        places: where it is in the section: outlines of one or more vertices [m].
-    """
-
-    document: str
-    message: str
-    zones: tuple[str, ...] = ()
-    places: tuple[tuple[tuple[float, float], ...], ...] = ()
 
 
 def read_documents(folder: Path) -> dict[str, Any]:
@@ -74,9 +51,11 @@ def parts_of(documents: Mapping[str, Any]) -> dict[str, Any]:
 
 def with_room_made(documents: Mapping[str, Any]) -> dict[str, Any]:
     """The parts; the section with spacing, domain and base that hold what is drawn and surveyed."""
-    scene = documents.get("scene")
+    scene: Any = documents.get("scene")
     try:
-        scene = with_room(documents["scene"], _surveyed(documents))
+        outlines = [value for zone in scene["zones"] for place in zone["polygon"] for value in place]
+        if all(abs(value) <= FARTHEST_M for value in outlines):
+            scene = with_room(scene, _surveyed(documents))
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
         pass  # it is at fault, and the checks say how
     return {**documents, "scene": scene}
@@ -94,30 +73,6 @@ def without_base(documents: Mapping[str, Any]) -> dict[str, Any]:
     scene = documents["scene"]
     ground = {key: value for key, value in scene["ground"].items() if key != "points"}
     return {**documents, "scene": {**scene, "ground": ground}}
-
-
-def section_faults(documents: Mapping[str, Any]) -> list[Fault]:
-    """All that is wrong with the section."""
-    document = documents.get("scene")
-    if not isinstance(document, dict):
-        return [Fault("scene", "must be a mapping of keys")]
-    if not document.get("zones"):
-        return [Fault("scene", "no zone is drawn yet")]
-    return [Fault("scene", one.message, one.zones, one.places) for one in scene_faults(document)]
-
-
-def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[Fault]:
-    """The first fault of each other document; the section is right, and all are in a folder."""
-    scene, faults = scene_from_mapping(documents["scene"], SCENE_FILE), []
-    for part, check in _CHECKS.items():
-        if documents.get(part) is None:
-            continue
-        try:
-            check(folder, scene)
-        except InputError as error:
-            message = str(error).removeprefix(f"{folder / DOCUMENTS[part]}: ")
-            faults.append(Fault(part, message.replace(f"{folder}/", "")))
-    return faults
 
 
 def proposed_question(documents: Mapping[str, Any]) -> dict[str, Any]:
@@ -236,28 +191,3 @@ def _question_text(scene: Scene, documents: Mapping[str, Any]) -> str:
             one.name for one in survey.chosen() if one.toe_side is not None and not one.held_out
         ]
     return inversion_text(scene, toes)
-
-
-def _check_measurements(folder: Path, scene: Scene) -> None:
-    from geometry.survey.measurements import load_measurements
-
-    load_measurements(folder, scene)
-
-
-def _check_question(folder: Path, scene: Scene) -> None:
-    from inversion.problem.question import load_question
-
-    load_question(folder, scene)
-
-
-def _check_diagnosis(folder: Path, scene: Scene) -> None:
-    from diagnosis.question import load_diagnosis_question
-
-    load_diagnosis_question(folder)
-
-
-_CHECKS = {
-    "measurements": _check_measurements,
-    "inversion": _check_question,
-    "diagnosis": _check_diagnosis,
-}

@@ -24,19 +24,16 @@ from threading import RLock
 from typing import Any
 
 from flowslide.studio.case_documents import (
-    DOCUMENTS,
-    Fault,
     base_of,
     marks_of,
-    other_faults,
     parts_of,
     read_documents,
-    section_faults,
     with_room_made,
     without_base,
     write_case,
     write_plain,
 )
+from flowslide.studio.faults import DOCUMENTS, Fault, other_faults, section_faults
 from geometry.case import SCENE_FILE, Case, load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
@@ -197,7 +194,7 @@ class Workspace:
         return read_json(path)["documents"] if path.is_file() else None
 
     def faults(self, name: str, documents: Mapping[str, Any]) -> list[Fault]:
-        """What is wrong: all of it in the section, else the first of each other document."""
+        """What is wrong: all of it in the section, else what is wrong with the other documents."""
         documents = self._whole(name, documents)
         found = section_faults(documents)
         if found:

@@ -12,6 +12,10 @@ Point = tuple[float, float]
 #: Densities [kg/m3]: from light ash to a block so heavy that it keeps its speed (a piston).
 DENSITY = (100.0, 1.0e8)
 
+#: Farthest that a place may lie from the origin of the axes [m]: kilometre 1000 of a road. Drawings
+#: in millimetres, or in the coordinates of a country, lie beyond.
+FARTHEST_M = 1.0e6
+
 #: A pool may stand this many heights of the section above its top, or this many metres if that is
 #: more.
 POOL_ABOVE, POOL_ABOVE_M = 5.0, 50.0

@@ -11,9 +11,9 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -28,7 +28,7 @@ from pydantic import (
     model_validator,
 )
 
-from geometry.scenes.limits import check_density, check_level, extent
+from geometry.scenes.limits import FARTHEST_M, check_density, check_level, extent
 from geometry.scenes.polygon_checks import Fault, ground_faults, zone_faults
 from geometry.sides import SIDES, Side
 from pipeline.cli import InputError
@@ -36,7 +36,10 @@ from pipeline.documents import StrictDocument
 from pipeline.files import read_json, read_yaml, write_text, yaml_text
 from pipeline.places import CASES, resolve
 
-Point = tuple[float, float]
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+Point = tuple[Coordinate, Coordinate]
+Problem = Mapping[str, Any]
+"""What pydantic says of a field: `loc`, `type`, `msg`, `input`, and for limits `ctx`."""
 
 PAGE = "docs/method/geometry.md"
 """Lists the keys of a scene."""
@@ -222,7 +225,7 @@ class Zone(Document):
     name: str = Field(min_length=1, description="unique in the scene")
     polygon: list[Point] = Field(min_length=3, description="(x, y) in order, not closed [m]")
     material: str = Field(description="a key of materials")
-    initial_velocity: Point = Field((0.0, 0.0), description="(vx, vy) at t = 0 [m/s]")
+    initial_velocity: tuple[float, float] = Field((0.0, 0.0), description="(vx, vy) at t = 0 [m/s]")
     kinematic: bool = Field(False, description="true: the points keep their initial velocity")
 
     @field_validator("polygon")
@@ -529,19 +532,60 @@ def scene_from_mapping(document: Mapping[str, Any], source: str = "scene") -> Sc
         raise InputError(document_error(error, source)) from None
 
 
-def scene_faults(document: Mapping[str, Any]) -> list[Fault]:
-    """All that is wrong with a scene: its fields, or where all are right how they go together."""
+def document_problems(
+    model: type[BaseModel], document: Any, *, context: Any = None
+) -> list[Problem]:
+    """All that is wrong with the fields of a document, as pydantic says it."""
     try:
-        return list(Scene.model_validate(document, context=UNCHECKED)._faults())
+        model.model_validate(document, context=context)
     except ValidationError as error:
         problems = error.errors(include_url=False)
+    else:
+        return []
     # A misspelt key is also a missing one; the misspelling says more.
     alone = {problem["loc"][:-1] for problem in problems if problem["type"] == "extra_forbidden"}
-    kept = [one for one in problems if one["type"] != "missing" or one["loc"][:-1] not in alone]
-    return [Fault(_problem_line(one, PAGE), _zones_at(document, one["loc"])) for one in kept]
+    return [one for one in problems if one["type"] != "missing" or one["loc"][:-1] not in alone]
 
 
-def _zones_at(document: Mapping[str, Any], place: tuple[int | str, ...]) -> tuple[str, ...]:
+def scene_problems(document: Mapping[str, Any]) -> list[Problem]:
+    """All that is wrong with the fields of a scene, each looked at alone."""
+    return document_problems(Scene, document, context=UNCHECKED)
+
+
+def scene_faults(document: Mapping[str, Any], problems: Sequence[Problem] = ()) -> list[Fault]:
+    """All that is wrong with how the parts of a scene go together.
+
+    Args:
+        document: of a scene.
+        problems: of its fields. Outlines are judged all the same: a strength that is missing must
+            not hide that two zones overlap.
+    """
+    try:
+        scene = Scene.model_validate(_sound_part(document, problems), context=UNCHECKED)
+    except ValidationError:
+        return []  # the base or the domain is not known: the problems say so
+    return list(scene._faults())
+
+
+_ANY_SOIL = {"friction_deg": 0.0, "cohesion_kpa": 1.0}
+
+
+def _sound_part(document: Mapping[str, Any], problems: Sequence[Problem]) -> dict[str, Any]:
+    """The scene without what its problems are about: zones that are none, strengths, water."""
+    places = [one["loc"] for one in problems if one["loc"]]
+    sound = {key: value for key, value in document.items() if (key,) not in places}
+    bad = {place[1] for place in places if place[0] == "zones" and len(place) > 1}
+    if bad:
+        sound["zones"] = [zone for n, zone in enumerate(document["zones"]) if n not in bad]
+    if "zones" in sound and (bad or any(place[0] == "materials" for place in places)):
+        sound["materials"] = {str(zone["material"]): _ANY_SOIL for zone in sound["zones"]}
+    for key in ("water_level", "phreatic_line", "effects"):
+        if any(place[0] == key for place in places):
+            sound.pop(key, None)
+    return sound
+
+
+def zones_at(document: Mapping[str, Any], place: tuple[int | str, ...]) -> tuple[str, ...]:
     """Name of the zone in which a problem is."""
     if len(place) > 1 and place[0] == "zones":
         name = document["zones"][place[1]].get("name")
@@ -611,10 +655,10 @@ def document_error(error: ValidationError, source: str, page: str = PAGE) -> str
         first = next((e for e in problems if e["type"] == "extra_forbidden"), first)
     more = error.error_count() - 1
     tail = f"; and {more} more" if more else ""
-    return f"{source}: {_problem_line(first, page)}{tail}"
+    return f"{source}: {problem_line(first, page)}{tail}"
 
 
-def _problem_line(problem: Mapping[str, Any], page: str) -> str:
+def problem_line(problem: Mapping[str, Any], page: str) -> str:
     """One problem of a document: field, what is allowed, value."""
     where = ".".join(str(part) for part in problem["loc"])
     message = problem["msg"].removeprefix("Value error, ")

@@ -60,14 +60,63 @@ def test_an_edit_of_files_that_changed_elsewhere_is_not_written(workspace):
     assert workspace.read("small")["scene"]["spacing"] == 1.5
 
 
-def test_faults_of_each_document_are_named_in_the_words_of_check(workspace):
+def test_faults_of_each_document_are_named_in_words_at_their_fields(workspace):
     case = workspace.read("small")
-    case["measurements"]["sets"]["field"][0]["std_m"] = -1.0
+    entry = case["measurements"]["sets"]["field"][0]
+    entry |= {"std_m": -1.0, "source": ""}
     case["inversion"]["parameters"][0]["zones"] = ["lose"]
-    faults = {one.document: one.message for one in workspace.faults("small", case)}
-    assert set(faults) == {"measurements", "inversion"}
-    assert "std_m" in faults["measurements"] and "'lose'" in faults["inversion"]
-    assert "/" not in faults["measurements"].split(":")[0], "no temporary folder is shown"
+    faults = {one.message: one for one in workspace.faults("small", case)}
+    source, std, question = faults
+    assert std == "toe: standard deviation must be more than 0 (is -1)"
+    assert source == "toe: say where the number is from"
+    assert faults[source].field == ("sets", "field", 0, "toe_runout", "source")
+    assert "'lose'" in question and not faults[question].field
+    del entry["value_m"]
+    entry |= {"std_m": 2.0, "source": "map"}
+    case["inversion"]["parameters"][0]["high"] = "much"
+    words = [one.message for one in workspace.faults("small", case)]
+    assert words[0] == "toe: value is missing"
+    assert words[1].startswith("S_r: upper bound must be a valid number")
+
+
+def test_what_does_not_go_together_is_said_in_the_words_of_check(workspace):
+    case = workspace.read("small")
+    case["measurements"]["initial"]["toe_left_x_m"] = 5000.0
+    (fault,) = workspace.faults("small", case)
+    assert fault.document == "measurements" and "toe_left_x_m" in fault.message
+    assert "/" not in fault.message.split(":")[0], "no temporary folder is shown"
+
+
+def test_an_outline_is_judged_though_strengths_are_missing(workspace):
+    """A bow tie, and two zones one on the other; nothing is known of the soils yet."""
+    case = workspace.read("small")
+    case["scene"]["materials"] = {"loose": {"liquefied": True}, "firm": {"friction_deg": 99}}
+    case["scene"]["water_level"] = "high"
+    zones = case["scene"]["zones"]
+    zones[0]["polygon"] = [[40.0, 0.0], [70.0, 6.0], [70.0, 0.0], [52.0, 6.0]]
+    zones[2]["polygon"][2] = [66.0, 10.0]
+    faults = workspace.faults("small", case)
+    words = [one.message for one in faults]
+    assert words[:5] == [
+        "loose: friction angle is missing",
+        "loose: residual strength S_r is missing",
+        "firm: friction angle must be less than 89 (is 99)",
+        "firm: cohesion is missing",
+        "pool level must be a valid number, unable to parse string as a number",
+    ]
+    assert "'loose' is not a simple polygon" in words[5] and faults[5].places
+    assert "'crest' and 'back' overlap" in words[6] and faults[6].places
+
+
+@pytest.mark.parametrize("far", [1e300, -2e6, 1e308])
+def test_a_place_at_the_other_end_of_the_world_is_refused(workspace, far):
+    case = workspace.read("small")
+    case["scene"]["zones"][1]["polygon"][2][1] = far
+    del case["scene"]["domain"], case["scene"]["ground"]
+    (fault,) = workspace.faults("small", case)
+    limit = "at most 1e+06" if far > 0 else "at least -1e+06"
+    assert fault.message == f"zone crest: y of vertex 3 must be {limit} (is {far:g})"
+    assert fault.zones == ("crest",) and fault.field == ("zones", 1, "polygon", 2, 1)
 
 
 def test_a_shipped_case_is_copied_before_it_is_edited(workspace):
@@ -132,7 +181,7 @@ def test_a_case_drawn_from_nothing_gets_the_files_of_a_new_case(workspace):
     case = _draw(workspace, "drawn", scene=half)
     assert case["scene"] == half, "a draft is what was drawn"
     assert [one["message"] for one in case["faults"]] == [
-        f"materials.sand.{field}: Field required" for field in ("friction_deg", "cohesion_kpa")
+        f"sand: {label} is missing" for label in ("friction angle", "cohesion")
     ]
 
     case = _draw(workspace, "drawn", scene=SECTION)
