@@ -53,7 +53,9 @@ def with_room_made(documents: Mapping[str, Any]) -> dict[str, Any]:
     """The parts; the section with spacing, domain and base that hold what is drawn and surveyed."""
     scene: Any = documents.get("scene")
     try:
-        outlines = [value for zone in scene["zones"] for place in zone["polygon"] for value in place]
+        outlines = [
+            value for zone in scene["zones"] for place in zone["polygon"] for value in place
+        ]
         if all(abs(value) <= FARTHEST_M for value in outlines):
             scene = with_room(scene, _surveyed(documents))
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):

@@ -10,6 +10,7 @@ import math
 import os
 import sys
 import time
+from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +22,9 @@ from pipeline.files import make_folder, read_json, write_json
 
 #: Seconds between two states.
 OFTEN = 0.3
+#: Reports over which the time that is left is reckoned: simulations that are found in the store
+#: again take none, and the next stage may take longer.
+LOOKED_AT = 30
 
 
 class Told:
@@ -33,14 +37,25 @@ class Told:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.began, self.last = time.time(), 0.0
+        self.steps: deque[tuple[float, int]] = deque(maxlen=LOOKED_AT)
         self.said: dict[str, Any] = {"state": "running", "process": os.getpid(), "history": []}
 
     def report(self, done: int, total: int, message: str) -> None:
         """Progress, as `flowslide` reports it."""
         self.said.update(done=done, total=total, message=message or self.said.get("message", ""))
+        self.said["left_s"] = self._left(done, total)
         if time.time() - self.last > OFTEN:
             self.last = time.time()
             self._write(self.said)
+
+    def _left(self, done: int, total: int) -> float | None:
+        """About how long it will take [s]; None: too few simulations are done to tell."""
+        if not self.steps or done > self.steps[-1][1]:
+            self.steps.append((time.time(), done))
+        (since, before), (now, reached) = self.steps[0], self.steps[-1]
+        if len(self.steps) < 4 or total <= done:
+            return None
+        return round((now - since) / (reached - before) * (total - done), 1)
 
     def evaluated(self, runs: int, values: Mapping[str, float], loss: float) -> None:
         """Values that a search has tried, as `flowslide` reports them."""
@@ -50,7 +65,8 @@ class Told:
 
     def end(self, found: Mapping[str, Any]) -> None:
         """The last word."""
-        self._write({**{k: v for k, v in self.said.items() if k != "process"}, **found})
+        kept = {k: v for k, v in self.said.items() if k not in ("process", "left_s")}
+        self._write({**kept, **found})
 
     def _write(self, said: Mapping[str, Any]) -> None:
         seconds = round(time.time() - self.began, 1)

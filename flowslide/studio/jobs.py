@@ -1,11 +1,12 @@
-"""Jobs: back-analysis, posterior, prediction, diagnosis, each in a process of its own.
+"""Jobs: back-analysis, posterior, prediction, diagnosis; one at a time, each in its own process.
 
 A job is a folder `.studio/<case>/jobs/<id>/`: `job.json` (what was asked), `state.json` (what its
 process last said), `log.txt`, `case/` (its files as they were then, which later edits do not
 reach), and a folder with the results as the command of the same name leaves them. The process runs
 `flowslide.studio.job_process`, and lives on where the page is reloaded. All jobs of a case share
 one store of finished simulations, so that a job that was stopped, or whose server was killed, goes
-on where it was.
+on where it was. Those that wait for the one before are known to this server alone: what a folder
+from somewhere else says must start nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
-from threading import Thread
+from threading import RLock, Thread
 from typing import Any, Literal
 
 from pydantic import Field
@@ -66,6 +67,8 @@ RESULTS: dict[Kind, str] = {
     "explain": "diagnosis",
     "diagnose": "diagnosis",
 }
+#: Done in seconds: they wait for nothing, and nothing waits for them.
+LIGHT: tuple[Kind, ...] = ("classical",)
 JOB_PROCESS = "flowslide.studio.job_process"
 JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
@@ -114,9 +117,11 @@ class Jobs:
     def __init__(self, workspace: Workspace, threads: int | None = None) -> None:
         self.workspace, self.threads = workspace, threads
         self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._waiting: list[str] = []
+        self._changing = RLock()
 
     def start(self, kind: str, case: str, options: dict[str, Any]) -> dict[str, Any]:
-        """Start a job.
+        """Start a job, or have it wait for the one that runs: each takes all processor cores.
 
         Raises:
             InputError: no such kind, case or option.
@@ -140,7 +145,7 @@ class Jobs:
             threads=self.threads,
         )
         write_json(folder / JOB, job.model_dump(mode="json"))
-        self._launch(folder, number)
+        self._submit(folder, number)
         return self.state(number)
 
     def _check_prediction(self, case: str, options: JobOptions) -> None:
@@ -153,6 +158,37 @@ class Jobs:
             drawn = self.state(options.posterior)
             if (drawn["case"], drawn["kind"], drawn["state"]) != (case, "posterior", "done"):
                 raise InputError(f"prediction: {options.posterior} is no posterior of {case}")
+
+    def _submit(self, folder: Path, number: str) -> None:
+        """Launch a job, or put it last in the queue."""
+        with self._changing:
+            if read_json(folder / JOB)["kind"] in LIGHT or not self._is_busy():
+                self._launch(folder, number)
+            else:
+                write_json(folder / STATE, {"state": "waiting"})
+                self._waiting.append(number)
+
+    def _is_busy(self) -> bool:
+        """A job runs that others wait for: of this server, or of one that was killed."""
+        for path in self.workspace.folder.glob(f".studio/*/jobs/*/{JOB}"):
+            state = path.parent / STATE
+            said = read_json(state) if state.is_file() else {}
+            if said.get("state") == "running" and read_json(path)["kind"] not in LIGHT:
+                if self._lives(path.parent.name, said.get("process")):
+                    return True
+        return False
+
+    def _next(self) -> None:
+        """Launch who waits, where nothing runs any more."""
+        with self._changing:
+            while self._waiting and not self._is_busy():
+                number = self._waiting.pop(0)
+                with suppress(InputError):  # its case was removed meanwhile
+                    self._launch(self._find(number), number)
+
+    def _watch(self, process: subprocess.Popen[bytes]) -> None:
+        process.wait()  # an ended process is waited for
+        self._next()
 
     def _launch(self, folder: Path, number: str) -> None:
         own = self.workspace.folder / HIDDEN
@@ -169,8 +205,8 @@ class Jobs:
                 stderr=log,
             )
         self._running[number] = process
-        Thread(target=process.wait, daemon=True).start()  # an ended process is waited for
         write_json(folder / STATE, {"state": "running", "process": process.pid})
+        Thread(target=self._watch, args=(process,), daemon=True).start()
 
     def again(self, number: str) -> dict[str, Any]:
         """Go on with a job that was stopped; its finished simulations are kept.
@@ -179,9 +215,9 @@ class Jobs:
             InputError: there is none, or it runs or is done.
         """
         state = self.state(number)
-        if state["state"] in ("running", "done"):
+        if state["state"] in ("running", "waiting", "done"):
             raise InputError(f"job {number}: is {state['state']}")
-        self._launch(self._find(number), number)
+        self._submit(self._find(number), number)
         return self.state(number)
 
     def cancel(self, number: str) -> dict[str, Any]:
@@ -191,6 +227,10 @@ class Jobs:
             InputError: there is none.
         """
         folder = self._find(number)
+        with self._changing:
+            if number in self._waiting:
+                self._waiting.remove(number)
+                write_json(folder / STATE, {"state": "cancelled"})
         if self.state(number)["state"] == "running":
             process = read_json(folder / STATE).get("process")
             with suppress(ProcessLookupError):
@@ -202,6 +242,7 @@ class Jobs:
 
     def all(self) -> list[dict[str, Any]]:
         """Every job, the newest first."""
+        self._next()  # where the job of a killed server has ended, nobody else has noticed
         found = self.workspace.folder.glob(f".studio/*/jobs/*/{JOB}")
         return [
             self.state(path.parent.name)
@@ -224,6 +265,8 @@ class Jobs:
             said = read_json(folder / STATE)
             if said["state"] == "running":
                 said = {"state": "interrupted"}
+        if said["state"] == "waiting" and number not in self._waiting:
+            said = {"state": "interrupted"}  # the server that knew of it is gone
         left = [folder / LOG, *(folder / RESULTS[job["kind"]]).glob("*")]
         files = sorted(path.name for path in left if path.suffix in SHOWN and path.is_file())
         return {

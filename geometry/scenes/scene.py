@@ -37,7 +37,8 @@ from pipeline.files import read_json, read_yaml, write_text, yaml_text
 from pipeline.places import CASES, resolve
 
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-Point = tuple[Coordinate, Coordinate]
+Point = tuple[float, float]
+Vertex = tuple[Coordinate, Coordinate]
 Problem = Mapping[str, Any]
 """What pydantic says of a field: `loc`, `type`, `msg`, `input`, and for limits `ctx`."""
 
@@ -180,7 +181,7 @@ class Domain(Document):
 class Ground(Document):
     """The rigid base: a polyline from left to right, level beyond its ends."""
 
-    points: list[Point] = Field(min_length=1, description="(x, y), x ascending [m]")
+    points: list[Vertex] = Field(min_length=1, description="(x, y), x ascending [m]")
     contact: Literal["rough", "no_slip", "coulomb"] = Field(
         "rough",
         description="rough: slip where the soil's own strength is exceeded; no_slip: bonded; "
@@ -223,9 +224,9 @@ class Zone(Document):
     """A polygon of one material."""
 
     name: str = Field(min_length=1, description="unique in the scene")
-    polygon: list[Point] = Field(min_length=3, description="(x, y) in order, not closed [m]")
+    polygon: list[Vertex] = Field(min_length=3, description="(x, y) in order, not closed [m]")
     material: str = Field(description="a key of materials")
-    initial_velocity: tuple[float, float] = Field((0.0, 0.0), description="(vx, vy) at t = 0 [m/s]")
+    initial_velocity: Point = Field((0.0, 0.0), description="(vx, vy) at t = 0 [m/s]")
     kinematic: bool = Field(False, description="true: the points keep their initial velocity")
 
     @field_validator("polygon")
@@ -259,7 +260,7 @@ class Scene(Document):
     water_level: float | None = Field(
         None, description="pool level [m]; null = no water anywhere, phreatic_line included"
     )
-    phreatic_line: list[Point] | None = Field(
+    phreatic_line: list[Vertex] | None = Field(
         None, description="(x, y), x ascending [m]; null = water_level everywhere"
     )
     spacing: float = Field(gt=0, description="distance between material points [m]")

@@ -190,6 +190,21 @@ def test_a_prediction_is_asked_for_with_strengths(browser):
     assert browser.get("/api/jobs").json() == []
 
 
+def test_a_job_says_how_long_it_will_take(tmp_path, monkeypatch):
+    clock = [1000.0]
+    monkeypatch.setattr(job_process.time, "time", lambda: clock[0])
+    told = Told(tmp_path)
+    told.report(0, 100, "starting")
+    for done in range(1, 60):
+        clock[0] += 0.001 if done < 20 else 2.0  # the first are in the store
+        told.report(done, 100, "")
+        said = read_json(tmp_path / "state.json")
+        assert done > 2 or said["left_s"] is None
+    assert said["left_s"] == pytest.approx(2.0 * 41, rel=0.01)
+    told.end({"state": "done"})
+    assert "left_s" not in read_json(tmp_path / "state.json")
+
+
 @pytest.mark.slow
 def test_a_simulation_leaves_its_film(browser, workspace):
     job = ask(browser, "simulate", spacing_m=SPACING)

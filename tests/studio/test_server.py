@@ -6,6 +6,7 @@ import json
 import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import cycle
+from pathlib import Path
 from threading import Event
 
 import numpy as np
@@ -320,6 +321,80 @@ def test_a_job_gives_the_result_of_the_command_line(browser, workspace, tmp_path
     assert found["answer"]["parameters"] == own.model_dump(mode="json")["answer"]["parameters"]
     for name in ("../job.json", "state.json", "%2e%2e%2fjob.json", "log"):
         assert browser.get(f"{files}/{name}").status_code in (400, 404)
+
+
+class Process:
+    """A job's process that ends when it is told."""
+
+    pid = 2**22 - 1
+
+    def __init__(self, command, **_):
+        self.number, self.ended = Path(command[-1]).name, Event()
+
+    def poll(self):
+        return 0 if self.ended.is_set() else None
+
+    def wait(self):
+        assert self.ended.wait(60)
+
+
+@pytest.fixture
+def processes(monkeypatch):
+    """Those that were started, in order."""
+    found = []
+
+    def start(command, **options):
+        found.append(Process(command, **options))
+        return found[-1]
+
+    monkeypatch.setattr("flowslide.studio.jobs.subprocess.Popen", start)
+    yield found
+    for one in found:
+        one.ended.set()
+
+
+def _state(browser, job, state):
+    """Wait until a job has a state."""
+    for _ in range(200):
+        if browser.get(f"/api/jobs/{job}").json()["state"] == state:
+            return
+        time.sleep(0.02)
+    raise AssertionError(browser.get(f"/api/jobs/{job}").json())
+
+
+def test_jobs_run_one_after_another(browser, workspace, processes):
+    def ask(kind):
+        body = {"kind": kind, "case": "small", "options": {}}
+        return browser.post("/api/jobs", json=body, headers=OURS).json()
+
+    first, second, third, light = (
+        ask(kind) for kind in ("back_analyse", "compare", "simulate", "classical")
+    )
+    states = [one["state"] for one in (first, second, third, light)]
+    assert states == ["running", "waiting", "waiting", "running"], "classical methods take seconds"
+    assert [one.number for one in processes] == [first["id"], light["id"]]
+    assert browser.post(f"/api/jobs/{second['id']}/again", headers=OURS).status_code == 400
+    found = browser.post(f"/api/jobs/{second['id']}/cancel", headers=OURS).json()
+    assert found["state"] == "cancelled"
+    browser.post(f"/api/jobs/{second['id']}/again", headers=OURS)  # last in the queue now
+    processes[0].ended.set()
+    _state(browser, third["id"], "running")
+    _state(browser, second["id"], "waiting")
+    processes[-1].ended.set()
+    _state(browser, second["id"], "running")
+    assert [one.number for one in processes[2:]] == [third["id"], second["id"]]
+
+
+def test_a_job_that_waits_by_its_folder_alone_starts_nothing(browser, workspace, processes):
+    """The folder may be from somewhere else, or its server is gone."""
+    folder = workspace.hidden("small", "jobs", "20260101-000000-abcdef")
+    folder.mkdir(parents=True)
+    (folder / "job.json").write_text(json.dumps({
+        "id": folder.name, "kind": "diagnose", "case": "small", "folder": "x", "options": {},
+    }))  # fmt: skip
+    (folder / "state.json").write_text(json.dumps({"state": "waiting"}))
+    (found,) = browser.get("/api/jobs").json()
+    assert found["state"] == "interrupted" and not processes
 
 
 @pytest.mark.slow
