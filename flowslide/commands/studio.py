@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from flowslide.commands import options
 
 if TYPE_CHECKING:
+    import socket
+
     from flowslide.studio.workspace import Workspace
 
 DESCRIPTION = (
@@ -27,7 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="case folder, its name in case_histories, or a folder of cases; default: this folder",
     )
     parser.add_argument(
-        "--port", type=int, default=0, metavar="N", help="default: any that is free"
+        "--port",
+        type=int,
+        metavar="N",
+        help="default: one that is kept for the folder, or where it is taken any that is free",
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address alone")
     options.add_threads(parser)
@@ -35,7 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Serve until it is stopped."""
-    import socket
     import webbrowser
     from contextlib import suppress
     from tempfile import TemporaryDirectory
@@ -49,13 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
     from pipeline.cli import InputError
 
     workspace, first = workspace_of(arguments.case)
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind(("127.0.0.1", arguments.port))
-        listener.listen()  # who opens the address at once waits, and is not refused
-    except (OSError, OverflowError) as error:
-        raise InputError(f"--port {arguments.port}: {error}") from None
+    listener = listen(arguments.port, workspace.folder)
     port, token = listener.getsockname()[1], new_token()
     live = Live(arguments.threads)
     app = studio(workspace, live, token=token, port=port, first=first)
@@ -83,6 +81,49 @@ def run(arguments: argparse.Namespace) -> None:
             server.run(sockets=[listener])  # until Ctrl-C
     finally:
         live.close()
+
+
+def listen(port: int | None, folder: Path) -> socket.socket:
+    """A socket of this machine alone that listens: who opens the address at once waits.
+
+    Without a port it has the one of the folder, every time the same: a page that was open when the
+    server ended finds the next one there, and saves what it holds.
+
+    Raises:
+        InputError: the port is none, or taken.
+    """
+    from pipeline.cli import InputError
+
+    if port is not None:
+        try:
+            return _listening(port)
+        except (OSError, OverflowError) as error:
+            raise InputError(f"--port {port}: {error}") from None
+    try:
+        return _listening(usual_port(folder))
+    except OSError:
+        return _listening(0)
+
+
+def usual_port(folder: Path) -> int:
+    """The port of a folder, below those that systems give to who asks for any."""
+    from pipeline.files import content_hash
+
+    return 20_000 + int(content_hash(str(folder)), 16) % 12_000
+
+
+def _listening(port: int) -> socket.socket:
+    import socket
+
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(("127.0.0.1", port))
+        listener.listen()
+    except (OSError, OverflowError):
+        listener.close()
+        raise
+    return listener
 
 
 def workspace_of(text: str | None) -> tuple[Workspace, str]:

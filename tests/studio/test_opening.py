@@ -8,10 +8,15 @@ import signal
 import stat
 import subprocess
 import sys
+from contextlib import closing
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
+import pytest
+
+from flowslide.commands.studio import listen, usual_port
 from flowslide.studio.security import write_opening
+from pipeline.cli import InputError
 from pipeline.processes import python_command, python_environment
 
 BROWSER = """#!{python}
@@ -52,3 +57,19 @@ def test_a_browser_is_started_without_the_token(workspace, tmp_path):
     assert page.startswith("file://") and token not in page
     assert mode == "0o100600" and f"token={token}" in text
     assert not os.path.exists(url2pathname(urlsplit(page).path)), "it goes with the studio"
+
+
+def test_a_folder_keeps_its_port(tmp_path):
+    """A page that was open when the server ended finds the next one at its address."""
+    ports = []
+    for _ in range(2):
+        with closing(listen(None, tmp_path)) as listener:
+            ports.append(listener.getsockname()[1])
+            with closing(listen(None, tmp_path)) as second:
+                assert second.getsockname()[1] != ports[-1], "two studios of one folder"
+            with pytest.raises(InputError, match=f"--port {ports[-1]}: "):
+                listen(ports[-1], tmp_path)
+    assert ports == 2 * [usual_port(tmp_path)]
+    assert usual_port(tmp_path / "other") != ports[0]
+    with pytest.raises(InputError, match="--port 99999: "):
+        listen(99_999, tmp_path)
