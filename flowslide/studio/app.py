@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,6 +37,7 @@ from pipeline.cli import InputError, WorkFailed
 PAGE = Path(__file__).resolve().parent / "page"
 #: Most bytes of a request, and of an uploaded drawing.
 MOST_BYTES = 20_000_000
+TOO_DEEP = "lists and mappings are nested too deep"
 #: A page that a job has made has its styles and pictures within, and no script of ours to reach.
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; media-src data:; sandbox"
@@ -83,13 +85,17 @@ def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: st
 
 
 def _answering(handler: Handler) -> Handler:
-    """A handler whose InputError is an answer."""
+    """A handler whose InputError is an answer of one line; so are a full disk and the like."""
 
     async def answer(request: Request) -> Response:
         try:
             return await handler(request)
         except InputError as error:
             return JSONResponse({"message": str(error)}, status_code=400)
+        except RecursionError:
+            return JSONResponse({"message": TOO_DEEP}, status_code=400)
+        except OSError as error:
+            return JSONResponse({"message": error.strerror or str(error)}, status_code=500)
 
     return answer
 
@@ -112,6 +118,7 @@ class _Studio:
             {
                 "folder": str(self.workspace.folder),
                 "cases": self.workspace.cases(),
+                "left_out": self.workspace.left_out(),
                 "first": self.first,
                 "version": __version__,
                 "drawings": FORMATS,
@@ -176,10 +183,8 @@ class _Studio:
 
     async def own_file(self, request: Request) -> Response:
         """A picture of the page's own."""
-        path = self.workspace.hidden(request.path_params["name"], request.path_params["file"])
-        if not path.is_file() or path.suffix not in (".png", ".jpg"):
-            raise InputError(f"there is no picture {path.name!r}")
-        return FileResponse(path)
+        name, file = request.path_params["name"], request.path_params["file"]
+        return FileResponse(self.workspace.picture(name, file))
 
     async def save_file(self, request: Request) -> Response:
         """Keep one."""
@@ -190,7 +195,7 @@ class _Studio:
 
     async def import_drawing(self, request: Request) -> Response:
         """The body is the drawing; its name and unit are in the query."""
-        name = Path(request.query_params.get("name", "")).name or "drawing"
+        name = _file_name(request.query_params.get("name", ""))
         content = await _bytes(request)
         unit = request.query_params.get("unit") or None
         return JSONResponse(await run_in_threadpool(_drawn, name, content, unit))
@@ -301,11 +306,18 @@ async def _bytes(request: Request) -> bytes:
     return found
 
 
+def _file_name(text: str) -> str:
+    """A name for a file that somebody has sent: no way to another folder, no special characters."""
+    return re.sub(r"[^\w .-]", "_", Path(text).name)[-100:].lstrip(".") or "drawing"
+
+
 def _object(text: str) -> dict[str, Any]:
     try:
         found = json.loads(text)
     except ValueError as error:
         raise InputError(f"no JSON: {error}") from None
+    except RecursionError:
+        raise InputError(TOO_DEEP) from None
     if not isinstance(found, dict):
         raise InputError("must be a JSON object")
     return found

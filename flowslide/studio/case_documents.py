@@ -35,8 +35,13 @@ def read_documents(folder: Path) -> dict[str, Any]:
         part: read_yaml(folder / file) if (folder / file).is_file() else None
         for part, file in DOCUMENTS.items()
     }
-    tables = sorted(path for path in folder.glob("*.csv") if _TABLE.fullmatch(path.name))
+    tables = sorted(path for path in folder.glob("*.csv") if _is_table(path))
     return {**found, TABLES: {path.name: read_text(path) for path in tables}}
+
+
+def _is_table(path: Path) -> bool:
+    """A CSV file of the case's own; a link elsewhere is not shown."""
+    return bool(_TABLE.fullmatch(path.name)) and path.resolve().parent == path.parent.resolve()
 
 
 def parts_of(documents: Mapping[str, Any]) -> dict[str, Any]:

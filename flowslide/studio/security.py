@@ -74,7 +74,7 @@ class Guard:
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 4403})
         else:
-            await refused(scope, receive, send)
+            await refused(scope, receive, _with_policy(send))
 
     def _refusal(self, scope: Scope) -> Response | None:
         """What is answered in place of the page; None: go on."""

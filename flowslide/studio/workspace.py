@@ -44,6 +44,7 @@ from pipeline.places import CASES, names_of, shipped
 
 HIDDEN = ".studio"
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
+PICTURE = re.compile(r"[a-z_]{1,32}\.(png|jpg)")
 
 
 class Workspace:
@@ -164,6 +165,11 @@ class Workspace:
             {"name": name, "shipped": True} for name in ready
         ]
 
+    def left_out(self) -> list[str]:
+        """Folders with a section whose names cannot be those of cases."""
+        names = (path.parent.name for path in self.folder.glob(f"*/{SCENE_FILE}"))
+        return sorted(name for name in names if not NAME.fullmatch(name))
+
     # --- reading ---
 
     def read(self, name: str) -> dict[str, Any]:
@@ -270,6 +276,8 @@ class Workspace:
         place = self.place(name)
         if place.exists() or name in (one["name"] for one in self.cases()):
             raise InputError(f"case {name!r}: is there already")
+        if not isinstance(scene or {}, Mapping):
+            raise InputError(f"case {name!r}: its scene must be a mapping of keys")
         if copy_of is not None:
             source = self.source(copy_of)
             temporary = make_folder(self.folder / HIDDEN) / f"new_{name}"
@@ -339,11 +347,26 @@ class Workspace:
 
     def save_file(self, name: str, file: str, content: bytes) -> None:
         """Keep a file of the page's own, such as a picture to draw on."""
-        if not re.fullmatch(r"[a-z_]{1,32}\.(png|jpg)", file):
-            raise InputError(f"file {file[:80]!r}: is no picture of the studio")
-        make_folder(self.hidden(name))
-        with atomic_path(self.hidden(name, file)) as temporary:
+        place = self._picture_place(name, file)
+        make_folder(place.parent)
+        with atomic_path(place) as temporary:
             temporary.write_bytes(content)
+
+    def picture(self, name: str, file: str) -> Path:
+        """A file of the page's own.
+
+        Raises:
+            InputError: there is none.
+        """
+        place = self._picture_place(name, file)
+        if not place.is_file():
+            raise InputError(f"there is no picture {file!r}")
+        return place
+
+    def _picture_place(self, name: str, file: str) -> Path:
+        if not PICTURE.fullmatch(file):
+            raise InputError(f"file {file[:80]!r}: is no picture of the studio")
+        return self.hidden(name, file)
 
 
 def _end_of(scene: Scene, side: Side) -> dict[str, Any]:

@@ -128,8 +128,14 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
 def meaning_sentences(data: BackAnalysisData) -> list[str]:
     """Explain the numbers after ± and their basis."""
     result = data.result
+    varied = bool(result.sensitivities) or result.noise is not None
+    included = (
+        "includes the survey and every assumption that was varied"
+        if varied
+        else "is that of the survey alone: no assumption was varied"
+    )
     said = [
-        "± is one standard deviation and includes the survey and every assumption that was varied. "
+        f"± is one standard deviation and {included}. "
         "Ratios refer to the mean vertical effective stress of the zone before failure."
     ]
     bounds = [p.label for p in data.strengths if p.lower_bound_95 is not None]

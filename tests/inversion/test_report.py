@@ -80,6 +80,14 @@ def test_every_part_is_there_in_order(full_page):
     assert "level of the fill" in text and "not added" in text  # a target is reported, not added
 
 
+def test_what_an_error_includes_is_what_was_varied(full_page, tmp_path):
+    text, _ = full_page
+    assert "includes the survey and every assumption that was varied" in text
+    quick = page_of(least(), tmp_path)
+    assert "is that of the survey alone: no assumption was varied" in quick
+    assert "every assumption that was varied" not in quick
+
+
 def test_a_poor_result_gives_a_page_without_empty_parts(tmp_path):
     text = page_of(least(), tmp_path)
     found = headings(text)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import cycle
@@ -47,6 +50,8 @@ def browser(stranger):
     answer = stranger.get("/", params={"token": TOKEN})
     assert answer.status_code == 200 and 'content="0; url=/"' in answer.text
     assert TOKEN not in answer.text
+    assert answer.headers["cache-control"] == "no-store"
+    assert answer.headers["referrer-policy"] == "no-referrer"
     assert "HttpOnly" in answer.headers["set-cookie"]
     assert "SameSite=strict" in answer.headers["set-cookie"]
     return stranger
@@ -127,6 +132,45 @@ def test_bad_bodies_get_one_line(browser):
     assert answer.status_code == 400 and "20 MB" in answer.json()["message"]
 
 
+@pytest.mark.parametrize("file", ["a%00.png", "x" * 300 + ".png", "%2e%2e", "none.png", "A.PNG"])
+def test_a_file_that_is_none_gets_one_line(browser, file):
+    for ask in (browser.get, lambda path: browser.put(path, content=b"x", headers=OURS)):
+        answer = ask(f"/api/cases/small/files/{file}")
+        if file != "none.png" or ask is browser.get:
+            assert answer.status_code in (400, 404) and "\n" not in answer.text, answer.text
+
+
+def test_what_is_nested_without_end_gets_one_line(browser):
+    for depth, words in ((200_000, "nested too deep"), (900, "")):
+        body = b'{"name": "deep", "scene": ' + depth * b"[" + depth * b"]" + b"}"
+        answer = browser.post("/api/cases", content=body, headers=OURS)
+        assert answer.status_code == 400 and words in answer.json()["message"]
+
+
+def test_a_case_that_cannot_be_made_leaves_no_folder(browser, workspace):
+    answer = browser.post("/api/cases", json={"name": "mine", "scene": "x"}, headers=OURS)
+    assert answer.status_code == 400 and "must be a mapping" in answer.json()["message"]
+    assert not (workspace.folder / "mine").exists()
+
+
+def test_a_full_disk_is_said(browser, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "x")
+
+    case = browser.get("/api/cases/small").json()
+    monkeypatch.setattr("flowslide.studio.workspace.write_json", full)
+    answer = browser.put("/api/cases/small", json=case, headers=OURS)
+    assert answer.status_code == 500
+    assert answer.json() == {"message": "No space left on device"}
+
+
+def test_a_folder_that_cannot_be_a_case_is_named(browser, workspace):
+    shutil.copytree(workspace.folder / "small", workspace.folder / "mein damm")
+    found = browser.get("/api/workspace").json()
+    assert found["left_out"] == ["mein damm"]
+    assert "mein damm" not in [one["name"] for one in found["cases"]]
+
+
 def test_a_drawing_is_imported_by_the_same_reader(browser):
     text = "zone,x,y,material,friction_deg,cohesion_kpa,density,youngs_modulus_mpa,poisson_ratio\n"
     rows = ["a,0,0,soil,30,1,1900,20,0.3", "a,10,0", "a,5,5"]
@@ -134,7 +178,14 @@ def test_a_drawing_is_imported_by_the_same_reader(browser):
     answer = browser.post("/api/import", params={"name": "dam.csv"}, content=drawn, headers=OURS)
     assert answer.status_code == 200, answer.text
     assert answer.json()["scene"]["zones"][0]["name"] == "a"
-    for name, content in (("dam.exe", drawn), ("dam.csv", "x"), ("../dam.csv", "zone,x\n")):
+    for name, content in (
+        ("dam.exe", drawn),
+        ("dam.csv", "x"),
+        ("../dam.csv", "zone,x\n"),
+        ("..", drawn),
+        ("dam\0.csv", "x"),
+        (300 * "x" + ".csv", "x"),
+    ):
         bad = browser.post("/api/import", params={"name": name}, content=content, headers=OURS)
         assert bad.status_code == 400 and "/tmp" not in bad.json()["message"]
 

@@ -254,6 +254,14 @@ def test_tables_are_texts_by_name(workspace, tables):
         workspace.save("small", case["revision"], {**case, "tables": tables})
 
 
+def test_a_table_that_is_a_link_elsewhere_is_not_shown(workspace, tmp_path):
+    """As it may come in a folder from somewhere else."""
+    (tmp_path / "secret.csv").write_text("of the disk")
+    (workspace.folder / "small" / "own.csv").write_text("x_m,y_m\n")
+    (workspace.folder / "small" / "after.csv").symlink_to(tmp_path / "secret.csv")
+    assert workspace.read("small")["tables"] == {"own.csv": "x_m,y_m\n"}
+
+
 def test_an_edit_that_is_killed_while_it_is_written_is_a_whole_draft(workspace, monkeypatch):
     case = workspace.read("small")
     case["scene"]["zones"][0]["name"] = "renamed"
