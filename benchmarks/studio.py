@@ -141,9 +141,10 @@ def measure(address: str, picture: Path | None) -> None:
 def pixel_of(page: Page, x: float, y: float) -> tuple[float, float]:
     """Where a place of the section [m] is in the window [pixels]."""
     canvas = page.locator("#canvas")
-    left, bottom, scale = map(float, canvas.evaluate("canvas => canvas.dataset.box.split(' ')"))
+    shown = canvas.evaluate("canvas => canvas.dataset.box.split(' ')")
+    left, bottom, scale, rise = map(float, shown)
     box = canvas.bounding_box()
-    return box["x"] + (x - left) / scale, box["y"] + box["height"] - (y - bottom) / scale
+    return box["x"] + (x - left) / scale, box["y"] + box["height"] - (y - bottom) * rise / scale
 
 
 def measure_drawing(address: str) -> None:

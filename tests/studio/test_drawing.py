@@ -82,6 +82,7 @@ def test_an_embankment_is_drawn_surveyed_and_answered(address, browser, workspac
         fill(page, f"cohesion of {name} [kPa]", cohesion)
         fill(page, f"density of {name} [kg/m3]", 1900)
     fill(page, "pool level [m]", 3)
+    page.get_by_label("pool on", exact=True).select_option("both")
     fill(page, "spacing [m]", 0.5)
     expect(page.locator("#section-right .faults")).to_contain_text("Nothing is wrong. 864 points")
     picture(page, "section")

@@ -5,6 +5,8 @@ Nothing here sets a field by script: a value that a script fills in hides a lost
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -176,3 +178,122 @@ def test_the_end_of_a_section_is_seen_and_said(page, workspace):
     assert found["goes_on"] and found["x_m"] == x
     page.locator("#undo").click()
     expect(page.get_by_label("right end of the section")).to_have_value("free")
+
+
+def colour_at(page: Page, x: float, y: float) -> list[int]:
+    """Red, green and blue of the sheet at a place of the section [m]."""
+    left, top = pixel_of(page, x, y)
+    box = page.locator("#canvas").bounding_box()
+    return page.evaluate(
+        """([x, y]) => {
+          const canvas = document.querySelector("#canvas");
+          const ratio = canvas.width / canvas.clientWidth;
+          const pen = canvas.getContext("2d");
+          return [...pen.getImageData(Math.floor(x * ratio), Math.floor(y * ratio), 1, 1).data]
+            .slice(0, 3);
+        }""",
+        [left - box["x"], top - box["y"]],
+    )
+
+
+def choose(page: Page, label: str, value: str) -> None:
+    """Choose in a list as somebody does who sees it."""
+    page.locator("#section-left").get_by_label(label, exact=True).select_option(value)
+
+
+def test_a_pool_stands_on_the_upstream_side_alone(page, workspace):
+    """Its water table is seen inside the section, follows it, and is said to be assumed."""
+
+    def scene():
+        expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+        return workspace.read("small")["scene"]
+
+    section(page)
+    page.get_by_label("pool level [m]", exact=True).click()
+    page.keyboard.type("5")
+    page.keyboard.press("Tab")
+    assert scene()["phreatic_line"] == [[50, 5], [90, 0]]
+    expect(page.locator("#section-right .faults")).to_contain_text(
+        "5 m on the left side alone; the water table falls straight to the toe at 90, 0: assumed"
+    )
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(200)
+    for x, y, blue in ((45.0, 5.0, True), (66.0, 3.0, True), (66.0, 2.0, False)):
+        assert (colour_at(page, x, y) == [0x14, 0x63, 0x9F]) is blue, (x, y, colour_at(page, x, y))
+
+    page.locator("#section-left .zone input").nth(2).click()  # the right foot goes out by 10 m
+    page.get_by_label("x of vertex 2 [m]").click(click_count=3)
+    page.keyboard.type("100")
+    page.keyboard.press("Tab")
+    assert scene()["phreatic_line"] == [[50, 5], [100, 0]]
+    choose(page, "pool on", "both")
+    assert scene()["phreatic_line"] is None
+    expect(page.locator("#section-right .faults")).to_contain_text("5 m on both sides")
+    page.get_by_label("pool level [m]", exact=True).click(click_count=3)
+    page.keyboard.type("11")  # above the crest: no side holds it back
+    page.keyboard.press("Tab")
+    assert scene()["phreatic_line"] is None
+    choose(page, "pool on", "right")
+    expect(page.locator("#status")).to_contain_text("does not hold it back")
+    expect(page.get_by_label("pool on", exact=True)).to_have_value("both")
+
+
+def test_heights_are_exaggerated_where_nothing_is_drawn(page):
+    def height():
+        return pixel_of(page, 60.0, 0.0)[1] - pixel_of(page, 60.0, 10.0)[1]
+
+    page.locator("#fit").click()
+    canvas = page.locator("#canvas").bounding_box()
+    page.mouse.move(canvas["x"] + 300, canvas["y"] + 300)
+    page.mouse.wheel(0, 500)
+    page.wait_for_timeout(100)
+    before, foot = height(), pixel_of(page, 60.0, 0.0)
+    page.get_by_label("Heights").select_option("4")
+    page.wait_for_timeout(100)
+    assert height() == pytest.approx(4 * before)
+    assert pixel_of(page, 60.0, 0.0) == pytest.approx(foot, abs=1.0)
+    section(page)
+    page.wait_for_timeout(100)
+    assert height() == pytest.approx(before)
+    assert pixel_of(page, 60.0, 0.0) == pytest.approx(foot, abs=1.0)
+
+
+def test_the_picture_is_as_large_as_section_and_deposit(page):
+    """Not as the room for the farthest slide."""
+    canvas = page.locator("#canvas").bounding_box()
+    left, right = pixel_of(page, 40.0, 0.0)[0], pixel_of(page, 90.0, 0.0)[0]
+    assert canvas["x"] < left and right < canvas["x"] + canvas["width"]
+    ran = float(page.locator("#readings tbody td").nth(2).inner_text().split()[0])
+    toe = pixel_of(page, 40.0 - ran, 0.0)[0]
+    assert canvas["x"] < toe < canvas["x"] + 0.2 * canvas["width"]
+    assert right > canvas["x"] + 0.8 * canvas["width"]
+
+
+def test_a_soil_keeps_its_colour_when_another_liquefies(page):
+    section(page)
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(200)
+    before = colour_at(page, 74.0, 3.0)
+    page.locator("summary", has_text="loose").click()
+    page.get_by_label("loose liquefied", exact=True).click()
+    expect(page.locator("#status")).to_contain_text("friction angle is missing", timeout=WAIT_MS)
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(200)
+    assert colour_at(page, 74.0, 3.0) == before
+
+
+def test_the_next_vertex_says_what_it_snaps_to(page):
+    section(page)
+    page.keyboard.press("z")
+    page.get_by_label("grid").select_option("1")
+    for (x, y), words in (
+        ((60.03, 12.02), "60, 12 m: on the grid"),
+        ((60.0, 9.95), "60, 10 m: a vertex"),
+        ((46.3, 3.18), " m: on an edge"),
+    ):
+        page.mouse.move(*pixel_of(page, x, y))
+        expect(page.locator("#status")).to_contain_text(words)
+    page.keyboard.down("Alt")
+    page.mouse.move(*pixel_of(page, 60.3, 12.3))
+    expect(page.locator("#status")).to_have_text(re.compile(r"^60\.\d+, 12\.\d+ m$"))
+    page.keyboard.up("Alt")

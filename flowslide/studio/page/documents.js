@@ -1,6 +1,7 @@
 // The documents of the case that is open: edits, undo and redo, and saving by itself.
 
 import { get, send } from "./api.js";
+import { followSection } from "./water.js";
 
 const PARTS = ["scene", "measurements", "inversion", "diagnosis", "tables"];
 const DEPTH = 200; // edits that can be undone
@@ -33,6 +34,7 @@ export class Documents {
     const before = this.now;
     const next = structuredClone(before);
     change(next);
+    followSection(before.scene, next.scene);
     this.past.push({ words, documents: before });
     if (this.past.length > DEPTH) this.past.shift();
     this.future = [];

@@ -5,19 +5,23 @@ import { addZone, bounds, distance, footOn, insertVertex, isInside, lines, moveV
 import { css } from "./view.js";
 
 const REACH = 9; // pixels within which something is meant
+const SLIVER = 3; // pixels: a vertex this close to an edge belongs on it
+const DOTS = 6000; // of the grid, at most
 
 export const TOOLS = {
-  select: { words: "Select", key: "v", help: "click a zone, a vertex or an edge; drag a vertex (Shift: of this zone alone); double-click an edge: new vertex" },
-  zone: { words: "Zone", key: "z", help: "click vertex after vertex; the first one again, or Enter, closes the zone" },
+  select: { words: "Select", key: "v", help: "click a zone, a vertex or an edge; drag a vertex (Shift: of this zone alone); double-click an edge: new vertex; Alt: no snapping" },
+  zone: { words: "Zone", key: "z", help: "click vertex after vertex; the first one again, or Enter, closes the zone; Alt: no snapping" },
   ground: { words: "Base", key: "b", help: "the rigid base, from left to right; Enter ends it" },
   water: { words: "Water table", key: "w", help: "from left to right; Enter ends it" },
 };
+
+const SNAPS = { vertex: ": a vertex", edge: ": on an edge", grid: ": on the grid", free: "" };
 
 export class Editor {
   /** `on` has scene(), edit(words, change), select(selection), drawing() and say(words). */
   constructor(view, on) {
     Object.assign(this, { view, on, tool: "select", step: 0, drawn: [], selection: {}, faults: [], marks: [], active: false,
-      draft: null, hover: null, pick: null });
+      draft: null, hover: null, snapped: null, pick: null });
     view.tool = this;
     view.over = (pen) => this.paint(pen);
     view.canvas.addEventListener("pointermove", (event) => this.move(event));
@@ -48,22 +52,28 @@ export class Editor {
   }
 
   /** A place as it is meant: a vertex, a point of an edge, the grid; Alt: as it is. */
-  meant(event, { edge = true } = {}) {
+  meant(event) { return this.snap(event).place; }
+
+  /** The place that is meant, and what it is: "vertex", "edge", "grid" or "free". */
+  snap(event) {
     const place = this.view.at(event);
-    if (event.altKey) return rounded(place);
-    const reach = REACH * this.view.box[2];
+    if (event.altKey) return { place: rounded(place), kind: "free" };
+    const pixel = this.view.box[2];
+    const reach = REACH * pixel;
     const first = this.drawn[0];
-    if (first && distance(first, place) < reach) return [...first];
+    if (first && distance(first, place) < reach) return { place: [...first], kind: "vertex" };
     const vertex = nearestVertex(this.scene, place, reach);
-    if (vertex) return [...vertex.point];
+    if (vertex) return { place: [...vertex.point], kind: "vertex" };
     const grid = this.grid();
     const onGrid = place.map((value) => Math.round(value / grid) * grid);
+    const edge = nearestEdge(this.scene, place, reach);
     if (edge) {
-      const found = nearestEdge(this.scene, place, reach);
-      // Where a point of the grid is on the edge, that is meant.
-      if (found) return rounded(distance(onGrid, footOn(found, onGrid)) < 1e-9 ? onGrid : found.point);
+      // A point of the grid that is nearer is meant, but for one so close to the edge that a sliver would be left.
+      const gap = distance(onGrid, footOn(edge, onGrid));
+      if (gap < 1e-9) return { place: rounded(onGrid), kind: "edge" };
+      if (this.step === "off" || gap < SLIVER * pixel || edge.far <= distance(onGrid, place)) return { place: rounded(edge.point), kind: "edge" };
     }
-    return rounded(this.step === "off" ? place : onGrid);
+    return this.step === "off" ? { place: rounded(place), kind: "free" } : { place: rounded(onGrid), kind: "grid" };
   }
 
   /** Distance of the points of the grid [m]: as chosen, else a round one of about ten pixels. */
@@ -133,9 +143,10 @@ export class Editor {
 
   move(event) {
     if (!this.active || !this.view.box) return;
-    this.hover = this.isDrawing ? this.meant(event)
-      : nearestVertex(this.scene, this.view.at(event), REACH * this.view.box[2])?.point ?? null;
-    if (this.isDrawing) this.on.say(`${this.hover[0]}, ${this.hover[1]} m`);
+    const snap = this.isDrawing || this.pick ? this.snap(event) : null;
+    this.snapped = snap?.kind;
+    this.hover = snap ? snap.place : nearestVertex(this.scene, this.view.at(event), REACH * this.view.box[2])?.point ?? null;
+    if (snap) this.on.say(`${this.hover[0]}, ${this.hover[1]} m${SNAPS[snap.kind]}`);
     this.view.canvas.style.cursor = this.isDrawing || this.pick ? "crosshair" : this.hover ? "move" : "";
     this.view.draw();
   }
@@ -232,6 +243,7 @@ export class Editor {
     this.paintMarks(pen);
     if (!this.active) return;
     const { scene, selection } = this;
+    if (this.isDrawing && this.step !== "off") this.paintGrid(pen);
     this.paintFaults(pen);
     const zone = scene.zones[selection.zone];
     if (zone) this.path(pen, zone.polygon, true, "--accent", 2.5);
@@ -247,7 +259,36 @@ export class Editor {
       const ahead = this.hover && this.isDrawing ? [...this.drawn, this.hover] : this.drawn;
       this.path(pen, ahead, false, "--accent", 2);
       for (const point of ahead) this.dot(pen, point, 4);
+      if (this.hover) this.paintSnap(pen, this.view.pixel(this.hover));
     }
+  }
+
+  /** Where vertices snap to: a dot for each point of the grid, as far as they are apart. */
+  paintGrid(pen) {
+    const { canvas, box: [left, bottom, scale], up } = this.view;
+    const grid = this.grid();
+    const [across, high] = [(canvas.clientWidth * scale) / grid, (canvas.clientHeight * up) / grid];
+    if (grid < 5 * scale || across * high > DOTS) return;
+    pen.fillStyle = css("--soft");
+    pen.globalAlpha = 0.5;
+    for (let i = Math.ceil(left / grid); i * grid < left + canvas.clientWidth * scale; i += 1) {
+      for (let j = Math.ceil(bottom / grid); j * grid < bottom + canvas.clientHeight * up; j += 1) {
+        const [x, y] = this.view.pixel([i * grid, j * grid]);
+        pen.fillRect(x - 0.75, y - 0.75, 1.5, 1.5);
+      }
+    }
+    pen.globalAlpha = 1;
+  }
+
+  /** What the next vertex snaps to: a square on a vertex, a diamond on an edge, a cross on the grid. */
+  paintSnap(pen, [x, y]) {
+    const corners = { vertex: [[-8, -8], [8, -8], [8, 8], [-8, 8]], edge: [[0, -10], [10, 0], [0, 10], [-10, 0]] }[this.snapped];
+    pen.beginPath();
+    if (corners) { corners.forEach(([dx, dy]) => pen.lineTo(x + dx, y + dy)); pen.closePath(); }
+    if (this.snapped === "grid") { pen.moveTo(x - 9, y); pen.lineTo(x + 9, y); pen.moveTo(x, y - 9); pen.lineTo(x, y + 9); }
+    pen.strokeStyle = css("--accent");
+    pen.lineWidth = 1.5;
+    pen.stroke();
   }
 
   paintFaults(pen) {
@@ -297,8 +338,7 @@ export class Editor {
   }
 
   path(pen, points, closed, colour, width) {
-    pen.beginPath();
-    points.forEach((point, i) => { const [x, y] = this.view.pixel(point); if (i) pen.lineTo(x, y); else pen.moveTo(x, y); });
+    this.view.path(pen, points);
     if (closed) pen.closePath();
     pen.strokeStyle = css(colour);
     pen.lineWidth = width;

@@ -14,13 +14,6 @@ export function lines(scene) {
   return found;
 }
 
-const AT_POOL = 0.05; // m, as in inversion/problem/scene_changes.py
-
-/** The water table with the pool at another level: what stands at pool level moves with it. Null: it is level. */
-export function waterTableAt(scene, level) {
-  return scene.phreatic_line?.map(([x, y]) => [x, Math.abs(y - scene.water_level) <= AT_POOL ? level : y]) ?? null;
-}
-
 /** Consecutive vertices of a line, and the place of the second one in it. */
 export function edges({ points, closed }) {
   const found = points.slice(1).map((end, i) => ({ start: points[i], end, at: i + 1 }));

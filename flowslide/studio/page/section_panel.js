@@ -1,10 +1,12 @@
 // The section in tables: zones, materials, base, water, spacing, the picture to draw on; faults and vertices.
 
-import { area, dropUnused, lines, moveVertex, removeVertex, insertVertex, rounded, waterTableAt } from "./section.js";
+import { area, dropUnused, lines, moveVertex, removeVertex, insertVertex, rounded } from "./section.js";
 import { button, el, field, keyWords, refill } from "./ui.js";
 import { zoneColours } from "./view.js";
+import { poolSide, setPool, tableOfPool, waterWords } from "./water.js";
 
 const FIRST = ["friction_deg", "cohesion_kpa", "density"]; // fields of a material that are always shown
+const SIDES = { left: "left side alone", right: "right side alone", both: "both sides", drawn: "as the water table is drawn" };
 const words = (name) => name.replaceAll("_", " ");
 
 /** `page` has documents, editor, materials (forms), derived() (what the server found), underlay and say(words, bad). */
@@ -156,14 +158,25 @@ export class SectionPanel {
   }
 
   water(scene) {
-    const found = [field({ words: "pool level", value: scene.water_level, unit: "m", holder: "no water",
-      help: "empty: no water; the water table is level unless one is drawn" },
-    (value) => this.edit("pool level", (to) => Object.assign(to, { phreatic_line: value === null ? null : waterTableAt(to, value), water_level: value })))];
-    if (scene.phreatic_line) {
-      found.push(el("p", { className: "note", textContent: "The water table is a line of its own." }),
-        button("Level water table", () => this.edit("level water table", (to) => { to.phreatic_line = null; })));
-    }
-    return found;
+    const side = poolSide(scene);
+    const upstream = this.page.documents.now.measurements?.upstream ?? "left";
+    const level = field({ words: "pool level", value: scene.water_level, unit: "m", holder: "none",
+      help: "empty: no water; a new pool stands on the upstream side alone" },
+    (value) => this.edit("pool level", (to) => setPool(to, value, side ?? (tableOfPool(to, value, upstream) ? upstream : "both"))));
+    if (side === null) return [level];
+    return [level,
+      field({ words: "pool on", kind: "choice", choices: Object.keys(SIDES).filter((one) => one !== "drawn" || side === "drawn"), names: SIDES, value: side,
+        help: "on one side the water table falls from the pool to the toe on the other side; draw one that was measured with the tool Water table (w)" },
+      (value) => this.setSide(value)),
+      el("p", { className: "note", textContent: waterWords(scene) })];
+  }
+
+  setSide(side) {
+    const { water_level: level } = this.scene;
+    if (side !== "both" && !tableOfPool(this.scene, level, side)) {
+      this.page.say(`a pool at ${level} m on the ${side} side alone: the section does not hold it back, or has no lower toe`, true);
+      this.show();
+    } else this.edit("side of the pool", (to) => setPool(to, level, side));
   }
 
   // --- faults, and the vertices of a line ---

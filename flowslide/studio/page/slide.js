@@ -1,7 +1,8 @@
 // The slide: sliders for strengths, pool and effects, the deposit that follows, its readings and its film.
 
 import { Sliders } from "./api.js";
-import { area, waterTableAt } from "./section.js";
+import { area } from "./section.js";
+import { waterTableAt } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
@@ -187,6 +188,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     view.deposit = found;
     const last = found.header.times.length - 1;
     view.frame = last;
+    if (state.first && view.isFitted) view.fit(); // the deposit of a case that was opened; later ones move nothing
+    state.first = false;
     $("scrub").max = last;
     $("scrub").value = last;
     tell();
@@ -301,6 +304,11 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   $("scrub").addEventListener("input", () => { view.frame = Number($("scrub").value); tell(); view.draw(); });
   $("colour").addEventListener("change", () => { view.colour = $("colour").value; view.paintLegend(); view.draw(); });
   $("before").addEventListener("change", () => { view.before = $("before").checked; view.draw(); });
+  $("rise").addEventListener("change", () => {
+    const { isFitted } = view;
+    view.stretch(Number($("rise").value));
+    if (isFitted) view.fit();
+  });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
   return { flow, play, pause, empty };
 }

@@ -10,6 +10,7 @@ import { SurveyPanel } from "./survey_panel.js";
 import { button, justTyped } from "./ui.js";
 import { Underlay } from "./underlay.js";
 import { View } from "./view.js";
+import { waterWords } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
 const view = new View($("canvas"), $("legend"));
@@ -69,7 +70,7 @@ const page = {
     const { derived, shipped } = state.found;
     if (shipped) return "This case ships with flowslide. Copy it to edit it.";
     if (!derived) return "Not checked yet.";
-    return `Nothing is wrong. ${derived.points.toLocaleString("en")} points ${derived.spacing_m} m apart.`;
+    return `Nothing is wrong. ${derived.points.toLocaleString("en")} points ${derived.spacing_m} m apart. ${waterWords(documents.now.scene)}`.trim();
   },
   propose,
 };
@@ -138,7 +139,7 @@ async function open(name, again = false) {
   view.marks = [];
   slide.empty();
   take(found);
-  if (!again) { await underlay.open(name); view.show(documents.now.scene); }
+  if (!again) { await underlay.open(name); state.first = true; view.show(documents.now.scene); }
   if (found.faults.length) say(`${found.faults[0].document}: ${found.faults[0].message}`, true);
   setMode(again ? state.mode : found.scene.zones?.length ? state.mode : "section");
   document.body.dataset.case = name;
@@ -160,6 +161,7 @@ function setMode(mode) {
   editor.active = mode === "section" && !state.found.shipped;
   editor.use("select");
   showMarks();
+  view.stretch(mode === "section" ? 1 : Number($("rise").value)); // what is drawn has equal scales
   if (mode === "section") { view.deposit = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
   refresh();
   if (mode === "slide" || mode === "survey") slide.flow();

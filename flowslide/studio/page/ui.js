@@ -15,11 +15,11 @@ export function el(tag, properties = {}, ...children) {
 export const button = (words, act, more = {}) => el("button", { type: "button", textContent: words, on: { click: act }, ...more });
 
 /** A field with a label; `set` gets its value where it can be one, and null where it is empty. */
-export function field({ words, shown = words, key = words, kind = "number", value, unit = "", choices = [], help = "", holder = "" }, set) {
+export function field({ words, shown = words, key = words, kind = "number", value, unit = "", choices = [], names = {}, help = "", holder = "" }, set) {
   let input;
   if (kind === "choice") {
     input = el("select", {}, ...(value === undefined ? [new Option("choose ...", "")] : []),
-      ...choices.map((one) => new Option(one.replaceAll("_", " "), one, false, one === value)));
+      ...choices.map((one) => new Option(names[one] ?? one.replaceAll("_", " "), one, false, one === value)));
     input.addEventListener("change", () => set(input.value || null));
   } else if (kind === "switch") {
     input = el("input", { type: "checkbox", checked: Boolean(value) });

@@ -46,7 +46,7 @@ export class Underlay {
       const [left, bottom, scale] = view.box;
       const size = (0.8 * view.canvas.clientWidth * scale) / this.image.naturalWidth;
       Object.assign(this.at, { sx: size, sy: size, x: left + 0.1 * view.canvas.clientWidth * scale,
-        y: bottom + 0.9 * view.canvas.clientHeight * scale });
+        y: bottom + 0.9 * view.canvas.clientHeight * view.up });
       this.points = [];
       await this.keep();
       this.page.refresh();
@@ -63,9 +63,9 @@ export class Underlay {
   paint(pen) {
     const { x, y, sx, sy, opacity } = this.at;
     const [left, top] = this.page.view.pixel([x, y]);
-    const scale = this.page.view.box[2];
+    const { box: [, , scale], up } = this.page.view;
     pen.globalAlpha = opacity;
-    pen.drawImage(this.image, left, top, (this.image.naturalWidth * sx) / scale, (this.image.naturalHeight * sy) / scale);
+    pen.drawImage(this.image, left, top, (this.image.naturalWidth * sx) / scale, (this.image.naturalHeight * sy) / up);
     pen.globalAlpha = 1;
   }
 

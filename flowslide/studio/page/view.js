@@ -1,6 +1,7 @@
-// Draws the section before the slide and the points of a deposit, with equal scales, pan and zoom.
+// Draws the section before the slide and the points of a deposit, with pan and zoom; heights may be exaggerated.
 
-import { bounds, waterTableAt } from "./section.js";
+import { bounds } from "./section.js";
+import { surface, waterTableAt } from "./water.js";
 
 const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
   "#6f8f3f", "#7c8794", "#c9785a", "#487d74", "#93793f", "#6977b8", "#a85a83", "#4f9a5e"];
@@ -31,7 +32,9 @@ export class View {
     this.frame = 0;
     this.colour = "zone";
     this.before = true;
-    this.box = null; // [x at the left edge, y at the bottom edge, metres a pixel]
+    this.box = null; // [x at the left edge, y at the bottom edge, metres a pixel across]
+    this.rise = 1; // pixels a metre upwards, as multiples of those across
+    this.isFitted = false; // nobody has moved the view since it was fitted
     this.tool = null; // has down(event) and key(event): true where they were for it
     this.under = null; // paints below the section, in pixels
     this.over = null; // and above it
@@ -53,28 +56,59 @@ export class View {
     this.draw();
   }
 
+  /** Metres a pixel upwards. */
+  get up() { return this.box[2] / this.rise; }
+
   /** Place [m] of a pointer. */
   at(event) {
     const { left, bottom } = this.canvas.getBoundingClientRect();
     const [x, y, scale] = this.box;
-    return [x + (event.clientX - left) * scale, y + (bottom - event.clientY) * scale];
+    return [x + (event.clientX - left) * scale, y + (bottom - event.clientY) * this.up];
   }
 
   /** Place in the canvas [pixels] of a place [m]. */
   pixel([x, y]) {
     const [left, bottom, scale] = this.box;
-    return [(x - left) / scale, this.canvas.clientHeight - (y - bottom) / scale];
+    return [(x - left) / scale, this.canvas.clientHeight - (y - bottom) / this.up];
   }
 
+  /** The whole section and its deposit in the window. */
   fit() {
     if (!this.scene || !this.canvas.clientWidth) return;
-    const domain = roomOf(this.scene);
-    const [low, high] = [lowest(this.scene), domain.y_max];
-    const [width, height] = [this.canvas.clientWidth - 60, this.canvas.clientHeight - 50];
-    const scale = Math.max((domain.x_max - domain.x_min) / width, (high - low) / height);
-    const x = 0.5 * (domain.x_min + domain.x_max) - 0.5 * scale * this.canvas.clientWidth - 5 * scale;
-    const y = 0.5 * (low + high) - 0.5 * scale * this.canvas.clientHeight - 8 * scale;
-    this.box = [x, y, scale];
+    const [left, right, low, high] = this.room();
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const scale = Math.max((right - left) / (width - 90), (this.rise * (high - low)) / (height - 70));
+    const x = 0.5 * (left + right) - 0.5 * scale * width - 5 * scale;
+    this.box = [x, 0.5 * (low + high) - (0.5 * height + 8) * (scale / this.rise), scale];
+    this.isFitted = true;
+  }
+
+  /** Ends [m] of what there is to see: the section and its deposit, of a section that is begun a first sheet. */
+  room() {
+    const found = bounds(this.scene);
+    if (!found || !this.scene.domain) {
+      const { x_min: left, x_max: right, y_max: high } = roomOf(this.scene);
+      return [left, right, lowest(this.scene), high];
+    }
+    const ends = [found.left, found.right, lowest(this.scene), found.high];
+    const { positions, header } = this.deposit ?? {};
+    for (let i = 2 * (header?.points ?? 0) * this.frame; i < (positions?.length ?? 0); i += 2) {
+      ends[0] = Math.min(ends[0], positions[i]);
+      ends[1] = Math.max(ends[1], positions[i]);
+      ends[3] = Math.max(ends[3], positions[i + 1]);
+    }
+    return ends;
+  }
+
+  /** Exaggerate heights; the foot of the section stays where it is. */
+  stretch(rise) {
+    if (rise === this.rise) return;
+    if (this.box && this.scene) {
+      const foot = bounds(this.scene)?.low ?? 0;
+      this.box[1] = foot - ((foot - this.box[1]) * this.rise) / rise;
+    }
+    this.rise = rise;
+    this.draw();
   }
 
   resized() {
@@ -95,7 +129,8 @@ export class View {
 
   scaleAt(px, py, factor) {
     const [x, y, scale] = this.box;
-    this.box = [x + px * scale * (1 - factor), y + py * scale * (1 - factor), scale * factor];
+    this.box = [x + px * scale * (1 - factor), y + py * this.up * (1 - factor), scale * factor];
+    this.isFitted = false;
     this.draw();
   }
 
@@ -104,7 +139,8 @@ export class View {
     const start = [event.clientX, event.clientY, ...this.box];
     this.canvas.setPointerCapture(event.pointerId);
     const move = (now) => {
-      this.box = [start[2] - (now.clientX - start[0]) * start[4], start[3] + (now.clientY - start[1]) * start[4], start[4]];
+      this.box = [start[2] - (now.clientX - start[0]) * start[4], start[3] + (now.clientY - start[1]) * this.up, start[4]];
+      this.isFitted = false;
       this.draw();
     };
     const end = () => { this.canvas.removeEventListener("pointermove", move); };
@@ -115,9 +151,14 @@ export class View {
   key(event) {
     if (!this.box) return;
     if (this.tool?.key(event)) { event.preventDefault(); event.stopPropagation(); return; }
-    const step = 40 * this.box[2];
-    const way = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
-    if (way) { this.box[0] += way[0]; this.box[1] += way[1]; this.draw(); event.preventDefault(); }
+    const way = { ArrowLeft: [-40, 0], ArrowRight: [40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[event.key];
+    if (way) {
+      this.box[0] += way[0] * this.box[2];
+      this.box[1] += way[1] * this.up;
+      this.isFitted = false;
+      this.draw();
+      event.preventDefault();
+    }
     if (event.key === "+" || event.key === "-") {
       this.scaleAt(this.canvas.clientWidth / 2, this.canvas.clientHeight / 2, event.key === "+" ? 0.8 : 1.25);
     }
@@ -137,52 +178,91 @@ export class View {
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, canvas.width, canvas.height);
     if (!scene || !box) return;
-    const [left, bottom, scale] = box;
-    canvas.dataset.box = box.join(" ");
-    const k = ratio / scale;
+    canvas.dataset.box = [...box, this.rise].join(" ");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.under?.(pen);
-    pen.setTransform(k, 0, 0, -k, -left * k, canvas.height + bottom * k);
     this.paintWater(pen);
     if (this.deposit) this.paintPoints();
-    pen.setTransform(k, 0, 0, -k, -left * k, canvas.height + bottom * k);
-    this.paintSection(pen, 1 / k);
-    this.paintGround(pen, 1 / k);
-    this.paintEnds(pen, 1 / k);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.paintSection(pen);
+    this.paintGround(pen);
+    this.paintEnds(pen);
+    this.paintWaterTable(pen);
     this.paintAxes(pen);
     this.paintMarks(pen);
     this.over?.(pen);
   }
 
-  paintWater(pen) {
+  /** A line through places [m], to be filled or stroked. */
+  path(pen, points) {
+    pen.beginPath();
+    points.forEach((place, i) => { const [x, y] = this.pixel(place); if (i) pen.lineTo(x, y); else pen.moveTo(x, y); });
+  }
+
+  /** The water table from end to end of the domain; null: there is no water. */
+  waterTable() {
     const { scene } = this;
     const domain = roomOf(scene);
     const level = this.level ?? scene.water_level;
-    if (level === null || level === undefined) return;
-    const line = waterTableAt(scene, level) ?? [[domain.x_min, level], [domain.x_max, level]];
+    if (level === null || level === undefined) return null;
+    const line = waterTableAt(scene, level) ?? [[domain.x_min, level]];
+    const within = line.filter(([x]) => x > domain.x_min && x < domain.x_max);
+    return [[domain.x_min, heightOn(line, domain.x_min)], ...within, [domain.x_max, heightOn(line, domain.x_max)]];
+  }
+
+  paintWater(pen) {
+    const line = this.waterTable();
+    if (!line) return;
+    const low = lowest(this.scene);
     pen.fillStyle = css("--water");
     pen.globalAlpha = 0.22;
-    pen.beginPath();
-    pen.moveTo(domain.x_min, lowest(scene));
-    pen.lineTo(domain.x_min, line[0][1]);
-    for (const [x, y] of line) pen.lineTo(x, y);
-    pen.lineTo(domain.x_max, line[line.length - 1][1]);
-    pen.lineTo(domain.x_max, lowest(scene));
+    this.path(pen, [[line[0][0], low], ...line, [line.at(-1)[0], low]]);
     pen.fill();
     pen.globalAlpha = 1;
   }
 
+  /** The water table as a line above the zones, with the usual triangle on the pool and in the soil. */
+  paintWaterTable(pen) {
+    const line = this.waterTable();
+    if (!line) return;
+    pen.strokeStyle = css("--water-line");
+    pen.lineWidth = 1.8;
+    this.path(pen, line);
+    pen.stroke();
+    for (const x of this.triangles(line)) this.paintTriangle(pen, this.pixel([x, heightOn(line, x)]));
+  }
+
+  /** Places x of the triangles: beside the section where water stands on the ground, and where it passes the crest. */
+  triangles(line) {
+    const found = bounds(this.scene);
+    if (!found) return [0.5 * (line[0][0] + line.at(-1)[0])];
+    const aside = 25 * this.box[2];
+    const foot = found.low + 0.02 * (found.high - found.low);
+    const crest = surface(this.scene).reduce((best, place) => (place[1] > best[1] ? place : best));
+    return [found.left - aside, crest[0], found.right + aside].filter((x) => heightOn(line, x) > foot);
+  }
+
+  paintTriangle(pen, [x, y]) {
+    pen.beginPath();
+    pen.moveTo(x, y);
+    pen.lineTo(x - 5, y - 9);
+    pen.lineTo(x + 5, y - 9);
+    pen.closePath();
+    for (const [half, below] of [[5, 3], [2.5, 6]]) { pen.moveTo(x - half, y + below); pen.lineTo(x + half, y + below); }
+    pen.stroke();
+  }
+
   /** Points go straight into pixels: thousands of them at the speed of the film. */
   paintPoints() {
-    const { canvas, deposit, scene } = this;
+    const { canvas, deposit } = this;
     const ratio = devicePixelRatio || 1;
     const [left, bottom, scale] = this.box;
     const k = ratio / scale;
+    const up = ratio / this.up;
     const n = deposit.header.points;
     const first = 2 * n * this.frame;
     const colours = this.coloursOf(n);
-    const size = Math.max(Math.ceil(deposit.header.spacing_m * k * 1.12), 1);
+    const [wide, high] = [k, up].map((pixels) => Math.max(Math.ceil(deposit.header.spacing_m * pixels * 1.12), 1));
     const pen = canvas.getContext("2d");
     pen.setTransform(1, 0, 0, 1, 0, 0);
     // One fill style per colour: points are sorted by it once for each frame.
@@ -196,8 +276,8 @@ export class View {
       pen.fillStyle = colour;
       for (const i of members) {
         const x = (deposit.positions[first + 2 * i] - left) * k;
-        const y = canvas.height - (deposit.positions[first + 2 * i + 1] - bottom) * k;
-        pen.fillRect(x - size / 2, y - size / 2, size, size);
+        const y = canvas.height - (deposit.positions[first + 2 * i + 1] - bottom) * up;
+        pen.fillRect(x - wide / 2, y - high / 2, wide, high);
       }
     }
   }
@@ -243,52 +323,48 @@ export class View {
     return deposit.tops[this.colour];
   }
 
-  paintSection(pen, pixel) {
-    const { scene } = this;
-    const palette = zoneColours(scene);
-    scene.zones.forEach((zone, number) => {
-      pen.beginPath();
-      zone.polygon.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+  paintSection(pen) {
+    const palette = zoneColours(this.scene);
+    this.scene.zones.forEach(({ polygon }, number) => {
+      this.path(pen, polygon);
       pen.closePath();
       if (!this.deposit) {
         pen.fillStyle = palette[number];
         pen.globalAlpha = this.under ? 0.45 : 1;
         pen.fill();
-        pen.globalAlpha = 1;
       }
       if (this.before || !this.deposit) {
         pen.strokeStyle = css("--ink");
         pen.globalAlpha = this.deposit ? 0.45 : 0.7;
-        pen.lineWidth = pixel * (devicePixelRatio || 1);
+        pen.lineWidth = 1;
         pen.stroke();
-        pen.globalAlpha = 1;
       }
+      pen.globalAlpha = 1;
     });
   }
 
   /** A hatch where the ground goes on beyond the end of the section. */
-  paintEnds(pen, pixel) {
-    const wide = pixel * (devicePixelRatio || 1);
+  paintEnds(pen) {
     for (const [side, { goes_on: goesOn, x_m: x, low_m: low, top_m: top }] of Object.entries(this.ends ?? {})) {
       if (!goesOn) continue;
-      const out = (side === "left" ? -1 : 1) * 14 * wide;
+      const out = side === "left" ? -14 : 14;
+      const [[at, foot], [, head]] = [this.pixel([x, low]), this.pixel([x, top])];
       pen.beginPath();
-      pen.moveTo(x, low);
-      pen.lineTo(x, top);
-      for (let y = low; y < top; y += 9 * wide) { pen.moveTo(x, y); pen.lineTo(x + out, Math.min(y + 14 * wide, top)); }
+      pen.moveTo(at, foot);
+      pen.lineTo(at, head);
+      for (let y = foot; y > head; y -= 9) { pen.moveTo(at, y); pen.lineTo(at + out, Math.max(y - 14, head)); }
       pen.strokeStyle = css("--ground");
-      pen.lineWidth = 1.2 * wide;
+      pen.lineWidth = 1.2;
       pen.stroke();
     }
   }
 
-  paintGround(pen, pixel) {
+  paintGround(pen) {
     const points = this.scene.ground?.points;
     if (!points) return;
-    pen.beginPath();
-    points.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    this.path(pen, points);
     pen.strokeStyle = css("--ground");
-    pen.lineWidth = 2.5 * pixel * (devicePixelRatio || 1);
+    pen.lineWidth = 2.5;
     pen.stroke();
   }
 
@@ -307,10 +383,10 @@ export class View {
       if (px > 36) pen.fillText(`${round(x)}`, px, height - 4);
     }
     pen.textAlign = "left";
-    const rise = niceStep(60 * scale);
-    const first = Math.max(bottom + 30 * scale, lowest(this.scene));
-    for (let y = Math.ceil(first / rise) * rise; y < bottom + height * scale; y += rise) {
-      const py = height - (y - bottom) / scale;
+    const rise = niceStep(60 * this.up);
+    const first = Math.max(bottom + 30 * this.up, lowest(this.scene));
+    for (let y = Math.ceil(first / rise) * rise; y < bottom + height * this.up; y += rise) {
+      const py = height - (y - bottom) / this.up;
       pen.beginPath(); pen.moveTo(0, py); pen.lineTo(5, py); pen.stroke();
       pen.fillText(`${round(y)}`, 8, py + 4);
     }
@@ -360,13 +436,19 @@ export class View {
   }
 }
 
-/** A colour for each zone: that of its material; what liquefied stands out. */
+/** A colour for each zone: that of its material, whatever the others are; what liquefied stands out. */
 export function zoneColours(scene) {
-  const names = Object.keys(scene.materials);
-  let next = 0;
-  const of = Object.fromEntries(names.map((name) => [name,
-    scene.materials[name]?.liquefied ? LIQUEFIED : COLOURS[next++ % COLOURS.length]]));
+  const of = Object.fromEntries(Object.entries(scene.materials).map(([name, soil], i) =>
+    [name, soil?.liquefied ? LIQUEFIED : COLOURS[i % COLOURS.length]]));
   return scene.zones.map((zone) => of[zone.material]);
+}
+
+/** Height of a line at x, level beyond its ends. */
+function heightOn(line, x) {
+  const i = line.findIndex(([end]) => end >= x);
+  if (i < 1) return line.at(i)[1];
+  const [[a, y], [b, z]] = [line[i - 1], line[i]];
+  return y + ((x - a) / (b - a)) * (z - y);
 }
 
 function lowest(scene) {
