@@ -103,6 +103,7 @@ def _reading(one: Reading) -> dict[str, Any]:
         "below": one.below,
         "std": None if measured is None else measured.std,
         "in_std": one.difference_in_std,
+        "confidence": None if measured is None else measured.confidence,
         "held_out": bool(measured is not None and measured.held_out),
         "trouble": one.trouble,
     }

@@ -1,7 +1,8 @@
 """What a job has found, as its line in the page's list: sentences and strengths.
 
 In: what the functions of `flowslide` return. Out: `answer`, lines in the words and digits of the
-reports; `strengths`, those found with their ranges in full digits, for the table of all methods.
+reports; `strengths`, those found with their ranges in full digits, for the table of all methods;
+`values`, whatever was found, as a section can have it.
 """
 
 from __future__ import annotations
@@ -28,8 +29,19 @@ MOST_MOVERS, MOST_NEXT = 3, 2
 STRENGTHS = ("residual_strength_kpa", "cohesion_kpa")
 
 
-def _found(lines: Iterable[str], strengths: Iterable[Found] = ()) -> Found:
-    return {"answer": [line for line in lines if line], "strengths": list(strengths)}
+def _found(
+    lines: Iterable[str], strengths: Iterable[Found] = (), values: Iterable[Found] = ()
+) -> Found:
+    return {
+        "answer": [line for line in lines if line],
+        "strengths": list(strengths),
+        "values": list(values),
+    }
+
+
+def _value(property: str, zones: Sequence[str], value: float) -> Found:
+    """A value that zones of the section get, or its pool."""
+    return {"property": property, "zones": list(zones), "value": value}
 
 
 def _strength(
@@ -90,7 +102,9 @@ def back_analysis(result: Result) -> Found:
                     zones=p.zones,
                 )
             )
-    return _found(lines, strengths)
+    return _found(
+        lines, strengths, (_value(p.property, p.zones, p.value) for p in result.answer.parameters)
+    )
 
 
 def _parameter(p: ParameterAnswer) -> str:
@@ -122,7 +136,8 @@ def posterior(document: PosteriorDocument) -> Found:
         for one in document.parameters
         if one.property in STRENGTHS
     ]
-    return _found([answer_sentence(document)], strengths)
+    values = (_value(one.property, one.zones, one.after.median) for one in document.parameters)
+    return _found([answer_sentence(document)], strengths, values)
 
 
 def prediction(document: Found) -> Found:

@@ -22,7 +22,6 @@ from flowslide.studio.frames import deposit
 from geometry.case import Case
 from geometry.random_scenes.sketch import signed_area
 from geometry.scenes.scene import scene_from_mapping, scene_hash
-from geometry.survey.measured import Measured
 from geometry.survey.measurements import Measurements
 from inversion.problem.scene_changes import pool_at
 from mpm_taichi.comparison import Reading, read_deposit, simulate_case
@@ -236,7 +235,6 @@ class Live:
             film=asked.film,
             id=asked.number,
             cached=cached,
-            chi2=_chi2(kept.readings),
         )
 
     def _run(self, case: Case, stop: Event) -> Run:
@@ -254,16 +252,3 @@ class Live:
         self._kept.move_to_end(key)
         while len(self._kept) > 1 and sum(one.size for one in self._kept.values()) > KEPT_BYTES:
             self._kept.popitem(last=False)
-
-
-def _chi2(readings: list[Reading]) -> dict[str, float]:
-    """Sum of squared differences in standard deviations of the survey, fitted and held out.
-
-    Numbers alone: of a series only its root mean square is known here.
-    """
-    total = {"fitted": 0.0, "held_out": 0.0}
-    for one in readings:
-        measured: Measured | None = one.measurement
-        if measured is not None and one.difference_in_std is not None:
-            total["held_out" if measured.held_out else "fitted"] += one.difference_in_std**2
-    return total

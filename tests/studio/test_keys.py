@@ -5,6 +5,7 @@ Nothing here sets a field by script: a value that a script fills in hides a lost
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
@@ -134,7 +135,7 @@ def test_the_sheet_stays_where_it_is_looked_at(page):
     section(page)
     after = pixel_of(page, 60.0, 5.0), pixel_of(page, 70.0, 5.0)
     assert after[1][0] - after[0][0] == pytest.approx(scale)
-    assert after[0][0] == pytest.approx(before[0][0], abs=1.0)
+    assert after[0] == pytest.approx(before[0], abs=1.0)
 
 
 def test_play_and_away_at_once_leaves_nothing_behind(page):
@@ -219,7 +220,8 @@ def test_a_pool_stands_on_the_upstream_side_alone(page, workspace):
     page.mouse.move(5, 5)
     page.wait_for_timeout(200)
     for x, y, blue in ((45.0, 5.0, True), (66.0, 3.0, True), (66.0, 2.0, False)):
-        assert (colour_at(page, x, y) == [0x14, 0x63, 0x9F]) is blue, (x, y, colour_at(page, x, y))
+        found = colour_at(page, x, y)
+        assert (found == pytest.approx([0x14, 0x63, 0x9F], abs=12)) is blue, (x, y, found)
 
     page.locator("#section-left .zone input").nth(2).click()  # the right foot goes out by 10 m
     page.get_by_label("x of vertex 2 [m]").click(click_count=3)
@@ -297,3 +299,211 @@ def test_the_next_vertex_says_what_it_snaps_to(page):
     page.mouse.move(*pixel_of(page, 60.3, 12.3))
     expect(page.locator("#status")).to_have_text(re.compile(r"^60\.\d+, 12\.\d+ m$"))
     page.keyboard.up("Alt")
+
+
+def typed(page: Page, label: str, text: str) -> None:
+    """Type over a field of the left panel, and go on to the next."""
+    page.locator("#section-left, #survey-left").get_by_label(label, exact=True).click(click_count=3)
+    page.keyboard.type(text)
+    page.keyboard.press("Tab")
+
+
+def test_a_fault_is_told_at_its_field_and_leads_there(page):
+    section(page)
+    page.locator("summary", has_text="firm").click()
+    label = "friction of firm [deg]"
+    typed(page, label, "95")
+    field = page.get_by_label(label)
+    expect(field).to_have_attribute("aria-invalid", "true", timeout=WAIT_MS)
+    expect(page.locator("#section-left .wrong")).to_have_text(
+        "friction angle must be less than 89 (is 95)"
+    )
+    # Of another tab as well: what is wrong with the survey is told here.
+    typed(page, label, "34")
+    expect(page.locator("#section-left .wrong")).to_have_count(0, timeout=WAIT_MS)
+    page.locator('[data-mode="survey"]').first.click()
+    page.locator("summary", has_text="toe").click()
+    typed(page, "standard deviation of toe [m]", "-1")
+    expect(page.locator("#survey-left .wrong")).to_contain_text("more than 0", timeout=WAIT_MS)
+    section(page)
+    page.locator("#section-right .fault").click()
+    assert page.evaluate("document.body.dataset.mode") == "survey"
+    assert focused(page) == "standard deviation of toe [m]"
+
+
+def test_a_zone_that_is_gone_is_not_asked_for(page, workspace):
+    """Renamed, it is asked for by its new name."""
+    section(page)
+    typed(page, "name of zone 1", "silt")
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    (asked,) = workspace.read("small")["inversion"]["parameters"]
+    assert asked["zones"] == ["silt"]
+    page.get_by_title("remove silt").click()
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert workspace.read("small")["inversion"] is None
+    page.locator("#undo").click()
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert workspace.read("small")["inversion"]["parameters"] == [asked]
+    page.locator('[data-mode="survey"]').first.click()
+    page.get_by_title("do not ask for S_r").click()
+    expect(page.locator("#survey-right .parameter")).to_have_count(0)
+
+
+def test_a_click_on_the_sheet_chooses_though_a_name_has_the_cursor(page):
+    section(page)
+    page.locator("#section-left .zone input").first.click()
+    page.mouse.click(*pixel_of(page, 74.0, 3.0))
+    expect(page.locator(".zone.chosen input")).to_have_value("back")
+
+
+def test_a_number_is_kept_though_the_page_is_reloaded_in_its_field(page, workspace):
+    """And what was done before can be undone."""
+    section(page)
+    page.locator("summary", has_text="firm").click()
+    typed(page, "friction of firm [deg]", "30")
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    page.get_by_label("cohesion of firm [kPa]").click(click_count=3)
+    page.keyboard.type("3")
+    page.reload()
+    expect(page.locator('body[data-case="small"]')).to_have_count(1, timeout=WAIT_MS)
+    assert page.evaluate("document.body.dataset.mode") == "section", "it goes on where it was"
+
+    def soil():
+        found = workspace.read("small")["scene"]["materials"]["firm"]
+        return found["friction_deg"], found["cohesion_kpa"]
+
+    assert soil() == (30, 3)
+
+
+def test_an_edit_is_undone_after_a_reload(page, workspace):
+    section(page)
+    page.locator("summary", has_text="firm").click()
+    typed(page, "friction of firm [deg]", "30")
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    page.reload()
+    expect(page.locator('body[data-case="small"]')).to_have_count(1, timeout=WAIT_MS)
+    page.locator("#undo").click()
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert workspace.read("small")["scene"]["materials"]["firm"]["friction_deg"] == 34
+    page.locator("#redo").click()
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    assert workspace.read("small")["scene"]["materials"]["firm"]["friction_deg"] == 30
+
+
+def test_a_case_that_ships_has_no_field_that_looks_live(page):
+    page.get_by_label("Case").first.select_option("la_marquesa")
+    expect(page.locator('body[data-case="la_marquesa"]')).to_have_count(1, timeout=WAIT_MS)
+    expect(page.locator("#keep")).to_be_disabled(timeout=WAIT_MS)
+    for tab in ("section", "survey"):
+        page.locator(f'[data-mode="{tab}"]').first.click()
+        live = f"#{tab}-left :is(input, select, textarea, button):enabled"
+        expect(page.locator(live)).to_have_count(0)
+    page.locator('[data-mode="section"]').first.click()
+    page.get_by_label("vertices of").select_option(index=1)
+    assert page.locator(".vertices input").first.is_disabled()
+
+
+@pytest.mark.parametrize("width", [820, 960, 1280])
+def test_nothing_is_cut_off(page, width):
+    page.set_viewport_size({"width": width, "height": 900})
+    for tab in ("section", "survey", "slide"):
+        page.locator(f'[data-mode="{tab}"]').first.click()
+        beyond = page.evaluate(
+            """() => [...document.querySelectorAll("body *")].filter((one) => {
+              const { width, right } = one.getBoundingClientRect();
+              return width && right > innerWidth + 1;
+            }).map((one) => one.outerHTML.slice(0, 80))"""
+        )
+        assert beyond == []
+        for panel in ("#controls", "#answers"):
+            wider = "panel => panel.scrollWidth - panel.clientWidth"
+            assert page.locator(panel).evaluate(wider) == 0
+
+
+def test_panels_fold_and_stay_so(page):
+    before = page.locator("#canvas").bounding_box()["width"]
+    page.locator("#fold-left").click()
+    page.keyboard.press("]")
+    assert page.locator("#canvas").bounding_box()["width"] > before + 600
+    page.reload()
+    expect(page.locator("#controls")).to_be_hidden()
+    expect(page.locator("#answers")).to_be_hidden()
+    page.locator("#fold-left").click()
+    expect(page.locator("#controls")).to_be_visible()
+
+
+def test_scroll_bars_and_lists_are_as_dark_as_the_page(page):
+    for _ in range(2):
+        dark = page.evaluate("document.documentElement.dataset.theme") == "dark"
+        scheme = page.evaluate("getComputedStyle(document.documentElement).colorScheme")
+        assert scheme == ("dark" if dark else "light")
+        page.locator("#theme").click()
+
+
+def test_a_title_makes_the_name_of_a_case(page, workspace):
+    page.get_by_role("button", name="New", exact=True).click()
+    page.keyboard.type("Mein Staudamm, süd")
+    expect(page.locator("#make-folder")).to_have_text("its folder will be Mein_Staudamm_sud")
+    assert page.locator("#make").bounding_box()["height"] < 300
+    page.keyboard.press("Enter")
+    expect(page.locator('body[data-case="Mein_Staudamm_sud"]')).to_have_count(1, timeout=WAIT_MS)
+
+
+def test_what_is_fitted_is_what_the_question_fits(page, workspace):
+    case = workspace.read("small")
+    crest = {"name": "crest", "type": "crest_settlement", "at": "initial_crest_x", "x_m": 70.0,
+             "value_m": 3.0, "std_m": 0.5, "std_is": "assumed", "confidence": "published",
+             "source": "test"}  # fmt: skip
+    case["measurements"]["sets"]["field"].append(crest)
+    case["inversion"]["fit"] = ["toe"]
+    assert workspace.save("small", case["revision"], case)
+    rows = page.locator("#readings tbody tr")
+    expect(rows.filter(has_text="crest")).to_contain_text("(not fitted)", timeout=WAIT_MS)
+    off = {row.locator("td").first.inner_text(): row.locator("td").nth(3).inner_text()
+           for row in rows.all()}  # fmt: skip
+    toe = float(next(value for name, value in off.items() if name.startswith("toe")))
+    words = page.locator("#misfit").inner_text()
+    (fitted,) = re.findall(r"([\d.]+) of 1 fitted, [\d.]+ of 1 compared", words)
+    assert float(fitted) == pytest.approx(toe**2, abs=0.1 * abs(toe) + 0.1)
+
+
+def test_the_slider_of_time_is_at_the_end_until_the_film_is_there(page):
+    scrub = page.locator("#scrub")
+    assert scrub.is_disabled() and scrub.input_value() == scrub.get_attribute("max")
+    page.locator("#play").click()
+    expect(page.locator("#time")).to_contain_text("as fast", timeout=WAIT_MS)
+    expect(page.locator("#play")).to_have_text("Play", timeout=WAIT_MS)
+    assert scrub.is_enabled() and scrub.input_value() == scrub.get_attribute("max")
+
+
+def test_the_result_is_told_to_who_does_not_see_it(page):
+    label = page.locator("#canvas").get_attribute("aria-label")
+    assert "at rest after" in label and "toe runout" in label and "measured 14.0" in label
+    for tab in ("section", "survey", "slide"):
+        page.locator(f'[data-mode="{tab}"]').first.click()
+        assert page.locator("th", has_not_text=re.compile(r"\S")).count() == 0
+
+
+def test_an_answer_is_shown_and_kept(page, workspace):
+    page.get_by_label("Spacing of points").select_option("2 m")
+    quick = page.locator('#ask [data-quick="true"]')
+    quick.click()
+    expect(quick).to_have_text(re.compile("Quick: (running|waiting)"))
+    assert quick.is_disabled()
+    job = page.locator("#jobs li").first
+    expect(job).to_have_attribute("data-state", "done", timeout=WAIT_MS)
+    expect(page.locator("#status")).to_contain_text("back-analysis: S_r")
+    expect(quick).to_have_text("Quick")
+    expect(page.locator("#strengths td.range")).to_have_text(re.compile(r"^\d+\.\d to \d+\.\d$"))
+    (result,) = workspace.hidden("small", "jobs").glob("**/result.json")
+    value = json.loads(result.read_text())["answer"]["parameters"][0]["value"]
+    job.get_by_role("button", name="Show it").click()
+    strength = page.get_by_label("S_r, loose [kPa]")
+    expect(strength).to_have_value(f"{value:.4g}")
+    page.wait_for_function(IDLE, timeout=20_000)
+    expect(page.locator("#readings tbody tr").first.locator("td").nth(3)).not_to_have_class("far")
+    assert workspace.read("small")["scene"]["materials"]["loose"]["cohesion_kpa"] == 8.0
+    job.get_by_role("button", name="Keep it").click()
+    expect(page.locator("#jobs li").first).to_contain_text("the case has changed since")
+    kept = workspace.read("small")["scene"]["materials"]["loose"]["cohesion_kpa"]
+    assert kept == pytest.approx(value, rel=1e-3)

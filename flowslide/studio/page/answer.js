@@ -20,16 +20,18 @@ const QUESTIONS = [
   ]],
 ];
 
-let state, say, watching, jobs = [];
+let state, say, slide, watching, jobs = [];
 const lines = new Map(); // number of a job -> { json, line }
 
 /**
  * Fills the questions and the list of jobs, and keeps the list up to date.
- * `state` has the workspace, the case that is open and the spacing; `say` shows a line.
+ * `page` has the workspace, the case that is open and the spacing; `tell` shows a line; `shown` is the slide,
+ * on which an answer is shown and from which it is kept.
  */
-export function answers(page, tell) {
+export function answers(page, tell, shown) {
   state = page;
   say = tell;
+  slide = shown;
   buildQuestions();
   watchJobs();
   $("close").addEventListener("click", () => $("report").close());
@@ -42,18 +44,38 @@ function buildQuestions() {
     el("span", { textContent: words }),
     ...group.map(([kind, label, options]) => {
       const button = el("button", { textContent: label, className: label === "Back-analyse" ? "main" : "" });
-      button.title = state.workspace.job_kinds[kind] + (kind === "classical" ? "" : ", at the spacing chosen on the left");
-      button.addEventListener("click", () => (kind === "predict" ? predict() : start(kind, options)));
+      Object.assign(button.dataset, { kind, label, quick: options.quick ?? false });
+      button.addEventListener("click", async () => {
+        if (kind === "predict") { predict(); return; }
+        button.disabled = true; // a second press would ask twice
+        await start(kind, options);
+        tellRunning();
+      });
       return button;
     }))));
+  tellRunning();
+}
+
+/** A question that is being answered is not asked again, at the same spacing. */
+function tellRunning() {
+  for (const button of $("ask").querySelectorAll("button")) {
+    const { kind, label, quick } = button.dataset;
+    const now = kind === "predict" ? null : jobs.find((job) => ["running", "waiting"].includes(job.state) && job.case === state.name
+      && job.kind === kind && String(job.options.quick) === quick && (kind === "classical" || job.options.spacing_m === state.spacing));
+    const words = now ? `${label}: ${now.state}` : label;
+    if (button.textContent !== words) button.textContent = words;
+    button.disabled = Boolean(now);
+    button.title = state.workspace.job_kinds[kind] + (kind === "classical" ? "" : ", at the spacing chosen on the left");
+  }
 }
 
 async function start(kind, options) {
   try {
     const spacing = kind === "classical" ? {} : { spacing_m: state.spacing };
     await send("/api/jobs", { kind, case: state.name, options: { ...options, ...spacing } });
-    say(`started: ${state.workspace.job_kinds[kind]}`);
-    watchJobs();
+    await watchJobs();
+    const waits = jobs[0]?.state === "waiting" ? "waits for the job that runs" : "started";
+    say(`${state.workspace.job_kinds[kind]}: ${waits}`);
     return "";
   } catch (error) {
     say(error.message, true);
@@ -76,7 +98,10 @@ function ofThisCase() {
 
 async function watchJobs() {
   clearTimeout(watching);
+  const before = jobs;
   try { jobs = await get("/api/jobs"); } catch { /* the server is gone: said elsewhere */ }
+  const ended = jobs.find((job) => ["done", "failed"].includes(job.state)
+    && before.some((one) => one.id === job.id && one.state === "running"));
   const shown = jobs.slice(0, 12);
   const focused = document.activeElement;
   const held = { job: focused?.closest("#jobs li")?.dataset.job, words: focused?.textContent };
@@ -85,7 +110,7 @@ async function watchJobs() {
   }
   for (const job of shown) {
     // What has not changed stays as it is, so that the keyboard keeps its place.
-    const json = JSON.stringify([job, isOld(job)]);
+    const json = JSON.stringify([job, isOld(job), job.case === state.name]);
     if (lines.get(job.id)?.json !== json) lines.set(job.id, { json, line: jobLine(job) });
   }
   const wanted = shown.map((job) => lines.get(job.id).line);
@@ -96,8 +121,16 @@ async function watchJobs() {
       [...again].find((one) => one.textContent === held.words)?.focus();
     }
   }
+  tellRunning();
   showStrengths();
-  watching = setTimeout(watchJobs, jobs.some(({ state: now }) => now === "running") ? 700 : 5000);
+  if (ended && lines.has(ended.id)) tellEnd(ended);
+  watching = setTimeout(watchJobs, jobs.some(({ state: now }) => ["running", "waiting"].includes(now)) ? 700 : 5000);
+}
+
+/** An answer is said where somebody looks, and brought into sight. */
+function tellEnd(job) {
+  say(`${job.words}: ${job.answer?.[0] ?? job.message}`, job.state === "failed");
+  lines.get(job.id).line.scrollIntoView({ block: "nearest" });
 }
 
 const isOld = (job) => job.case === state.name && Boolean(state.found) && job.revision !== state.found.revision;
@@ -111,7 +144,7 @@ function jobLine(job) {
   line.append(`${job.words}${quick}: ${job.case.replaceAll("_", " ")}${at}`);
   if (job.answer) line.append(el("div", { className: "found" }, ...job.answer.map((text) => el("p", { textContent: text }))));
   const seconds = job.seconds === undefined ? "" : `, ${Math.round(job.seconds)} s`;
-  const counted = job.state === "running" && job.total ? `, ${job.done} of about ${job.total} simulations` : "";
+  const counted = job.state === "running" && job.total ? `, ${job.done} of about ${job.total} simulations${timeLeft(job.left_s)}` : "";
   const note = [job.state + seconds + counted, job.message].filter(Boolean).join(": ");
   line.append(el("div", { className: "note state", textContent: note }));
   if (isOld(job)) line.append(el("div", { className: "note", textContent: "the case has changed since" }));
@@ -126,6 +159,11 @@ function jobLine(job) {
   return line;
 }
 
+function timeLeft(seconds) {
+  if (!seconds) return "";
+  return seconds < 90 ? `, about ${Math.ceil(seconds / 10) * 10} s left` : `, about ${Math.round(seconds / 60)} min left`;
+}
+
 function jobButtons(job) {
   const buttons = el("div", { className: "buttons" });
   const add = (words, act) => {
@@ -137,8 +175,12 @@ function jobButtons(job) {
     try { await send(`/api/jobs/${job.id}/${what}`, {}); } catch (error) { say(error.message, true); }
     watchJobs();
   };
-  if (job.state === "running") add("Cancel", post("cancel"));
+  if (["running", "waiting"].includes(job.state)) add("Cancel", post("cancel"));
   if (["cancelled", "interrupted", "failed"].includes(job.state)) add("Go on", post("again"));
+  if (job.state === "done" && job.values?.length && job.case === state.name && state.found && !isOld(job)) {
+    add("Show it", () => slide.showValues(job.values, job.options.spacing_m));
+    if (!state.found.shipped) add("Keep it", () => slide.keepAnswer(job.values));
+  }
   if (job.state === "done" && job.page) {
     add("Open the report", () => open(job, job.page));
     add("PDF", () => download(job));
@@ -204,6 +246,11 @@ function historyChart(history, now) {
   return chart;
 }
 
+function rangeWords({ low, high }) {
+  if (low === null && high === null) return "";
+  return high === null ? `from ${low.toFixed(1)}` : `${(low ?? 0).toFixed(1)} to ${high.toFixed(1)}`;
+}
+
 /** The newest strength by every method, on the case as it is. */
 function showStrengths() {
   const newest = new Map();
@@ -229,9 +276,9 @@ function showStrengths() {
     const row = el("tr", { title: `${one.label}; range: ${one.range}` },
       el("td", { textContent: several ? `${one.method}: ${one.label}` : one.method }),
       el("td", { textContent: (one.high === null && one.low !== null ? "≥ " : "") + one.value.toFixed(1) }),
-      el("td", { className: "range" }, bar));
+      el("td", { className: "range" }, bar, rangeWords(one)));
     return row;
   });
-  const head = el("thead", {}, el("tr", {}, ...["strength by", "kPa", "range"].map((text) => el("th", { textContent: text }))));
+  const head = el("thead", {}, el("tr", {}, ...["strength by", "kPa", "range, kPa"].map((text) => el("th", { textContent: text }))));
   $("strengths").replaceChildren(...(rows.length ? [el("table", {}, head, el("tbody", {}, ...body))] : []));
 }

@@ -4,9 +4,10 @@ export async function get(path) {
   return answered(await fetch(path));
 }
 
-export async function send(path, body, method = "POST") {
+/** With `last` the request outlives the page, which its body must be short for (60 kB). */
+export async function send(path, body, method = "POST", last = false) {
   return answered(await fetch(path, {
-    method, headers: { "content-type": "application/json" }, body: JSON.stringify(body),
+    method, headers: { "content-type": "application/json" }, body: JSON.stringify(body), keepalive: last,
   }));
 }
 

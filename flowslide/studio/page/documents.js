@@ -6,6 +6,8 @@ import { followSection } from "./water.js";
 const PARTS = ["scene", "measurements", "inversion", "diagnosis", "tables"];
 const DEPTH = 200; // edits that can be undone
 const PAUSE = 200; // ms after the last edit until it is saved
+const KEPT = 30; // edits that can be undone after a reload
+const SHORT = 60000; // characters that can still be sent while the page is left
 const LOOK = 3000; // ms between two looks whether the files were changed elsewhere
 
 const partsOf = (found) => Object.fromEntries(PARTS.map((part) => [part, structuredClone(found[part] ?? null)]));
@@ -17,12 +19,31 @@ export class Documents {
     this.name = "";
     setInterval(() => this.look(), LOOK);
     addEventListener("visibilitychange", () => { if (document.hidden) this.save(); });
+    addEventListener("beforeunload", (event) => this.leave(event));
+  }
+
+  /** The page is left: a number that is being typed counts, and what cannot be sent any more is asked about. */
+  leave(event) {
+    document.activeElement?.blur();
+    if (!this.dirty && !this.saving) return;
+    if (this.saving || this.apart || JSON.stringify(this.now).length > SHORT) event.preventDefault();
+    else this.save(true);
   }
 
   open(found) {
     clearTimeout(this.waiting);
     Object.assign(this, { name: found.name, shipped: found.shipped, revision: found.revision, now: partsOf(found),
       past: [], future: [], dirty: false, apart: false });
+    const kept = JSON.parse(sessionStorage.getItem(`edits of ${found.name}`));
+    if (kept?.revision === found.revision) Object.assign(this, { past: kept.past, future: kept.future });
+  }
+
+  /** For a reload of the page, as far as the browser has room. */
+  keepEdits() {
+    const { name, revision } = this;
+    try {
+      sessionStorage.setItem(`edits of ${name}`, JSON.stringify({ revision, past: this.past.slice(-KEPT), future: this.future.slice(-KEPT) }));
+    } catch { sessionStorage.removeItem(`edits of ${name}`); }
   }
 
   get canUndo() { return this.past?.length > 0; }
@@ -68,18 +89,19 @@ export class Documents {
   }
 
   /** One save at a time; an edit that comes meanwhile is saved after it. */
-  async save() {
+  async save(last = false) {
     if (!this.dirty || this.saving || this.apart) return;
     clearTimeout(this.waiting);
     this.saving = true;
     this.dirty = false;
     const { name } = this;
     try {
-      const found = await send(`/api/cases/${name}`, { revision: this.revision, ...this.now }, "PUT");
+      const found = await send(`/api/cases/${name}`, { revision: this.revision, ...this.now }, "PUT", last);
       if (name !== this.name) return;
       this.revision = found.revision;
       // What the program has added, such as room for the slide; it is no edit of its own.
       if (!this.dirty) this.now = partsOf(found);
+      this.keepEdits();
       this.on.saved(found);
     } catch (error) {
       if (name !== this.name) return;

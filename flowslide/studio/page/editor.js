@@ -1,7 +1,8 @@
 // Drawing on the section: select and move, zones, base, water table, and picking a place.
 
 import { addZone, bounds, distance, footOn, insertVertex, isInside, lines, moveVertex, nearestEdge, nearestVertex,
-  removeVertex, dropUnused, rounded, same } from "./section.js";
+  removeVertex, rounded, same } from "./section.js";
+import { removeZone } from "./question.js";
 import { css } from "./view.js";
 
 const REACH = 9; // pixels within which something is meant
@@ -206,7 +207,7 @@ export class Editor {
       this.on.edit("vertex removed", ({ scene }) => removeVertex(scene, vertex));
       this.choose({ zone });
     } else if (zone !== undefined && zone >= 0) {
-      this.on.edit("zone removed", ({ scene }) => { scene.zones.splice(zone, 1); dropUnused(scene); });
+      this.on.edit("zone removed", (documents) => removeZone(documents, zone));
       this.choose({});
     }
   }

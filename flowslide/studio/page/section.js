@@ -124,6 +124,23 @@ export function addZone(scene, ring) {
   return scene.zones.length - 1;
 }
 
+/** Materials of some zones alone: one that other zones share is copied. */
+export function ownMaterials(scene, zones) {
+  const copies = {};
+  const shared = (material) => scene.zones.some((zone) => zone.material === material && !zones.includes(zone.name));
+  for (const zone of scene.zones.filter(({ name }) => zones.includes(name))) {
+    const { material } = zone;
+    if (!(material in copies)) {
+      let copy = material;
+      for (let k = 2; shared(material) && copy in scene.materials; k += 1) copy = `${material}_${k}`;
+      scene.materials[copy] ??= structuredClone(scene.materials[material]);
+      copies[material] = copy;
+    }
+    zone.material = copies[material];
+  }
+  return new Set(Object.values(copies));
+}
+
 /** Materials that no zone has any more. */
 export function dropUnused(scene) {
   const used = new Set(scene.zones.map(({ material }) => material));

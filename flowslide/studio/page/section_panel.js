@@ -1,7 +1,9 @@
 // The section in tables: zones, materials, base, water, spacing, the picture to draw on; faults and vertices.
 
+import { faultList, placeOf, wrongAt } from "./faults.js";
+import { renameZone } from "./question.js";
 import { area, dropUnused, lines, moveVertex, removeVertex, insertVertex, rounded } from "./section.js";
-import { button, el, field, keyWords, refill } from "./ui.js";
+import { button, el, field, isRefilling, keyWords, readOnly, refill } from "./ui.js";
 import { zoneColours } from "./view.js";
 import { poolSide, setPool, tableOfPool, waterWords } from "./water.js";
 
@@ -9,30 +11,38 @@ const FIRST = ["friction_deg", "cohesion_kpa", "density"]; // fields of a materi
 const SIDES = { left: "left side alone", right: "right side alone", both: "both sides", drawn: "as the water table is drawn" };
 const words = (name) => name.replaceAll("_", " ");
 
-/** `page` has documents, editor, materials (forms), derived() (what the server found), underlay and say(words, bad). */
+/** `page` has documents, editor, faults, materials (forms), derived() (what the server found), underlay and say(words, bad). */
 export class SectionPanel {
   constructor(left, right, page) {
-    Object.assign(this, { left, right, page, faults: [] });
+    Object.assign(this, { left, right, page });
   }
 
   get scene() { return this.page.documents.now.scene; }
+
+  /** Place of a field of the section, and what is wrong with it. */
+  at(...keys) {
+    const place = placeOf("scene", ...keys);
+    return { place, wrong: wrongAt(this.page.faults, place) };
+  }
 
   edit(what, change) { this.page.documents.edit(what, ({ scene }) => change(scene)); }
 
   show() {
     const { scene } = this;
-    refill(this.left,
+    const children = [
       el("h2", { textContent: "Zones" }), ...this.zones(scene),
       el("h2", { textContent: "Materials" }), ...Object.keys(scene.materials).map((name) => this.material(scene, name)),
       el("h2", { textContent: "Base and water" }), ...this.base(scene), ...this.ends(), ...this.water(scene),
       el("h2", { textContent: "Points" }),
-      field({ words: "spacing", value: scene.spacing, unit: "m", holder: "height / 25",
-        help: "distance between material points; half of it takes eight times as long" },
+      field({ words: "spacing", value: scene.spacing, unit: "m", holder: "by height", ...this.at("spacing"),
+        help: "distance between material points; half of it takes eight times as long; empty: a 25th of the height" },
       (value) => this.edit("spacing", (to) => { to.spacing = value; })),
       el("h2", { textContent: "Notes and sources" }),
       el("textarea", { rows: 3, value: scene.description ?? "", "aria-label": "notes and sources of the section", "data-key": "description",
         on: { change: ({ target }) => this.edit("notes", (to) => { to.description = target.value; }) } }),
-      el("h2", { textContent: "Picture to draw on" }), this.page.underlay.panel());
+      el("h2", { textContent: "Picture to draw on" }), this.page.underlay.panel(),
+    ];
+    refill(this.left, ...(this.page.documents.shipped ? readOnly(children) : children));
     this.showRight();
   }
 
@@ -40,14 +50,14 @@ export class SectionPanel {
 
   zones(scene) {
     if (!scene.zones.length) {
-      return [el("p", { className: "note", textContent: "None yet. Choose the tool Zone (z) and click its vertices, or type them as “x, y” above the section." })];
+      return [el("p", { className: "note", textContent: "None yet. Choose the tool Zone (z) and click its vertices, or type them as “x, y” below the sheet." })];
     }
     const colours = zoneColours(scene);
     return scene.zones.map((zone, i) => {
       const row = el("div", { className: "zone" + (this.page.editor.selection.zone === i ? " chosen" : "") },
         swatch(colours[i]),
         el("input", { type: "text", value: zone.name, title: zone.name, "aria-label": `name of zone ${i + 1}`, "data-key": `zone-${i}`,
-          on: { change: ({ target }) => this.rename(i, target.value.trim()), focus: () => this.choose(i) } }),
+          on: { change: ({ target }) => this.rename(i, target.value.trim()), focus: () => { if (!isRefilling()) this.choose(i); } } }),
         this.materialOf(scene, zone, i),
         button("✕", () => { this.page.editor.choose({ zone: i }); this.page.editor.remove(); }, { title: `remove ${zone.name}`, className: "small" }));
       row.addEventListener("click", ({ target }) => { if (!/INPUT|SELECT|BUTTON/.test(target.tagName)) this.page.editor.choose({ zone: i }); });
@@ -68,19 +78,16 @@ export class SectionPanel {
   rename(i, name) {
     const old = this.scene.zones[i].name;
     if (!name || name === old) { this.show(); return; }
-    this.page.documents.edit("zone renamed", ({ scene, inversion }) => {
-      const zone = scene.zones[i];
-      zone.name = name;
+    this.page.documents.edit("zone renamed", (documents) => {
+      const { scene } = documents;
+      renameZone(documents, i, name);
       // A material of its own goes by the name of its zone.
-      if (zone.material === old && !(name in scene.materials)) renameMaterial(scene, old, name);
-      for (const parameter of inversion?.parameters ?? []) {
-        if (parameter.zones) parameter.zones = parameter.zones.map((one) => (one === old ? name : one));
-      }
+      if (scene.zones[i].material === old && !(name in scene.materials)) renameMaterial(scene, old, name);
     });
   }
 
   materialOf(scene, zone, i) {
-    const choice = el("select", { "aria-label": `material of ${zone.name}`, "data-key": `zone-material-${i}` },
+    const choice = el("select", { title: words(zone.material), "aria-label": `material of ${zone.name}`, "data-key": `zone-material-${i}` },
       ...Object.keys(scene.materials).map((name) => new Option(words(name), name, false, name === zone.material)),
       new Option("new material", ""));
     choice.addEventListener("change", () => this.edit("material of a zone", (to) => {
@@ -101,7 +108,8 @@ export class SectionPanel {
     const one = ({ key, kind, default: usual, meaning }) => {
       let [label, unit] = keyWords(key);
       if (key === "cohesion_kpa" && soil.liquefied) label = "S_r, first guess";
-      return field({ words: `${label} of ${words(name)}`, shown: label, key: `${name}.${key}`, kind, value: soil[key], unit, help: meaning, holder: usual ?? "" },
+      return field({ words: `${label} of ${words(name)}`, shown: label, key: `${name}.${key}`, kind, value: soil[key], unit, help: meaning, holder: usual ?? "",
+        ...this.at("materials", name, key) },
         (value) => this.edit(label, (to) => { if (value === null) delete to.materials[name][key]; else to.materials[name][key] = value; }));
     };
     const first = fields.filter(({ key }) => FIRST.includes(key));
@@ -139,7 +147,7 @@ export class SectionPanel {
       (value) => set((ground) => { ground.contact = value; if (value !== "coulomb") delete ground.friction_coefficient; })),
     ];
     if (contact === "coulomb") {
-      found.push(field({ words: "friction coefficient of the base", value: scene.ground.friction_coefficient },
+      found.push(field({ words: "friction coefficient of the base", value: scene.ground.friction_coefficient, ...this.at("ground", "friction_coefficient") },
         (value) => set((ground) => { ground.friction_coefficient = value; })));
     }
     if (points) {
@@ -160,7 +168,7 @@ export class SectionPanel {
   water(scene) {
     const side = poolSide(scene);
     const upstream = this.page.documents.now.measurements?.upstream ?? "left";
-    const level = field({ words: "pool level", value: scene.water_level, unit: "m", holder: "none",
+    const level = field({ words: "pool level", value: scene.water_level, unit: "m", holder: "none", ...this.at("water_level"),
       help: "empty: no water; a new pool stands on the upstream side alone" },
     (value) => this.edit("pool level", (to) => setPool(to, value, side ?? (tableOfPool(to, value, upstream) ? upstream : "both"))));
     if (side === null) return [level];
@@ -182,12 +190,8 @@ export class SectionPanel {
   // --- faults, and the vertices of a line ---
 
   showRight() {
-    const { scene, faults } = this;
+    const { scene } = this;
     const { selection } = this.page.editor;
-    const listed = faults.map(({ message, zones }) => el("li", {}, button(message, () => {
-      const i = scene.zones.findIndex(({ name }) => zones?.includes(name));
-      if (i >= 0) this.page.editor.choose({ zone: i });
-    }, { className: "fault" })));
     const all = lines(scene);
     const chosen = all.findIndex((line) => (selection.line ?? "zone") === line.kind && (line.kind !== "zone" || line.number === selection.zone));
     const choice = el("select", { "aria-label": "vertices of", "data-key": "vertices-of" }, new Option("choose ...", "-1"),
@@ -197,10 +201,9 @@ export class SectionPanel {
       this.page.editor.choose(line ? { zone: line.number, line: line.kind } : {});
     });
     refill(this.right,
-      el("h2", { textContent: faults.length ? "To mend" : "Checked" }),
-      faults.length ? el("ul", { className: "faults" }, ...listed) : el("p", { className: "note faults", textContent: this.page.summary() }),
+      ...faultList(this.page, "section"),
       el("h2", { textContent: "Vertices" }), el("label", { className: "row" }, "of ", choice),
-      chosen < 0 ? null : this.vertices(all[chosen]));
+      ...(chosen < 0 ? [] : this.page.documents.shipped ? readOnly([this.vertices(all[chosen])]) : [this.vertices(all[chosen])]));
   }
 
   vertices({ points, kind, number }) {
@@ -209,6 +212,11 @@ export class SectionPanel {
     const rows = points.map((point, i) => {
       const cell = (k) => {
         const input = el("input", { type: "number", step: "any", value: point[k], "aria-label": `${"xy"[k]} of vertex ${i + 1} [m]`, "data-key": `vertex-${i}-${k}` });
+        if (kind === "zone") {
+          const { place: where, wrong } = this.at("zones", number, "polygon", i, k);
+          input.dataset.field = where;
+          if (wrong) Object.assign(input, { title: wrong, ariaInvalid: "true" });
+        }
         input.addEventListener("change", () => {
           const to = [...place(i)];
           to[k] = Number(input.value);
@@ -227,7 +235,7 @@ export class SectionPanel {
           else this.edit("vertex removed", (scene) => removeVertex(scene, place(i)));
         }, { className: "small", title: "remove this vertex" })));
     });
-    return el("table", { className: "vertices" }, el("thead", {}, el("tr", {}, ...["", "x [m]", "y [m]", ""].map((text) => el("th", { textContent: text })))),
+    return el("table", { className: "vertices" }, el("thead", {}, el("tr", {}, el("td"), ...["x [m]", "y [m]"].map((text) => el("th", { textContent: text })), el("td"))),
       el("tbody", {}, ...rows), kind === "zone" ? el("caption", { textContent: `${area(points).toFixed(1)} m²` }) : "");
   }
 }

@@ -1,12 +1,14 @@
 // The slide: sliders for strengths, pool and effects, the deposit that follows, its readings and its film.
 
 import { Sliders } from "./api.js";
-import { area } from "./section.js";
+import { isFitted } from "./question.js";
+import { area, ownMaterials } from "./section.js";
 import { waterTableAt } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
 const MOST_POINTS = 20000; // as flowslide/studio/live.py has it
+const FRAME_S = 0.06; // between two frames of the film
 const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
 
 /** `page` has state, view, documents, say(words, bad) and reopen(), which goes back to the files. */
@@ -29,6 +31,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     fillSpacings();
     buildSliders();
     buildEffects();
+    $("keep").disabled = documents.shipped;
     ask(false);
   }
 
@@ -53,24 +56,26 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   // --- sliders ---
 
+  /** At the values of the case, or at those that somebody has set since. */
   function buildSliders() {
     const { scene } = state.found;
+    const { strengths_kpa: strengths, friction_deg: frictions } = state.changes;
     // What liquefied first: it is what is looked for.
     const soils = Object.entries(scene.materials).sort(([, a], [, b]) => Boolean(b.liquefied) - Boolean(a.liquefied));
     const rows = soils.map(([name, soil]) => {
       const words = name.replaceAll("_", " ");
       if (soil.liquefied || soil.friction_deg === 0) {
         const label = soil.liquefied ? `S_r, ${words}` : `strength, ${words}`;
-        return slider(label, "kPa", soil.cohesion_kpa, 0, nice(3 * Math.max(soil.cohesion_kpa, 10)), 0.1,
+        return slider(label, "kPa", strengths[name] ?? soil.cohesion_kpa, 0, nice(3 * Math.max(soil.cohesion_kpa, 10)), 0.1,
           (value) => { state.changes.strengths_kpa[name] = value; });
       }
-      return slider(`friction, ${words}`, "deg", soil.friction_deg, 15, 50, 0.5,
+      return slider(`friction, ${words}`, "deg", frictions[name] ?? soil.friction_deg, 15, 50, 0.5,
         (value) => { state.changes.friction_deg[name] = value; });
     });
     const top = Math.max(...scene.zones.flatMap((zone) => zone.polygon.map(([, y]) => y)));
     const low = Math.min(...scene.ground.points.map(([, y]) => y));
     if (scene.water_level !== null && scene.water_level !== undefined) {
-      rows.push(slider("pool level", "m", scene.water_level, low, top, 0.1, (value) => {
+      rows.push(slider("pool level", "m", state.changes.water_level ?? scene.water_level, low, top, 0.1, (value) => {
         state.changes.water_level = value;
         view.level = value;
         view.draw();
@@ -138,6 +143,40 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     $("effects").replaceChildren(...rows, choice);
   }
 
+  /** Put the values of an answer, [{ property, zones, value }], on the sliders; false: there is none for one of them. */
+  function showValues(values, spacing) {
+    const { scene } = state.found;
+    const changes = { strengths_kpa: {}, friction_deg: {} };
+    for (const { property, zones, value } of values) {
+      const materials = new Set(scene.zones.filter(({ name }) => zones.includes(name)).map(({ material }) => material));
+      const others = scene.zones.filter(({ name, material }) => materials.has(material) && !zones.includes(name));
+      if (property === "density" || others.length) {
+        say(others.length ? `${others[0].name.replaceAll("_", " ")} is of the same soil, and has no such value: keep the answer to see it` : "no slider moves a density: keep the answer to see it", true);
+        return;
+      }
+      if (property === "water_level") changes.water_level = view.level = short(value);
+      else for (const name of materials) changes[property === "friction_deg" ? property : "strengths_kpa"][name] = short(value);
+    }
+    state.changes = changes;
+    if (spacing && points(scene, spacing) <= MOST_POINTS) state.spacing = spacing;
+    fillSpacings();
+    buildSliders();
+    ask(true);
+  }
+
+  /** The values of an answer become those of the case; zones that share their soil with others get one of their own. */
+  function keepAnswer(values) {
+    documents.edit("answer", ({ scene }) => {
+      for (const { property, zones, value } of values) {
+        if (property === "water_level") { Object.assign(scene, { phreatic_line: waterTableAt(scene, short(value)), water_level: short(value) }); continue; }
+        const own = ownMaterials(scene, zones);
+        for (const name of own) scene.materials[name][property === "residual_strength_kpa" ? "cohesion_kpa" : property] = short(value);
+      }
+    });
+  }
+
+  const short = (value) => Number(value.toPrecision(4));
+
   /** What the sliders say becomes the case: its strengths, its pool, its effects. */
   function keepValues() {
     const { strengths_kpa: strengths, friction_deg: frictions, water_level: level } = state.changes;
@@ -188,17 +227,15 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     view.deposit = found;
     const last = found.header.times.length - 1;
     view.frame = last;
-    if (state.first && view.isFitted) view.fit(); // the deposit of a case that was opened; later ones move nothing
-    state.first = false;
-    $("scrub").max = last;
-    $("scrub").value = last;
+    // Without the film there is the end alone.
+    Object.assign($("scrub"), { max: Math.max(last, 1), value: Math.max(last, 1), disabled: last === 0 });
     tell();
     readings(found.header.readings);
-    const { fitted, held_out: held } = found.header.chi2;
-    const numbers = found.header.readings.filter((one) => one.in_std !== null);
-    $("misfit").textContent = numbers.length
-      ? `Squared, in standard deviations of the survey: ${fitted.toFixed(1)} fitted, ${held.toFixed(1)} held out.` : "";
+    $("misfit").textContent = misfitWords(found.header.readings);
+    describe(found.header);
     view.marks = marks(found.header.readings);
+    if (state.first && view.isFitted) view.fit(); // the deposit of a case that was opened; later ones move nothing
+    state.first = false;
     view.paintLegend();
     view.draw();
     if (way || !isNewest) return; // the film of what is shown already, or what a dragged slider has left behind
@@ -210,6 +247,24 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     state.answered += 1;
     document.body.dataset.answered = String(state.answered);
     if (state.film) wantFilm();
+  }
+
+  /** Sums of squares of the last column: of the numbers that the question fits, and of the others. */
+  function misfitWords(rows) {
+    const numbers = rows.filter(({ in_std: off }) => off !== null);
+    if (!numbers.length) return "";
+    const fitted = numbers.filter((row) => isFitted(documents.now.inversion, row));
+    const sum = (some) => some.reduce((all, { in_std: off }) => all + off ** 2, 0).toFixed(1);
+    const others = numbers.filter((row) => !fitted.includes(row));
+    return `The last column, squared and summed: ${[[fitted, "fitted"], [others, "compared"]].filter(([some]) => some.length)
+      .map(([some, words]) => `${sum(some)} of ${some.length} ${words}`).join(", ")}. About 1 for each number is as good as the survey.`;
+  }
+
+  /** The result for who does not see the canvas. */
+  function describe({ points: number, times, came_to_rest: rest, readings: rows }) {
+    const read = rows.filter(({ simulated }) => simulated !== null).map((row) => `${row.label} ${row.simulated.toFixed(1)} ${row.unit}`
+      + (row.measured === null ? "" : `, measured ${row.below}${row.measured.toFixed(1)}`));
+    $("canvas").setAttribute("aria-label", [`Section before the slide, and the deposit: ${number} points, ${rest ? "at rest" : "still moving"} after ${times.at(-1).toFixed(1)} s`, ...read].join("; "));
   }
 
   /** Who moves on at once does not wait for a film. */
@@ -232,13 +287,15 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     });
   }
 
+  const isOther = (row) => row.measured !== null && documents.now.inversion && !isFitted(documents.now.inversion, row);
+
   function readings(rows) {
     const body = $("readings").tBodies[0];
     body.replaceChildren(...rows.map((row) => {
       const line = document.createElement("tr");
       const off = row.in_std;
       const cells = [
-        row.label + (row.held_out ? " (held out)" : ""),
+        row.label.replace(/^ *by eye$/, "the same toe by eye") + (row.held_out ? " (held out)" : isOther(row) ? " (not fitted)" : ""),
         row.measured === null ? "" : `${row.below}${row.measured.toFixed(1)}${row.std === null ? "" : ` ± ${row.std}`}`,
         row.trouble || row.simulated === null ? "not read" : `${row.simulated.toFixed(1)} ${row.unit}`,
         off === null ? "" : (off > 0 ? "+" : "") + off.toFixed(1),
@@ -255,7 +312,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   function tell() {
     const times = view.deposit?.header.times;
-    $("time").value = times ? `${times[view.frame].toFixed(1)} s` : "-";
+    const speed = state.playing && times?.length > 1 ? `, ${(times.at(-1) / (FRAME_S * (times.length - 1))).toPrecision(2)} × as fast` : "";
+    $("time").value = times ? `${times[view.frame].toFixed(1)} s${speed}` : "-";
   }
 
   let watching = 0; // for the film that was asked for
@@ -293,8 +351,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     $("scrub").value = view.frame;
     tell();
     view.draw();
-    if (view.frame === last) { state.playing = false; $("play").textContent = "Play"; return; }
-    setTimeout(step, 60);
+    if (view.frame === last) { pause(); tell(); return; }
+    setTimeout(step, 1000 * FRAME_S);
   }
 
   $("spacing").addEventListener("change", () => { state.spacing = Number($("spacing").value); ask(false); });
@@ -310,5 +368,5 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     if (isFitted) view.fit();
   });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  return { flow, play, pause, empty };
+  return { flow, play, pause, empty, showValues, keepAnswer };
 }

@@ -7,7 +7,7 @@ import { Editor, TOOLS } from "./editor.js";
 import { SectionPanel } from "./section_panel.js";
 import { makeSlide } from "./slide.js";
 import { SurveyPanel } from "./survey_panel.js";
-import { button, justTyped } from "./ui.js";
+import { button, el, justTyped } from "./ui.js";
 import { Underlay } from "./underlay.js";
 import { View } from "./view.js";
 import { waterWords } from "./water.js";
@@ -62,7 +62,8 @@ const editor = new Editor(view, {
 });
 
 const page = {
-  view, editor, documents, say, refresh,
+  view, editor, documents, say, refresh, setMode,
+  get faults() { return state.found?.faults ?? []; },
   get materials() { return state.workspace.materials; },
   get forms() { return state.workspace.measurements; },
   derived: () => state.found?.derived,
@@ -90,9 +91,7 @@ function refresh() {
 
 /** What the server says of the documents: faults and marks, where they are shown. */
 function take(found) {
-  const of = (part) => found.faults.filter(({ document }) => document === part);
-  editor.faults = sectionPanel.faults = of("scene");
-  surveyPanel.faults = found.faults.filter(({ document }) => document !== "scene");
+  editor.faults = found.faults.filter(({ document }) => document === "scene");
   showMarks();
   view.ends = found.derived?.ends ?? {};
   view.preview(documents.now.scene);
@@ -153,10 +152,11 @@ function apart(words, found) {
 }
 
 function setMode(mode) {
+  if (!state.found) return;
   if (state.mode !== mode) slide.pause();
   state.mode = mode;
+  sessionStorage.setItem("mode", mode); // a reload goes on in it
   document.body.dataset.mode = mode;
-  if (!state.found) return;
   for (const tab of $("modes").children) tab.setAttribute("aria-selected", String(tab.dataset.mode === mode));
   editor.active = mode === "section" && !state.found.shipped;
   editor.use("select");
@@ -178,7 +178,7 @@ function buildTools() {
   $("redo").addEventListener("click", () => documents.redo());
   $("fit-section").addEventListener("click", () => { view.fit(); view.draw(); });
   $("coordinate").addEventListener("keydown", (event) => {
-    if (event.key !== "Enter") return;
+    if (event.key !== "Enter" || !state.found) return;
     const text = $("coordinate").value.trim();
     $("coordinate").value = "";
     if (!text) { editor.close(); return; }
@@ -204,22 +204,37 @@ function makeCase(kind) {
   $("make-import").hidden = kind !== "import";
   $("make-fault").textContent = "";
   $("make-name").value = kind === "copy" ? `${state.name}_mine` : "";
+  tellFolder();
   $("make").dataset.kind = kind;
   $("make").showModal();
   $("make-name").focus();
 }
 
+/** The folder of a case from a title, or from the name of a drawing. */
+function folderName() {
+  const file = $("make").dataset.kind === "import" ? $("make-file").files[0] : null;
+  const title = $("make-name").value.trim() || (file?.name.replace(/\.[^.]*$/, "") ?? "");
+  // Umlauts and accents lose their marks; what is no letter or digit separates words.
+  return title.normalize("NFKD").replace(/\p{M}/gu, "").replace(/[^A-Za-z0-9_-]+/g, "_").replace(/^_+|_+$/g, "").slice(0, 64);
+}
+
+function tellFolder() {
+  const name = folderName();
+  $("make-folder").textContent = name && name !== $("make-name").value ? `its folder will be ${name}` : "";
+}
+
 async function madeCase() {
   const { kind } = $("make").dataset;
   const file = $("make-file").files[0];
-  const name = $("make-name").value.trim() || (kind === "import" && file ? file.name.replace(/\.[^.]*$/, "").replace(/[^A-Za-z0-9_-]/g, "_") : "");
+  const name = folderName();
   let read = [];
   try {
     if (!await documents.flush()) throw new Error(CHOOSE);
+    if (kind === "import" && !file) throw new Error("choose a drawing");
+    if (!name) throw new Error("give it a name");
     const asked = { name };
     if (kind === "copy") asked.copy_of = state.name;
     if (kind === "import") {
-      if (!file) throw new Error("choose a drawing");
       const query = new URLSearchParams({ name: file.name, unit: $("make-unit").value });
       ({ scene: asked.scene, read } = await upload(`/api/import?${query}`, file));
     }
@@ -254,10 +269,17 @@ function keys(event) {
   if (editor.key(event)) { event.preventDefault(); return; }
   const modes = { 1: "section", 2: "survey", 3: "slide" };
   const tool = Object.keys(TOOLS).find((one) => TOOLS[one].key === key);
-  const act = { t: theme, f: () => { view.fit(); view.draw(); }, " ": slide.play }[key]
+  const act = { t: theme, "[": () => fold("left"), "]": () => fold("right"), f: () => { view.fit(); view.draw(); }, " ": slide.play }[key]
     ?? (modes[key] && (() => setMode(modes[key]))) ?? (tool && editor.active && (() => editor.use(tool)))
     ?? (key === "r" && state.mode === "slide" && (() => open(state.name, true)));
   if (act && !(key === " " && event.target.tagName === "BUTTON")) { act(); event.preventDefault(); }
+}
+
+/** Show or hide a panel at a side, for a larger picture. */
+function fold(side, folded = document.body.dataset[side] !== "folded") {
+  document.body.dataset[side] = folded ? "folded" : "";
+  $(`fold-${side}`).setAttribute("aria-pressed", String(!folded));
+  localStorage.setItem(`panel-${side}`, document.body.dataset[side]);
 }
 
 function theme() {
@@ -286,13 +308,41 @@ async function start() {
   for (const tab of $("modes").children) tab.addEventListener("click", () => setMode(tab.dataset.mode));
   buildTools();
   $("theme").addEventListener("click", theme);
+  for (const side of ["left", "right"]) {
+    fold(side, localStorage.getItem(`panel-${side}`) === "folded");
+    $(`fold-${side}`).addEventListener("click", () => fold(side));
+  }
+  for (const event of ["input", "change"]) $("make").addEventListener(event, tellFolder);
   document.addEventListener("keydown", keys);
-  answers(state, say);
+  answers(state, say, slide);
   const wanted = decodeURIComponent(location.hash.slice(1)) || state.workspace.first;
-  const name = cases.some((one) => one.name === wanted) ? wanted : cases[0]?.name;
-  if (!name) { say(`no case in ${state.workspace.folder}: draw one with New`); return; }
+  const name = cases.some((one) => one.name === wanted) ? wanted : cases.find((one) => !one.shipped)?.name;
   fillCases(name);
+  tellLeftOut();
+  if (!name) { welcome(); return; }
+  state.mode = sessionStorage.getItem("mode") ?? state.mode;
   await open(name);
+}
+
+function tellLeftOut() {
+  const names = state.workspace.left_out.map((name) => `“${name}”`).join(", ");
+  if (names) $("left-out").textContent = `not shown: ${names}; the name of a case has letters, digits, _ and - alone`;
+}
+
+/** A folder without a case: what can be done, in place of a dam that nobody has asked for. */
+function welcome() {
+  const dialog = $("welcome");
+  const go = (act) => () => { dialog.close("chosen"); act(); };
+  dialog.querySelector("form").replaceChildren(
+    el("h2", { textContent: "No case in this folder yet" }),
+    el("p", { className: "note", textContent: state.workspace.folder }),
+    el("div", { className: "buttons" }, button("Draw a section", go(() => makeCase("new")), { className: "main" }),
+      button("Import a drawing", go(() => makeCase("import")))),
+    el("p", { textContent: "Or look at one that ships with flowslide:" }),
+    el("div", { className: "buttons" }, ...state.workspace.cases.map(({ name }) => button(name.replaceAll("_", " "), go(() => { fillCases(name); open(name); })))));
+  document.body.dataset.mode = "section";
+  say("draw a section, import one, or look at a case that ships");
+  dialog.showModal();
 }
 
 start().catch((error) => say(error.message, true));

@@ -1,6 +1,8 @@
 // What was measured, and what is asked of it: forms for every type of measurement, profiles by paste or file.
 
-import { button, el, field, keyWords, refill } from "./ui.js";
+import { faultList, placeOf, wrongAt } from "./faults.js";
+import { isFitted } from "./question.js";
+import { button, el, field, keyWords, readOnly, refill } from "./ui.js";
 
 const words = (name) => name.replaceAll("_", " ");
 const TITLES = {
@@ -11,18 +13,25 @@ const TITLES = {
 const STD_HELP = "One standard deviation: two thirds of repeated surveys would lie within it. A levelled line 0.1 to 0.3 m, "
   + "a runout read from a map a tenth of it, a range from several papers a quarter of its width.";
 const BOUNDS = { low: "lower bound", start: "first guess", high: "upper bound" };
+const LOSSES = { runout: "the toes", misfit: "all that is fitted" };
 const SHARE = 0.1; // of a length, where nobody states its error
 
-/** `page` has documents, editor, forms (of measurements), derived() and say(words, bad). */
+/** `page` has documents, editor, faults, forms (of measurements) and say(words, bad). */
 export class SurveyPanel {
   constructor(left, right, page) {
-    Object.assign(this, { left, right, page, faults: [], unfolded: null });
+    Object.assign(this, { left, right, page, unfolded: null });
   }
 
   get documents() { return this.page.documents.now; }
   get survey() { return this.documents.measurements; }
   get set() { return this.survey?.default_set; }
   get entries() { return this.survey?.sets?.[this.set] ?? []; }
+
+  /** Place of a field of the survey or of the question, and what is wrong with it. */
+  at(...keys) {
+    const place = placeOf(...keys);
+    return { place, wrong: wrongAt(this.page.faults, place) };
+  }
 
   edit(what, change) {
     this.page.documents.edit(what, (documents) => {
@@ -37,13 +46,15 @@ export class SurveyPanel {
     const add = el("select", { "aria-label": "add a measurement", "data-key": "add" }, new Option("add a measurement ...", ""),
       ...this.page.forms.map(({ type }) => new Option(TITLES[type] ?? words(type), type)));
     add.addEventListener("change", () => this.add(add.value));
-    refill(this.left,
+    const children = [
       el("h2", { textContent: "Measured after the slide" }),
       ...(this.entries.length ? this.entries.map((entry, i) => this.entry(entry, i))
         : [el("p", { className: "note", textContent: "Nothing yet. How far the toe ran, or a surveyed profile, is what a back-analysis needs." })]),
       add,
       ...(this.survey ? [field({ words: "upstream", kind: "choice", choices: ["left", "right"], value: this.survey.upstream },
-        (value) => this.edit("upstream", (_, documents) => { documents.measurements.upstream = value; }))] : []));
+        (value) => this.edit("upstream", (_, documents) => { documents.measurements.upstream = value; }))] : []),
+    ];
+    refill(this.left, ...(this.page.documents.shipped ? readOnly(children) : children));
     this.showRight();
   }
 
@@ -82,13 +93,14 @@ export class SurveyPanel {
       if (key === "file") return this.profile(entry, i);
       const [label, unit] = keyWords(key);
       const isStd = key.startsWith("std_") && kind === "number";
-      const plain = label.replace(/^std is$/, "which is").replace(/^std$/, "standard deviation");
+      const plain = label.replace(/^std is$/, "this deviation is").replace(/^std$/, "standard deviation");
       const made = field({ words: `${plain} of ${entry.name}`, shown: plain, key: `${i}.${key}`, kind, choices, unit,
-        value: entry[key], help: isStd ? STD_HELP : meaning, holder: Array.isArray(usual) ? usual.join(", ") : usual ?? "" }, set(key));
+        value: entry[key], help: isStd ? STD_HELP : meaning, holder: Array.isArray(usual) ? usual.join(", ") : usual ?? "",
+        ...this.at("measurements", "sets", this.set, i, entry.type, key) }, set(key));
       const extra = isStd ? this.assumed(entry, i, key) : /^(x|y|water_level)_m$/.test(key) && key !== "y_m" ? this.pick(entry, i, key) : null;
       return extra ? el("div", { className: "with" }, made, extra) : made;
     };
-    const fitted = inversion?.fit ? inversion.fit.includes(entry.name) : inversion && !entry.held_out;
+    const fitted = isFitted(inversion, entry);
     return el("details", { className: "entry", "data-key": `entry-${entry.name}`, open: this.unfolded === entry.name },
       el("summary", {}, `${entry.name} `, el("span", { className: "note", textContent: this.brief(entry) })),
       ...required.map(one),
@@ -148,25 +160,33 @@ export class SurveyPanel {
 
   showRight() {
     const { inversion } = this.documents;
-    const listed = this.faults.map(({ document, message }) => el("li", { textContent: `${document}: ${message}` }));
-    refill(this.right,
-      el("h2", { textContent: this.faults.length ? "To mend" : "Checked" }),
-      this.faults.length ? el("ul", { className: "faults" }, ...listed) : el("p", { className: "note faults", textContent: this.page.summary() }),
-      el("h2", { textContent: "Asked" }), ...(inversion ? this.question(inversion) : [
-        el("p", { className: "note", textContent: "S_r of what liquefied, such that the slide runs as far as measured. It is asked as soon as section and survey hold together." })]));
+    const asked = inversion ? this.question(inversion) : [
+      el("p", { className: "note", textContent: "S_r of what liquefied, such that the slide runs as far as measured. It is asked as soon as section and survey hold together." })];
+    refill(this.right, ...faultList(this.page, "survey"),
+      el("h2", { textContent: "Asked" }), ...(this.page.documents.shipped ? readOnly(asked) : asked));
   }
 
   question(inversion) {
     const set = (i, key) => (value) => this.page.documents.edit(key, (documents) => { documents.inversion.parameters[i][key] = value; });
     return [
       ...inversion.parameters.map((one, i) => el("div", { className: "parameter" },
-        el("p", { textContent: one.label ?? words(one.name) }),
-        ...["low", "start", "high"].map((key) => field({ words: `${BOUNDS[key]} of ${one.label ?? one.name}`, shown: BOUNDS[key], key: `${one.name}.${key}`, value: one[key], unit: keyWords(one.property)[1] }, set(i, key))))),
-      field({ words: "what is made small", kind: "choice", choices: ["runout", "misfit"], value: inversion.loss ?? "runout",
-        help: "runout: the error of the toes; misfit: all that is fitted, in standard deviations" },
+        el("p", {}, one.label || words(one.name), " ",
+          button("✕", () => this.forget(i), { title: `do not ask for ${one.label || one.name}`, className: "small" })),
+        ...["low", "start", "high"].map((key) => field({ words: `${BOUNDS[key]} of ${one.label ?? one.name}`, shown: BOUNDS[key], key: `${one.name}.${key}`, value: one[key], unit: keyWords(one.property)[1],
+          ...this.at("inversion", "parameters", i, key) }, set(i, key))))),
+      field({ words: "fitted to", kind: "choice", choices: ["runout", "misfit"], names: LOSSES, value: inversion.loss ?? "runout",
+        help: "the toes alone, in metres; or everything that is ticked as fitted, each in standard deviations of its survey" },
       (value) => this.page.documents.edit("loss", (documents) => { documents.inversion.loss = value; })),
       button("Ask as for a new case", () => this.page.propose(), { title: "S_r of every liquefied material, fitted to the toes; replaces what is asked now" }),
     ];
+  }
+
+  /** Without any unknown nothing is asked, until section and survey hold together and S_r is proposed again. */
+  forget(i) {
+    this.page.documents.edit("no longer asked", (documents) => {
+      documents.inversion.parameters.splice(i, 1);
+      if (!documents.inversion.parameters.length) documents.inversion = null;
+    });
   }
 }
 

@@ -14,8 +14,12 @@ export function el(tag, properties = {}, ...children) {
 
 export const button = (words, act, more = {}) => el("button", { type: "button", textContent: words, on: { click: act }, ...more });
 
-/** A field with a label; `set` gets its value where it can be one, and null where it is empty. */
-export function field({ words, shown = words, key = words, kind = "number", value, unit = "", choices = [], names = {}, help = "", holder = "" }, set) {
+/**
+ * A field with a label; `set` gets its value where it can be one, and null where it is empty.
+ *
+ * `place` is that of the field in its document, `wrong` what is wrong with it.
+ */
+export function field({ words, shown = words, key = words, place = "", wrong = "", kind = "number", value, unit = "", choices = [], names = {}, help = "", holder = "" }, set) {
   let input;
   if (kind === "choice") {
     input = el("select", {}, ...(value === undefined ? [new Option("choose ...", "")] : []),
@@ -37,8 +41,21 @@ export function field({ words, shown = words, key = words, kind = "number", valu
   }
   input.setAttribute("aria-label", unit ? `${words} [${unit}]` : words);
   input.dataset.key = key;
+  if (place) input.dataset.field = place;
+  if (wrong) input.setAttribute("aria-invalid", "true");
   return el("label", { className: `field ${kind}`, title: help }, el("span", { textContent: shown }),
-    el("span", { className: "value" }, input, el("span", { className: "unit", textContent: unit })));
+    el("span", { className: "value" }, input, el("span", { className: "unit", textContent: unit })),
+    wrong ? el("span", { className: "wrong", textContent: wrong }) : null);
+}
+
+/** Controls that change something do nothing here: what is shown can be read alone. */
+export function readOnly(nodes) {
+  for (const node of nodes) {
+    for (const one of node?.querySelectorAll ? [node, ...node.querySelectorAll("*")] : []) {
+      if (/^(INPUT|SELECT|TEXTAREA|BUTTON)$/.test(one.tagName)) one.disabled = true;
+    }
+  }
+  return nodes;
 }
 
 /** Unit and words of a key such as youngs_modulus_mpa. */
@@ -57,6 +74,7 @@ let typing = null; // field whose value nobody has taken yet
 let leaving = false; // a field was changed, and the focus is about to move on
 let pressed = null; // element on which a button of the mouse is down
 let left = -Infinity; // when a field was left
+let refilling = false; // the focus moves by itself
 
 addEventListener("input", ({ target }) => { typing = target; }, true);
 addEventListener("change", () => { typing = null; leaving = true; setTimeout(() => { leaving = false; fillWaiting(); }); }, true);
@@ -75,6 +93,9 @@ addEventListener("keydown", () => { if (leaving) { leaving = false; fillWaiting(
 
 /** A field was left a moment ago: a key is meant for what follows it, and is no short cut. */
 export const justTyped = () => performance.now() - left < 1000;
+
+/** The focus goes back into a panel that was filled again: nobody has chosen anything. */
+export const isRefilling = () => refilling;
 
 /** Fill a panel again; who is in one of its fields stays there, and what was unfolded stays so. */
 export function refill(panel, ...children) {
@@ -120,6 +141,8 @@ function replace(panel, children) {
   const same = key === undefined ? null : panel.querySelector(`[data-key="${CSS.escape(key)}"]`);
   const there = reachable(panel)[place];
   const next = same ?? (there?.tagName === active.tagName ? there : null);
+  refilling = true;
   next?.focus();
+  refilling = false;
   if (whole) next?.select?.();
 }

@@ -34,6 +34,7 @@ export class View {
     this.before = true;
     this.box = null; // [x at the left edge, y at the bottom edge, metres a pixel across]
     this.rise = 1; // pixels a metre upwards, as multiples of those across
+    this.tall = 0; // pixels, when the box was last right
     this.isFitted = false; // nobody has moved the view since it was fitted
     this.tool = null; // has down(event) and key(event): true where they were for it
     this.under = null; // paints below the section, in pixels
@@ -90,7 +91,8 @@ export class View {
       const { x_min: left, x_max: right, y_max: high } = roomOf(this.scene);
       return [left, right, lowest(this.scene), high];
     }
-    const ends = [found.left, found.right, lowest(this.scene), found.high];
+    const marked = this.marks.map(({ x }) => x);
+    const ends = [Math.min(found.left, ...marked), Math.max(found.right, ...marked), lowest(this.scene), found.high];
     const { positions, header } = this.deposit ?? {};
     for (let i = 2 * (header?.points ?? 0) * this.frame; i < (positions?.length ?? 0); i += 2) {
       ends[0] = Math.min(ends[0], positions[i]);
@@ -115,7 +117,10 @@ export class View {
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
     this.canvas.height = Math.round(this.canvas.clientHeight * ratio);
-    if (!this.box) this.fit(); // what somebody looks at stays where it is
+    const { clientHeight: tall } = this.canvas;
+    if (!this.box) this.fit();
+    else this.box[1] -= (tall - this.tall) * this.up; // what somebody looks at stays where it is, from the top
+    this.tall = tall;
     this.draw();
   }
 
@@ -227,8 +232,12 @@ export class View {
     if (!line) return;
     pen.strokeStyle = css("--water-line");
     pen.lineWidth = 1.8;
-    this.path(pen, line);
-    pen.stroke();
+    const dry = bounds(this.scene)?.low ?? -Infinity;
+    for (const [i, end] of line.slice(1).entries()) {
+      if (Math.max(line[i][1], end[1]) <= dry) continue; // below the section, where there is no water to be seen
+      this.path(pen, [line[i], end]);
+      pen.stroke();
+    }
     for (const x of this.triangles(line)) this.paintTriangle(pen, this.pixel([x, heightOn(line, x)]));
   }
 
@@ -406,7 +415,8 @@ export class View {
       pen.setLineDash([]);
       pen.textAlign = "center";
       const row = sides[Math.round(px / 120)] = (sides[Math.round(px / 120)] ?? 0) + 1;
-      pen.fillText(words, px, 14 * row);
+      const half = 0.5 * pen.measureText(words).width + 4;
+      pen.fillText(words, Math.min(Math.max(px, half), this.canvas.clientWidth - half), 14 * row);
     }
   }
 
