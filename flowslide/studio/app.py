@@ -63,6 +63,8 @@ def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: st
         Route("/api/cases", _answering(own.create), methods=["POST"]),
         Route("/api/cases/{name}", _answering(own.read)),
         Route("/api/cases/{name}", _answering(own.save), methods=["PUT"]),
+        Route("/api/cases/{name}", _answering(own.remove), methods=["DELETE"]),
+        Route("/api/cases/{name}/name", _answering(own.rename), methods=["PUT"]),
         Route("/api/cases/{name}/view", _answering(own.view)),
         Route("/api/cases/{name}/view", _answering(own.save_view), methods=["PUT"]),
         Route("/api/cases/{name}/files/{file}", _answering(own.own_file)),
@@ -153,6 +155,27 @@ class _Studio:
             return JSONResponse(found)
         words = "the files of this case were changed elsewhere"
         return JSONResponse({"message": words, "case": found}, status_code=409)
+
+    async def rename(self, request: Request) -> Response:
+        """Give a case another name."""
+        name, other = request.path_params["name"], str((await _body(request)).get("name", ""))
+
+        def change() -> None:
+            self.work.refuse_while_busy(name)
+            self.workspace.rename(name, other)
+
+        await run_in_threadpool(change)
+        return JSONResponse({})
+
+    async def remove(self, request: Request) -> Response:
+        """Take a case out; its files are kept."""
+        name = request.path_params["name"]
+
+        def change() -> str:
+            self.work.refuse_while_busy(name)
+            return str(self.workspace.remove(name))
+
+        return JSONResponse({"kept": await run_in_threadpool(change)})
 
     async def revision(self, request: Request) -> Response:
         """What changes with every edit."""

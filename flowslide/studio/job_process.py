@@ -102,10 +102,11 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
     if job.kind == "classical":
         return job_answers.classical(flowslide.classical(job.folder, **common))
     # One store of finished simulations for all jobs of a case.
-    store = make_folder(folder.parent.parent / "runs")
+    make_folder(folder.parent.parent / "runs")
     runs = out / "runs"
     if not runs.exists():
-        runs.symlink_to(store.resolve(), target_is_directory=True)
+        runs.unlink(missing_ok=True)  # it led to where the case was before
+        runs.symlink_to(Path("..", "..", "..", "runs"), target_is_directory=True)
     common |= {"spacing_m": job.options.spacing_m, "threads": job.threads}
     match job.kind:
         case "simulate":

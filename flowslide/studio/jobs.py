@@ -240,6 +240,16 @@ class Jobs:
             write_json(folder / STATE, {"state": "cancelled"})
         return self.state(number)
 
+    def refuse_while_busy(self, case: str) -> None:
+        """The folder of a case stays where it is while a job works in it.
+
+        Raises:
+            InputError: one runs, or waits.
+        """
+        for job in self.all():
+            if job["case"] == case and job["state"] in ("running", "waiting"):
+                raise InputError(f"case {case!r}: a job is {job['state']}; cancel it first")
+
     def all(self) -> list[dict[str, Any]]:
         """Every job, the newest first."""
         self._next()  # where the job of a killed server has ended, nobody else has noticed

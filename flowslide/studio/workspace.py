@@ -43,6 +43,8 @@ from pipeline.files import atomic_path, content_hash, make_folder, read_json, wr
 from pipeline.places import CASES, names_of, shipped
 
 HIDDEN = ".studio"
+REMOVED = "removed.cases"
+"""Folder of cases that were taken out; the dot is in no name of a case."""
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 PICTURE = re.compile(r"[a-z_]{1,32}\.(png|jpg)")
 
@@ -292,6 +294,52 @@ class Workspace:
         make_folder(place)
         empty = {"name": name, "description": "", "zones": [], "materials": {}}
         self._keep(name, parts_of({"scene": {**empty, **(scene or {}), "name": name}}))
+
+    def rename(self, name: str, other: str) -> None:
+        """Give a case of the workspace another name; drafts, journal and jobs go with it.
+
+        Raises:
+            InputError: it ships with the program, or there is one of that name.
+        """
+        with self._writing:
+            place, target = self._own(name), self.place(other)
+            if target.exists() or other in (one["name"] for one in self.cases()):
+                raise InputError(f"case {other!r}: is there already")
+            hidden, moved = self.hidden(name), self.hidden(other)
+            shutil.rmtree(moved, ignore_errors=True)  # of a case that was there before
+            place.rename(target)
+            if hidden.is_dir():
+                hidden.rename(moved)
+            for path in moved.glob("jobs/*/job.json"):
+                job = read_json(path)
+                folder = Path(job["folder"])
+                if folder.is_relative_to(hidden):
+                    folder = moved / folder.relative_to(hidden)
+                write_json(path, {**job, "case": other, "folder": str(folder)})
+
+    def remove(self, name: str) -> Path:
+        """Take a case out of the workspace.
+
+        Returns:
+            the folder of the studio in which its files are kept.
+
+        Raises:
+            InputError: it ships with the program, or there is none.
+        """
+        with self._writing:
+            place, hidden = self._own(name), self.hidden(name)
+            removed = make_folder(self.folder / HIDDEN / REMOVED)
+            kept = removed / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}-{time.time_ns() % 10**6}"
+            place.rename(kept)
+            if hidden.is_dir():
+                hidden.rename(kept / HIDDEN)
+            return kept
+
+    def _own(self, name: str) -> Path:
+        """The folder of a case that is not one of the program's."""
+        if self.is_shipped(name):
+            raise InputError(f"case {name!r}: ships with the program and stays as it is")
+        return self.place(name)
 
     def save(self, name: str, revision: str, documents: Mapping[str, Any]) -> bool:
         """Keep an edit: in the files, or as a draft where something is wrong.

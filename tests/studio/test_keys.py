@@ -133,6 +133,7 @@ def test_the_sheet_stays_where_it_is_looked_at(page):
     page.locator('[data-mode="slide"]').first.click()
     page.wait_for_function(IDLE, timeout=20_000)
     section(page)
+    page.wait_for_timeout(100)
     after = pixel_of(page, 60.0, 5.0), pixel_of(page, 70.0, 5.0)
     assert after[1][0] - after[0][0] == pytest.approx(scale)
     assert after[0] == pytest.approx(before[0], abs=1.0)
@@ -181,20 +182,20 @@ def test_the_end_of_a_section_is_seen_and_said(page, workspace):
     expect(page.get_by_label("right end of the section")).to_have_value("free")
 
 
-def colour_at(page: Page, x: float, y: float) -> list[int]:
-    """Red, green and blue of the sheet at a place of the section [m]."""
+def colours_at(page: Page, x: float, y: float) -> list[list[int]]:
+    """Red, green and blue of the pixels around a place of the section [m]."""
     left, top = pixel_of(page, x, y)
     box = page.locator("#canvas").bounding_box()
-    return page.evaluate(
+    found = page.evaluate(
         """([x, y]) => {
           const canvas = document.querySelector("#canvas");
           const ratio = canvas.width / canvas.clientWidth;
-          const pen = canvas.getContext("2d");
-          return [...pen.getImageData(Math.floor(x * ratio), Math.floor(y * ratio), 1, 1).data]
-            .slice(0, 3);
+          const at = [x, y].map((place) => Math.round(place * ratio) - 1);
+          return [...canvas.getContext("2d").getImageData(...at, 3, 3).data];
         }""",
         [left - box["x"], top - box["y"]],
     )
+    return [found[k : k + 3] for k in range(0, len(found), 4)]
 
 
 def choose(page: Page, label: str, value: str) -> None:
@@ -220,8 +221,9 @@ def test_a_pool_stands_on_the_upstream_side_alone(page, workspace):
     page.mouse.move(5, 5)
     page.wait_for_timeout(200)
     for x, y, blue in ((45.0, 5.0, True), (66.0, 3.0, True), (66.0, 2.0, False)):
-        found = colour_at(page, x, y)
-        assert (found == pytest.approx([0x14, 0x63, 0x9F], abs=12)) is blue, (x, y, found)
+        found = colours_at(page, x, y)
+        line = [one for one in found if one == pytest.approx([0x14, 0x63, 0x9F], abs=30)]
+        assert bool(line) is blue, (x, y, found)
 
     page.locator("#section-left .zone input").nth(2).click()  # the right foot goes out by 10 m
     page.get_by_label("x of vertex 2 [m]").click(click_count=3)
@@ -275,13 +277,13 @@ def test_a_soil_keeps_its_colour_when_another_liquefies(page):
     section(page)
     page.mouse.move(5, 5)
     page.wait_for_timeout(200)
-    before = colour_at(page, 74.0, 3.0)
+    before = colours_at(page, 74.0, 3.0)
     page.locator("summary", has_text="loose").click()
     page.get_by_label("loose liquefied", exact=True).click()
     expect(page.locator("#status")).to_contain_text("friction angle is missing", timeout=WAIT_MS)
     page.mouse.move(5, 5)
     page.wait_for_timeout(200)
-    assert colour_at(page, 74.0, 3.0) == before
+    assert colours_at(page, 74.0, 3.0) == before
 
 
 def test_the_next_vertex_says_what_it_snaps_to(page):
@@ -507,3 +509,34 @@ def test_an_answer_is_shown_and_kept(page, workspace):
     expect(page.locator("#jobs li").first).to_contain_text("the case has changed since")
     kept = workspace.read("small")["scene"]["materials"]["loose"]["cohesion_kpa"]
     assert kept == pytest.approx(value, rel=1e-3)
+
+
+def test_a_case_is_renamed_and_removed(page, workspace):
+    page.get_by_role("button", name="Rename", exact=True).click()
+    page.keyboard.press("Control+a")
+    page.keyboard.type("my dam")
+    page.keyboard.press("Enter")
+    expect(page.locator('body[data-case="my_dam"]')).to_have_count(1, timeout=WAIT_MS)
+    assert workspace.read("my_dam")["scene"]["name"] == "small"
+    expect(page.locator("#case option", has_text="small")).to_have_count(0)
+    page.get_by_role("button", name="Remove", exact=True).click()
+    page.keyboard.press("Escape")
+    assert (workspace.folder / "my_dam").is_dir()
+    page.get_by_role("button", name="Remove", exact=True).click()
+    page.get_by_role("button", name="Remove it").click()
+    # Nothing is left: what can be done now, in place of a dam that nobody has asked for.
+    welcome = page.get_by_role("dialog", name="Welcome")
+    expect(welcome).to_contain_text("No case in this folder yet")
+    assert not (workspace.folder / "my_dam").exists()
+    page.keyboard.press("Escape")
+    for tab in ("section", "survey", "slide"):
+        page.locator(f'[data-mode="{tab}"]').first.click()
+    page.reload()
+    expect(welcome).to_be_visible()
+    welcome.get_by_role("button", name="la marquesa").click()
+    expect(page.locator('body[data-case="la_marquesa"]')).to_have_count(1, timeout=WAIT_MS)
+    expect(page.locator("#rename")).to_be_disabled()
+    page.get_by_role("button", name="New", exact=True).click()
+    page.keyboard.type("first")
+    page.keyboard.press("Enter")
+    expect(page.locator('body[data-case="first"]')).to_have_count(1, timeout=WAIT_MS)

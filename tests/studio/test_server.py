@@ -436,6 +436,25 @@ def test_jobs_run_one_after_another(browser, workspace, processes):
     assert [one.number for one in processes[2:]] == [third["id"], second["id"]]
 
 
+def test_a_case_with_a_job_at_work_stays_where_it_is(browser, workspace, processes):
+    body = {"kind": "compare", "case": "small", "options": {}}
+    job = browser.post("/api/jobs", json=body, headers=OURS).json()["id"]
+
+    def change():
+        renamed = browser.put("/api/cases/small/name", json={"name": "other"}, headers=OURS)
+        return [renamed, browser.delete("/api/cases/small", headers=OURS)]
+
+    for answer in change():
+        assert answer.status_code == 400 and "a job is running" in answer.json()["message"]
+    processes[0].ended.set()
+    _state(browser, job, "interrupted")
+    assert browser.delete("/api/cases/small").status_code == 403, "from another page"
+    renamed, removed = change()
+    assert renamed.status_code == 200 and removed.status_code == 400
+    removed = browser.delete("/api/cases/other", headers=OURS)
+    assert Path(removed.json()["kept"], "scene.yaml").is_file()
+
+
 def test_a_job_that_waits_by_its_folder_alone_starts_nothing(browser, workspace, processes):
     """The folder may be from somewhere else, or its server is gone."""
     folder = workspace.hidden("small", "jobs", "20260101-000000-abcdef")

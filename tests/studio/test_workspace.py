@@ -337,6 +337,43 @@ def test_a_new_case_that_is_killed_before_its_files_are_written_is_shown(workspa
     assert found["scene"] == SECTION and not found["faults"] and found["derived"]["points"] > 1000
 
 
+def test_a_case_is_renamed_with_all_that_belongs_to_it(workspace, monkeypatch):
+    monkeypatch.setattr(Jobs, "_launch", lambda *args: None)
+    case = workspace.read("small")
+    case["scene"]["spacing"] = 2.0
+    assert workspace.save("small", case["revision"], case)
+    jobs = Jobs(workspace)
+    job = jobs.start("simulate", "small", {})["id"]
+    workspace.rename("small", "other")
+    assert workspace.read("other")["scene"]["spacing"] == 2.0
+    assert workspace.hidden("other", "journal.jsonl").is_file()
+    assert jobs.state(job)["case"] == "other"
+    asked = json.loads(workspace.hidden("other", "jobs", job, "job.json").read_text())
+    assert load_case(asked["folder"]).scene.spacing == 2.0
+    assert not (workspace.folder / "small").exists()
+    for name, words in (
+        ("la_marquesa", "ships"), ("../x", "letters"), ("small", "there is none"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=words):
+            workspace.rename(name, "third")
+        with pytest.raises(InputError, match=words):
+            workspace.remove(name)
+    with pytest.raises(InputError, match="there already"):
+        workspace.rename("other", "la_marquesa")
+
+
+def test_a_case_that_is_removed_is_kept_aside(workspace):
+    workspace.create("drawn", None, None)
+    kept = workspace.remove("drawn")
+    assert (kept / ".studio" / "draft.json").is_file()
+    assert kept.is_relative_to(workspace.folder / ".studio")
+    scene = (workspace.folder / "small" / "scene.yaml").read_bytes()
+    assert (workspace.remove("small") / "scene.yaml").read_bytes() == scene
+    assert not [one for one in workspace.cases() if not one["shipped"]]
+    workspace.create("drawn", None, None)
+    assert workspace.read("drawn")["scene"]["zones"] == []
+
+
 def test_a_job_keeps_the_files_as_they_were(workspace, monkeypatch):
     monkeypatch.setattr(Jobs, "_launch", lambda *args: None)
     case = workspace.read("small")

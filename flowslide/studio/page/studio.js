@@ -130,6 +130,7 @@ async function open(name, again = false) {
   history.replaceState(null, "", `#${name}`);
   $("origin").textContent = found.shipped ? "ships with flowslide, read only" : "";
   $("apart").hidden = true;
+  for (const kind of ["rename", "remove"]) $(kind).disabled = found.shipped;
   documents.open(found);
   editor.selection = {};
   editor.drawn = [];
@@ -198,16 +199,28 @@ function drawing() {
 
 // --- new cases ---
 
+const MAKING = {
+  new: { title: () => "Draw a new section", go: "Make it" },
+  copy: { title: (name) => `Copy ${name}`, go: "Make it", name: () => `${state.name}_mine` },
+  import: { title: () => "Import a section", go: "Make it" },
+  rename: { title: (name) => `Rename ${name}`, go: "Rename it", name: () => state.name },
+  remove: { title: (name) => `Remove ${name}?`, go: "Remove it" },
+};
+
+/** Ask what a case is to be made from, or what becomes of this one. */
 function makeCase(kind) {
-  const title = { new: "Draw a new section", copy: `Copy ${state.name.replaceAll("_", " ")}`, import: "Import a section" }[kind];
-  $("make-title").textContent = title;
+  const { title, go, name } = MAKING[kind];
+  $("make-title").textContent = title(state.name.replaceAll("_", " "));
+  $("make-go").textContent = go;
   $("make-import").hidden = kind !== "import";
+  $("make-named").hidden = kind === "remove";
   $("make-fault").textContent = "";
-  $("make-name").value = kind === "copy" ? `${state.name}_mine` : "";
-  tellFolder();
+  $("make-name").value = name?.() ?? "";
   $("make").dataset.kind = kind;
+  tellFolder();
+  if (kind === "remove") $("make-folder").textContent = "Its files, edits and jobs are kept in .studio/removed.cases of this folder.";
   $("make").showModal();
-  $("make-name").focus();
+  (kind === "remove" ? $("make-stop") : $("make-name")).focus();
 }
 
 /** The folder of a case from a title, or from the name of a drawing. */
@@ -223,6 +236,25 @@ function tellFolder() {
   $("make-folder").textContent = name && name !== $("make-name").value ? `its folder will be ${name}` : "";
 }
 
+/** Rename or remove the case that is open. */
+async function changeCase(kind) {
+  const { name } = state;
+  if (kind === "remove") {
+    await send(`/api/cases/${name}`, {}, "DELETE");
+    documents.open({ name: "", shipped: true, revision: "" });
+  } else await send(`/api/cases/${name}/name`, { name: folderName() }, "PUT");
+  return kind === "remove" ? "" : folderName();
+}
+
+/** The list of cases, and one of them open. */
+async function reopenWith(name) {
+  state.workspace = await get("/api/workspace");
+  const wanted = name || state.workspace.cases.find(({ shipped }) => !shipped)?.name;
+  if (!wanted) { location.hash = ""; location.reload(); return; }
+  fillCases(wanted);
+  await open(wanted);
+}
+
 async function madeCase() {
   const { kind } = $("make").dataset;
   const file = $("make-file").files[0];
@@ -231,7 +263,13 @@ async function madeCase() {
   try {
     if (!await documents.flush()) throw new Error(CHOOSE);
     if (kind === "import" && !file) throw new Error("choose a drawing");
-    if (!name) throw new Error("give it a name");
+    if (!name && kind !== "remove") throw new Error("give it a name");
+    if (kind === "rename" || kind === "remove") {
+      const now = await changeCase(kind);
+      $("make").close();
+      await reopenWith(now);
+      return;
+    }
     const asked = { name };
     if (kind === "copy") asked.copy_of = state.name;
     if (kind === "import") {
@@ -240,10 +278,8 @@ async function madeCase() {
     }
     await send("/api/cases", asked);
     $("make").close();
-    state.workspace = await get("/api/workspace");
-    fillCases(name);
     state.mode = "section";
-    await open(name);
+    await reopenWith(name);
     if (kind === "new") editor.use("zone");
     if (read.length) say(read.join("; "));
   } catch (error) { $("make-fault").textContent = error.message; }
@@ -301,7 +337,7 @@ async function start() {
     $("case").value = state.name;
     say(CHOOSE, true);
   });
-  for (const kind of ["new", "copy", "import"]) $(kind).addEventListener("click", () => makeCase(kind));
+  for (const kind of Object.keys(MAKING)) $(kind).addEventListener("click", () => makeCase(kind));
   $("make-go").addEventListener("click", madeCase);
   $("make-stop").addEventListener("click", () => $("make").close());
   $("make").querySelector("form").addEventListener("submit", (event) => { event.preventDefault(); madeCase(); });
