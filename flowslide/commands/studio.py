@@ -48,14 +48,14 @@ def run(arguments: argparse.Namespace) -> None:
     import uvicorn
 
     from flowslide.studio.app import MOST_BYTES, studio
-    from flowslide.studio.live import Live
+    from flowslide.studio.live_process import LiveProcess
     from flowslide.studio.security import new_token, write_opening
     from pipeline.cli import InputError
 
     workspace, first = workspace_of(arguments.case)
     listener = listen(arguments.port, workspace.folder)
     port, token = listener.getsockname()[1], new_token()
-    live = Live(arguments.threads)
+    live = LiveProcess(arguments.threads)
     app = studio(workspace, live, token=token, port=port, first=first)
     address = f"http://127.0.0.1:{port}/?token={token}"
     print(f"the studio of {workspace.folder} (stop it with Ctrl-C):\n{address}", flush=True)

@@ -26,7 +26,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from flowslide.studio.case_documents import proposed_question
 from flowslide.studio.forms import material_fields, measurement_forms
 from flowslide.studio.jobs import KINDS, Jobs
-from flowslide.studio.live import Asked, Live, question
+from flowslide.studio.live import Asked, Solver, question
 from flowslide.studio.security import Guard
 from flowslide.studio.workspace import Workspace
 from geometry.scenes.drawings import FORMATS, read_section, reading, section_document
@@ -46,7 +46,9 @@ REPORT_POLICY = (
 Handler = Callable[[Request], Awaitable[Response]]
 
 
-def studio(workspace: Workspace, live: Live, *, token: str, port: int, first: str = "") -> ASGIApp:
+def studio(
+    workspace: Workspace, live: Solver, *, token: str, port: int, first: str = ""
+) -> ASGIApp:
     """The application.
 
     Args:
@@ -105,7 +107,7 @@ def _answering(handler: Handler) -> Handler:
 class _Studio:
     """The handlers of the routes."""
 
-    def __init__(self, workspace: Workspace, jobs: Jobs, live: Live, first: str) -> None:
+    def __init__(self, workspace: Workspace, jobs: Jobs, live: Solver, first: str) -> None:
         self.workspace, self.work, self.live, self.first = workspace, jobs, live, first
 
     async def page(self, request: Request) -> Response:

@@ -14,7 +14,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from threading import Event, Lock
 from time import monotonic
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from pydantic import Field
 
@@ -22,9 +22,8 @@ from flowslide.studio.frames import deposit
 from geometry.case import Case
 from geometry.random_scenes.sketch import signed_area
 from geometry.scenes.scene import scene_from_mapping, scene_hash
-from geometry.survey.measurements import Measurements
 from inversion.problem.scene_changes import pool_at
-from mpm_taichi.comparison import Reading, read_deposit, simulate_case
+from mpm_taichi.comparison import read_deposit, simulate_case
 from mpm_taichi.trajectory import Run
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
@@ -136,29 +135,16 @@ def _at_spacing(case: Case, spacing_m: float | None) -> Case:
     return found
 
 
-@dataclass(frozen=True)
-class Kept:
-    """A run that is kept, and its readings by a set of measurements."""
+class Solver(Protocol):
+    """What answers the sliders: `Live`, or `live_process.LiveProcess`."""
 
-    run: Run
-    survey: Measurements | None
-    measurement_set: str
-    readings: list[Reading]
+    threads: int | None
 
-    @classmethod
-    def of(cls, case: Case, run: Run) -> Kept:
-        """A run with its readings."""
-        readings = [] if case.survey is None else read_deposit(case, run, at_start=False)
-        return cls(run, case.survey, case.measurement_set, readings)
+    def ask(self, asked: Question, asker: object = None) -> Future[bytes | None]:
+        """Answer a question; None where a newer one of the same asker has taken its place."""
 
-    def is_of(self, case: Case) -> bool:
-        """The readings are by the measurements of this case, as they were read."""
-        return self.survey is case.survey and self.measurement_set == case.measurement_set
-
-    @property
-    def size(self) -> int:
-        """Bytes, about."""
-        return self.run.positions.nbytes + 60 * self.run.points
+    def stop(self, asker: object = None) -> None:
+        """Stop what is computed for an asker."""
 
 
 class Live:
@@ -173,7 +159,7 @@ class Live:
         self._owner = ThreadPoolExecutor(1, thread_name_prefix="solver")
         self._lock = Lock()
         self._newest: dict[object, Event] = {}
-        self._kept: OrderedDict[str, Kept] = OrderedDict()
+        self._kept: OrderedDict[str, Run] = OrderedDict()
 
     def warm(self, case: Case) -> Future[Any]:
         """Have the kernels compiled before the first question."""
@@ -218,24 +204,17 @@ class Live:
                 "settings": case.simulation.model_dump(mode="json"),
             }
         )
-        kept = self._kept.get(key)
-        cached = kept is not None
-        if kept is None:
+        run = self._kept.get(key)
+        cached = run is not None
+        if run is None:
             try:
-                kept = Kept.of(case, self._run(case, stop))
+                run = self._run(case, stop)
             except Cancelled:
                 return None
-        elif not kept.is_of(case):
-            kept = Kept.of(case, kept.run)
-        self._keep(key, kept)
-        return deposit(
-            case,
-            kept.run,
-            kept.readings,
-            film=asked.film,
-            id=asked.number,
-            cached=cached,
-        )
+        self._keep(key, run)
+        # Read again each time: what was measured may be another since.
+        readings = [] if case.survey is None else read_deposit(case, run, at_start=False)
+        return deposit(case, run, readings, film=asked.film, id=asked.number, cached=cached)
 
     def _run(self, case: Case, stop: Event) -> Run:
         begun = monotonic()
@@ -246,9 +225,14 @@ class Live:
 
         return simulate_case(case, threads=self.threads, on_time=on_time)
 
-    def _keep(self, key: str, kept: Kept) -> None:
+    def _keep(self, key: str, run: Run) -> None:
         """Keep a run as the newest; the oldest go."""
-        self._kept[key] = kept
+        self._kept[key] = run
         self._kept.move_to_end(key)
-        while len(self._kept) > 1 and sum(one.size for one in self._kept.values()) > KEPT_BYTES:
+        while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > KEPT_BYTES:
             self._kept.popitem(last=False)
+
+
+def _size(run: Run) -> int:
+    """Bytes of a run, about."""
+    return run.positions.nbytes + 60 * run.points
