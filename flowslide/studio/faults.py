@@ -75,19 +75,29 @@ def section_faults(documents: Mapping[str, Any]) -> list[Fault]:
     return found + [Fault("scene", one.message, one.zones, one.places) for one in together]
 
 
-def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[Fault]:
-    """What is wrong with each other document; the section is right, and all are in a folder.
-
-    Of the fields of a document all that is wrong, else the first thing that does not go together.
-    """
-    scene, faults = scene_from_mapping(documents["scene"], SCENE_FILE), []
-    for part, (model, check) in _CHECKS.items():
+def field_faults(documents: Mapping[str, Any]) -> list[Fault]:
+    """All that is wrong with the fields of the other documents, whatever the section is."""
+    faults = []
+    for part, model in _MODELS.items():
         document = documents.get(part)
         if document is None:
             continue
-        problems = [] if model is None else document_problems(model, document)
-        if problems and all(one["loc"] and one["type"] not in _OF_FILES for one in problems):
+        problems = document_problems(model, document)
+        if all(one["loc"] and one["type"] not in _OF_FILES for one in problems):
             faults += [_fault(part, document, one) for one in problems]
+    return faults
+
+
+def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[Fault]:
+    """The first thing in each other document that does not go together; the section is right.
+
+    Args:
+        folder: that has the documents as files.
+        documents: the parts of the case.
+    """
+    scene, faults = scene_from_mapping(documents["scene"], SCENE_FILE), []
+    for part, check in _CHECKS.items():
+        if documents.get(part) is None:
             continue
         try:
             check(folder, scene)
@@ -115,10 +125,11 @@ def _check_diagnosis(folder: Path, scene: Scene) -> None:
     load_diagnosis_question(folder)
 
 
-_CHECKS: dict[str, tuple[type[BaseModel] | None, Callable[[Path, Scene], None]]] = {
-    "measurements": (Measurements, _check_measurements),
-    "inversion": (Question, _check_question),
-    "diagnosis": (None, _check_diagnosis),
+_MODELS: dict[str, type[BaseModel]] = {"measurements": Measurements, "inversion": Question}
+_CHECKS: dict[str, Callable[[Path, Scene], None]] = {
+    "measurements": _check_measurements,
+    "inversion": _check_question,
+    "diagnosis": _check_diagnosis,
 }
 _MADE: tuple[Place, ...] = (("domain",), ("ground",), ("spacing",), ("ground", "points"))
 #: Slips that only who writes a file can make; their messages name keys and their page.

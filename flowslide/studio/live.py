@@ -103,7 +103,7 @@ def question(asked: Asked, case: Case) -> Question:
     if points > MOST_POINTS:
         raise InputError(
             f"{points:,.0f} points at a spacing of {spacing:g} m: sliders take at most "
-            f"{MOST_POINTS:,}; take a coarser spacing, or flowslide simulate"
+            f"{MOST_POINTS:,}; take a coarser spacing, or Simulate under Ask, which is a job"
         )
     case = _at_spacing(case, asked.spacing_m)
     document, changes = case.scene.model_dump(), asked.changes

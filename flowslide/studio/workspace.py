@@ -33,7 +33,13 @@ from flowslide.studio.case_documents import (
     write_case,
     write_plain,
 )
-from flowslide.studio.faults import DOCUMENTS, Fault, other_faults, section_faults
+from flowslide.studio.faults import (
+    DOCUMENTS,
+    Fault,
+    field_faults,
+    other_faults,
+    section_faults,
+)
 from geometry.case import SCENE_FILE, Case, load_case
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
@@ -202,13 +208,18 @@ class Workspace:
         return read_json(path)["documents"] if path.is_file() else None
 
     def faults(self, name: str, documents: Mapping[str, Any]) -> list[Fault]:
-        """What is wrong: all of it in the section, else what is wrong with the other documents."""
+        """What is wrong: all of it in the section and in the fields of the other documents.
+
+        How those go together with the section is judged as soon as it is right.
+        """
         documents = self._whole(name, documents)
-        found = section_faults(documents)
-        if found:
-            return found
+        section, fields = section_faults(documents), field_faults(documents)
+        if section:
+            return section + fields
+        told = {one.document for one in fields}
         with self._as_folder(name, documents) as folder:
-            return other_faults(folder, documents)
+            together = other_faults(folder, documents)
+        return fields + [one for one in together if one.document not in told]
 
     def _whole(self, name: str, documents: Mapping[str, Any]) -> dict[str, Any]:
         """The parts with what nobody drew, made for the section as it is now."""

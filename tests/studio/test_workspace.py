@@ -79,6 +79,17 @@ def test_faults_of_each_document_are_named_in_words_at_their_fields(workspace):
     assert words[1].startswith("S_r: upper bound must be a valid number")
 
 
+def test_a_survey_is_judged_though_the_section_has_faults(workspace):
+    case = workspace.read("small")
+    del case["scene"]["materials"]["firm"]["friction_deg"]
+    case["measurements"]["sets"]["field"][0]["source"] = ""
+    case["inversion"]["parameters"][0]["zones"] = ["lose"]  # judged when the section is right
+    assert [one.message for one in workspace.faults("small", case)] == [
+        "firm: friction angle is missing",
+        "toe: say where the number is from",
+    ]
+
+
 def test_what_does_not_go_together_is_said_in_the_words_of_check(workspace):
     case = workspace.read("small")
     case["measurements"]["initial"]["toe_left_x_m"] = 5000.0

@@ -35,6 +35,7 @@ export class Editor {
   use(tool) {
     this.tool = tool;
     this.drawn = [];
+    this.hover = null;
     this.on.drawing();
     this.view.draw();
   }

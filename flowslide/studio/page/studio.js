@@ -130,7 +130,7 @@ async function open(name, again = false) {
   history.replaceState(null, "", `#${name}`);
   $("origin").textContent = found.shipped ? "ships with flowslide, read only" : "";
   $("apart").hidden = true;
-  for (const kind of ["rename", "remove"]) $(kind).disabled = found.shipped;
+  for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = kind !== "copy" && found.shipped;
   documents.open(found);
   editor.selection = {};
   editor.drawn = [];
@@ -377,6 +377,7 @@ function welcome() {
     el("p", { textContent: "Or look at one that ships with flowslide:" }),
     el("div", { className: "buttons" }, ...state.workspace.cases.map(({ name }) => button(name.replaceAll("_", " "), go(() => { fillCases(name); open(name); })))));
   document.body.dataset.mode = "section";
+  for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = true;
   say("draw a section, import one, or look at a case that ships");
   dialog.showModal();
 }
