@@ -414,3 +414,30 @@ def test_a_zone_drawn_at_others_shares_their_vertices(address, browser):
     assert area == 40 and len(roof) == 3 and len(side) == 3
     assert [tuple(place) for place in base] == [(0, 0), (10, 0), (10, 1), (10, 3), (10, 4), (8, 4),
                                                 (2, 4), (0, 4)]  # fmt: skip
+
+
+def test_the_water_table_of_a_pool_on_one_side(address, browser):
+    """A dam on its foundation; a side that it does not hold back has none."""
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    found = page.evaluate("""async () => {
+      const { tableOfPool, poolSide, setPool } = await import('/water.js');
+      const ground = { name: 'a', polygon: [[0, 0], [100, 0], [100, 5], [70, 5], [30, 5], [0, 5]] };
+      const dam = { name: 'b', polygon: [[30, 5], [70, 5], [52, 14], [48, 14]] };
+      const scene = { zones: [ground, dam], materials: {}, water_level: null, phreatic_line: null };
+      const tables = [[11, 'left'], [11, 'right'], [14.5, 'left'], [5, 'left'], [3, 'left']]
+        .map(([level, side]) => tableOfPool(scene, level, side));
+      const sides = ['left', 'right', 'both'].map((side) => {
+        setPool(scene, 11, side);
+        return poolSide(scene);
+      });
+      Object.assign(scene, { water_level: 11, phreatic_line: [[40, 11], [50, 8], [70, 5]] });
+      sides.push(poolSide(scene));
+      setPool(scene, 12, 'drawn');
+      return [tables, sides, scene.phreatic_line];
+    }""")
+    tables, sides, moved = found
+    assert tables == [[[42, 11], [70, 5]], [[30, 5], [58, 11]], None, None, None]
+    assert sides == ["left", "right", "both", "drawn"]
+    assert moved == [[40, 12], [50, 8], [70, 5]], "what stood at the pool goes with it"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -540,3 +541,9 @@ def test_a_case_is_renamed_and_removed(page, workspace):
     page.keyboard.type("first")
     page.keyboard.press("Enter")
     expect(page.locator('body[data-case="first"]')).to_have_count(1, timeout=WAIT_MS)
+
+
+def test_a_folder_that_cannot_be_shown_is_named(page, workspace):
+    shutil.copytree(workspace.folder / "small", workspace.folder / "mein damm")
+    page.reload()
+    expect(page.locator("#left-out")).to_contain_text("not shown: “mein damm”", timeout=WAIT_MS)

@@ -1,7 +1,7 @@
 // Draws the section before the slide and the points of a deposit, with pan and zoom; heights may be exaggerated.
 
 import { bounds } from "./section.js";
-import { surface, waterTableAt } from "./water.js";
+import { waterTableAt } from "./water.js";
 
 const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
   "#6f8f3f", "#7c8794", "#c9785a", "#487d74", "#93793f", "#6977b8", "#a85a83", "#4f9a5e"];
@@ -247,7 +247,7 @@ export class View {
     if (!found) return [0.5 * (line[0][0] + line.at(-1)[0])];
     const aside = 25 * this.box[2];
     const foot = found.low + 0.02 * (found.high - found.low);
-    const crest = surface(this.scene).reduce((best, place) => (place[1] > best[1] ? place : best));
+    const crest = this.scene.zones.flatMap(({ polygon }) => polygon).reduce((best, place) => (place[1] > best[1] ? place : best));
     return [found.left - aside, crest[0], found.right + aside].filter((x) => heightOn(line, x) > foot);
   }
 

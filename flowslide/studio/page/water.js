@@ -48,9 +48,10 @@ export function poolSide(scene) {
   const { water_level: level, phreatic_line: line } = scene;
   if (level === null || level === undefined) return null;
   if (!line) return "both";
+  if (line.length !== 2) return "drawn";
   return ["left", "right"].find((side) => {
     const own = tableOfPool(scene, level, side);
-    return own?.length === line.length && own.every((place, i) => same(place, line[i]));
+    return own && own.every((place, i) => same(place, line[i]));
   }) ?? "drawn";
 }
 
