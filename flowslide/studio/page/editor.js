@@ -3,7 +3,7 @@
 import { addZone, bounds, distance, footOn, insertVertex, isInside, lines, moveVertex, nearestEdge, nearestVertex,
   removeVertex, rounded, same } from "./section.js";
 import { removeZone } from "./question.js";
-import { css } from "./view.js";
+import { css } from "./ui.js";
 
 const REACH = 9; // pixels within which something is meant
 const SLIVER = 3; // pixels: a vertex this close to an edge belongs on it

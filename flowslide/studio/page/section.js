@@ -31,6 +31,21 @@ export function bounds(scene) {
   return { left: pick(Math.min, 0), right: pick(Math.max, 0), low: pick(Math.min, 1), high: pick(Math.max, 1) };
 }
 
+/** Where the picture of a section ends below [m]. */
+export function lowest(scene) {
+  const base = scene.ground?.points ?? [];
+  return Math.min(bounds(scene)?.low ?? 0, ...base.map(([, y]) => y)) - 1;
+}
+
+/** The domain; of a section that is being drawn: what a slide of it would need, or a first sheet. */
+export function roomOf(scene) {
+  if (scene.domain) return scene.domain;
+  const found = bounds(scene);
+  if (!found) return { x_min: -20, x_max: 80, y_max: 30 };
+  const height = Math.max(found.high - found.low, 0.1 * (found.right - found.left));
+  return { x_min: found.left - height, x_max: found.right + height, y_max: found.high + 0.5 * height };
+}
+
 export function area(ring) {
   return Math.abs(ring.reduce((sum, [x, y], i) => {
     const [u, v] = ring[(i + 1) % ring.length];

@@ -1,5 +1,8 @@
 // Small parts of the page.
 
+/** A colour of the theme. */
+export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
 /** An element with properties, attributes (aria-..., data-...) and children. */
 export function el(tag, properties = {}, ...children) {
   const found = document.createElement(tag);

@@ -1,7 +1,8 @@
 // Draws the section before the slide and the points of a deposit, with pan and zoom; heights may be exaggerated.
 
-import { bounds } from "./section.js";
-import { waterTableAt } from "./water.js";
+import { bounds, lowest, roomOf } from "./section.js";
+import { css } from "./ui.js";
+import { paintWater, paintWaterTable } from "./water_view.js";
 
 const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
   "#6f8f3f", "#7c8794", "#c9785a", "#487d74", "#93793f", "#6977b8", "#a85a83", "#4f9a5e"];
@@ -13,8 +14,6 @@ const SCALES = {
 };
 // Light to dark, one hue after another of even lightness steps; works on both papers.
 const RAMP = [[236, 226, 180], [241, 176, 103], [222, 105, 84], [160, 50, 103], [73, 22, 97]];
-
-export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export function ramp(share) {
   const place = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1);
@@ -186,13 +185,13 @@ export class View {
     canvas.dataset.box = [...box, this.rise].join(" ");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.under?.(pen);
-    this.paintWater(pen);
+    paintWater(this, pen);
     if (this.deposit) this.paintPoints();
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.paintSection(pen);
     this.paintGround(pen);
     this.paintEnds(pen);
-    this.paintWaterTable(pen);
+    paintWaterTable(this, pen);
     this.paintAxes(pen);
     this.paintMarks(pen);
     this.over?.(pen);
@@ -202,63 +201,6 @@ export class View {
   path(pen, points) {
     pen.beginPath();
     points.forEach((place, i) => { const [x, y] = this.pixel(place); if (i) pen.lineTo(x, y); else pen.moveTo(x, y); });
-  }
-
-  /** The water table from end to end of the domain; null: there is no water. */
-  waterTable() {
-    const { scene } = this;
-    const domain = roomOf(scene);
-    const level = this.level ?? scene.water_level;
-    if (level === null || level === undefined) return null;
-    const line = waterTableAt(scene, level) ?? [[domain.x_min, level]];
-    const within = line.filter(([x]) => x > domain.x_min && x < domain.x_max);
-    return [[domain.x_min, heightOn(line, domain.x_min)], ...within, [domain.x_max, heightOn(line, domain.x_max)]];
-  }
-
-  paintWater(pen) {
-    const line = this.waterTable();
-    if (!line) return;
-    const low = lowest(this.scene);
-    pen.fillStyle = css("--water");
-    pen.globalAlpha = 0.22;
-    this.path(pen, [[line[0][0], low], ...line, [line.at(-1)[0], low]]);
-    pen.fill();
-    pen.globalAlpha = 1;
-  }
-
-  /** The water table as a line above the zones, with the usual triangle on the pool and in the soil. */
-  paintWaterTable(pen) {
-    const line = this.waterTable();
-    if (!line) return;
-    pen.strokeStyle = css("--water-line");
-    pen.lineWidth = 1.8;
-    const dry = bounds(this.scene)?.low ?? -Infinity;
-    for (const [i, end] of line.slice(1).entries()) {
-      if (Math.max(line[i][1], end[1]) <= dry) continue; // below the section, where there is no water to be seen
-      this.path(pen, [line[i], end]);
-      pen.stroke();
-    }
-    for (const x of this.triangles(line)) this.paintTriangle(pen, this.pixel([x, heightOn(line, x)]));
-  }
-
-  /** Places x of the triangles: beside the section where water stands on the ground, and where it passes the crest. */
-  triangles(line) {
-    const found = bounds(this.scene);
-    if (!found) return [0.5 * (line[0][0] + line.at(-1)[0])];
-    const aside = 25 * this.box[2];
-    const foot = found.low + 0.02 * (found.high - found.low);
-    const crest = this.scene.zones.flatMap(({ polygon }) => polygon).reduce((best, place) => (place[1] > best[1] ? place : best));
-    return [found.left - aside, crest[0], found.right + aside].filter((x) => heightOn(line, x) > foot);
-  }
-
-  paintTriangle(pen, [x, y]) {
-    pen.beginPath();
-    pen.moveTo(x, y);
-    pen.lineTo(x - 5, y - 9);
-    pen.lineTo(x + 5, y - 9);
-    pen.closePath();
-    for (const [half, below] of [[5, 3], [2.5, 6]]) { pen.moveTo(x - half, y + below); pen.lineTo(x + half, y + below); }
-    pen.stroke();
   }
 
   /** Points go straight into pixels: thousands of them at the speed of the film. */
@@ -451,28 +393,6 @@ export function zoneColours(scene) {
   const of = Object.fromEntries(Object.entries(scene.materials).map(([name, soil], i) =>
     [name, soil?.liquefied ? LIQUEFIED : COLOURS[i % COLOURS.length]]));
   return scene.zones.map((zone) => of[zone.material]);
-}
-
-/** Height of a line at x, level beyond its ends. */
-function heightOn(line, x) {
-  const i = line.findIndex(([end]) => end >= x);
-  if (i < 1) return line.at(i)[1];
-  const [[a, y], [b, z]] = [line[i - 1], line[i]];
-  return y + ((x - a) / (b - a)) * (z - y);
-}
-
-function lowest(scene) {
-  const base = scene.ground?.points ?? [];
-  return Math.min(bounds(scene)?.low ?? 0, ...base.map(([, y]) => y)) - 1;
-}
-
-/** The domain; of a section that is being drawn: what a slide of it would need, or a first sheet. */
-function roomOf(scene) {
-  if (scene.domain) return scene.domain;
-  const found = bounds(scene);
-  if (!found) return { x_min: -20, x_max: 80, y_max: 30 };
-  const height = Math.max(found.high - found.low, 0.1 * (found.right - found.left));
-  return { x_min: found.left - height, x_max: found.right + height, y_max: found.high + 0.5 * height };
 }
 
 function niceStep(wanted) {
