@@ -262,6 +262,29 @@ def test_a_killed_server_loses_nothing_that_was_drawn(workspace, browser):
         expect(page.locator("#section-right .faults li")).to_have_count(2)
 
 
+def test_an_open_page_saves_when_the_studio_is_started_again(workspace, browser):
+    """The folder keeps its port; the address that is printed has another token."""
+    place = workspace.folder / "small"
+    with serving(place, "--threads", "1") as address:
+        page = watched(browser)
+        page.goto(address)
+        opened(page)
+        page.get_by_role("tab", name="Section").click()
+    fill(page, "spacing [m]", 3)
+    expect(page.locator("#status")).to_contain_text("not saved", timeout=WAIT_MS)
+    with page.expect_event("dialog") as leaving:  # who leaves now is asked
+        page.on("dialog", lambda dialog: dialog.dismiss())
+        page.evaluate("setTimeout(() => location.reload())")
+    assert leaving.value.type == "beforeunload"
+    with serving(place, "--threads", "1") as address:
+        other = tab(page.context)
+        other.goto(address)
+        opened(other)
+        page.bring_to_front()
+        saved(page)
+        assert read_yaml(place / "scene.yaml")["spacing"] == 3
+
+
 def test_a_shipped_case_is_copied_and_a_drawing_is_imported(address, browser, workspace):
     page = watched(browser)
     page.goto(address)

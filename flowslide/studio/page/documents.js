@@ -26,14 +26,14 @@ export class Documents {
   leave(event) {
     document.activeElement?.blur();
     if (!this.dirty && !this.saving) return;
-    if (this.saving || this.apart || JSON.stringify(this.now).length > SHORT) event.preventDefault();
+    if (this.saving || this.apart || this.failing || JSON.stringify(this.now).length > SHORT) event.preventDefault();
     else this.save(true);
   }
 
   open(found) {
     clearTimeout(this.waiting);
     Object.assign(this, { name: found.name, shipped: found.shipped, revision: found.revision, now: partsOf(found),
-      past: [], future: [], dirty: false, apart: false });
+      past: [], future: [], dirty: false, apart: false, failing: false });
     const kept = JSON.parse(sessionStorage.getItem(`edits of ${found.name}`));
     if (kept?.revision === found.revision) Object.assign(this, { past: kept.past, future: kept.future });
   }
@@ -99,6 +99,7 @@ export class Documents {
       const found = await send(`/api/cases/${name}`, { revision: this.revision, ...this.now }, "PUT", last);
       if (name !== this.name) return;
       this.revision = found.revision;
+      this.failing = false;
       // What the program has added, such as room for the slide; it is no edit of its own.
       if (!this.dirty) this.now = partsOf(found);
       this.keepEdits();
@@ -108,6 +109,7 @@ export class Documents {
       this.dirty = true;
       if (error.status === 409) { this.apart = true; this.on.conflict(error.found.case); }
       else {
+        this.failing = true;
         this.on.failed(`not saved: ${error.message}`);
         this.waiting = setTimeout(() => this.save(), 2000);
       }
