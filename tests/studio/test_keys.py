@@ -274,6 +274,28 @@ def test_the_picture_is_as_large_as_section_and_deposit(page):
     assert right > canvas["x"] + 0.8 * canvas["width"]
 
 
+def test_a_slide_that_runs_out_of_the_window_is_followed_unless_somebody_looks_elsewhere(page):
+    def shown(strength, number):
+        page.get_by_label("S_r, loose [kPa]").click(click_count=3)
+        page.keyboard.type(strength)
+        page.keyboard.press("Tab")
+        answered = page.locator(f'body[data-answered="{number}"]')
+        expect(answered).to_have_count(1, timeout=WAIT_MS)
+        page.wait_for_timeout(100)
+        ran = float(page.locator("#readings tbody td").nth(2).inner_text().split()[0])
+        return pixel_of(page, 40.0 - ran, 0.0)[0], pixel_of(page, 40.0, 0.0)
+
+    canvas = page.locator("#canvas").bounding_box()
+    toe, before = shown("3", 2)
+    assert canvas["x"] < toe < canvas["x"] + canvas["width"]
+    page.mouse.move(canvas["x"] + 0.8 * canvas["width"], canvas["y"] + 300)
+    page.mouse.wheel(0, -700)
+    page.wait_for_timeout(100)
+    looked = pixel_of(page, 40.0, 0.0)
+    toe, after = shown("2", 3)
+    assert toe < canvas["x"] and after == looked != before
+
+
 def test_a_soil_keeps_its_colour_when_another_liquefies(page):
     section(page)
     page.mouse.move(5, 5)

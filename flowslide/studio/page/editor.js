@@ -26,6 +26,7 @@ export class Editor {
     view.tool = this;
     view.over = (pen) => this.paint(pen);
     view.canvas.addEventListener("pointermove", (event) => this.move(event));
+    view.canvas.addEventListener("pointerleave", () => { this.hover = null; view.draw(); });
     view.canvas.addEventListener("dblclick", (event) => this.double(event));
   }
 

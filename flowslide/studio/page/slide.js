@@ -234,7 +234,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     $("misfit").textContent = misfitWords(found.header.readings);
     describe(found.header);
     view.marks = marks(found.header.readings);
-    if (state.first && view.isFitted) view.fit(); // the deposit of a case that was opened; later ones move nothing
+    // The view that nobody has moved shows the first deposit as large as it can be, and all of the later ones.
+    if (view.isFitted && (state.first || !view.holdsAll)) view.fit();
     state.first = false;
     view.paintLegend();
     view.draw();

@@ -101,6 +101,13 @@ export class View {
     return ends;
   }
 
+  /** Nothing that there is to see is beyond the window. */
+  get holdsAll() {
+    const [left, right, , high] = this.room();
+    const [x, y, scale] = this.box;
+    return left >= x && right <= x + this.canvas.clientWidth * scale && high <= y + this.canvas.clientHeight * this.up;
+  }
+
   /** Exaggerate heights; the foot of the section stays where it is. */
   stretch(rise) {
     if (rise === this.rise) return;
