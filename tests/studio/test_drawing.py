@@ -281,8 +281,11 @@ def test_an_open_page_saves_when_the_studio_is_started_again(workspace, browser)
         other.goto(address)
         opened(other)
         page.bring_to_front()
-        saved(page)
-        assert read_yaml(place / "scene.yaml")["spacing"] == 3
+        for _ in range(200):  # its status may speak of the connection by then
+            if read_yaml(place / "scene.yaml")["spacing"] == 3:
+                return
+            page.wait_for_timeout(100)
+    raise AssertionError(page.locator("#status").inner_text())
 
 
 def test_a_shipped_case_is_copied_and_a_drawing_is_imported(address, browser, workspace):

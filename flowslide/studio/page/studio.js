@@ -128,7 +128,7 @@ async function open(name, again = false) {
   if (turn !== opening) return; // another one was asked for meanwhile
   Object.assign(state, { name, found, effects: {}, changes: { strengths_kpa: {}, friction_deg: {} }, fresh: false });
   history.replaceState(null, "", `#${name}`);
-  $("origin").textContent = found.shipped ? "ships with flowslide, read only" : "";
+  $("origin").textContent = found.shipped ? "read only" : "";
   $("apart").hidden = true;
   for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = kind !== "copy" && found.shipped;
   documents.open(found);
