@@ -168,6 +168,7 @@ def test_vertices_move_together_and_every_edit_is_undone(address, browser, works
     assert workspace.save("small", case["revision"], case)
     expect(page.locator("#status")).to_contain_text("changed elsewhere", timeout=WAIT_MS)
     expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+    expect(page.locator(".zone.chosen")).to_have_count(1)
 
     # New vertex, removed zone, undo, redo.
     click(page, 65, 3)

@@ -41,6 +41,14 @@ export class Editor {
     this.view.draw();
   }
 
+  /** The section still has what is chosen: files that were changed elsewhere may not. */
+  hasSelected() {
+    const { zone, vertex } = this.selection;
+    const { scene } = this;
+    return (zone === undefined || Boolean(scene.zones?.[zone]))
+      && (!vertex || lines(scene).some(({ points }) => points.some((point) => same(point, vertex))));
+  }
+
   choose(selection) {
     this.selection = selection;
     this.on.select(selection);

@@ -49,7 +49,7 @@ const documents = new Documents({
     if (state.mode !== "section") slide.flow();
   },
   conflict(found) { apart("This case was changed elsewhere while you edited it.", found); },
-  elsewhere: async () => { say("changed elsewhere: shown as it is now"); await open(state.name, true); },
+  elsewhere: async () => { if (await open(state.name, true, true)) say("changed elsewhere: shown as it is now"); },
   failed(words) { say(words, true); },
 });
 
@@ -121,19 +121,21 @@ function proposeOnce() {
 
 let opening = 0;
 
-async function open(name, again = false) {
+/** Show a case, or the one that is open `again`; false: it is not shown, as nobody has asked for it (`unasked`) and it would undo an edit. */
+async function open(name, again = false, unasked = false) {
   const turn = opening += 1;
   let found;
-  try { found = await get(`/api/cases/${name}`); } catch (error) { say(error.message, true); return; }
-  if (turn !== opening) return; // another one was asked for meanwhile
+  try { found = await get(`/api/cases/${name}`); } catch (error) { say(error.message, true); return false; }
+  if (turn !== opening) return false; // another one was asked for meanwhile
+  if (unasked && (documents.dirty || documents.saving)) return false; // to be saved is a conflict: somebody chooses
   Object.assign(state, { name, found, effects: {}, changes: { strengths_kpa: {}, friction_deg: {} }, fresh: false });
   history.replaceState(null, "", `#${name}`);
   $("origin").textContent = found.shipped ? "read only" : "";
   $("apart").hidden = true;
   for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = kind !== "copy" && found.shipped;
   documents.open(found);
-  editor.selection = {};
-  editor.drawn = [];
+  if (!again) editor.use("select");
+  if (!again || !editor.hasSelected()) editor.selection = {};
   view.deposit = null;
   view.level = undefined;
   view.marks = [];
@@ -143,6 +145,7 @@ async function open(name, again = false) {
   if (found.faults.length) say(`${found.faults[0].document}: ${found.faults[0].message}`, true);
   setMode(again ? state.mode : found.scene.zones?.length ? state.mode : "section");
   document.body.dataset.case = name;
+  return true;
 }
 
 function apart(words, found) {
@@ -154,13 +157,14 @@ function apart(words, found) {
 
 function setMode(mode) {
   if (!state.found) return;
-  if (state.mode !== mode) slide.pause();
+  const isOther = state.mode !== mode;
+  if (isOther) slide.pause();
   state.mode = mode;
   sessionStorage.setItem("mode", mode); // a reload goes on in it
   document.body.dataset.mode = mode;
   for (const tab of $("modes").children) tab.setAttribute("aria-selected", String(tab.dataset.mode === mode));
   editor.active = mode === "section" && !state.found.shipped;
-  editor.use("select");
+  if (isOther) editor.use("select"); else drawing();
   showMarks();
   view.stretch(mode === "section" ? 1 : Number($("rise").value)); // what is drawn has equal scales
   if (mode === "section") { view.deposit = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
