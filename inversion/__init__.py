@@ -11,5 +11,5 @@ used.
 
 from __future__ import annotations
 
-PHYSICS_VERSION = 5
+PHYSICS_VERSION = 6
 """Raised whenever the same question and the same simulations give another answer."""

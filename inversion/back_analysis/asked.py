@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from geometry.survey.sets import Sets
 from inversion.back_analysis.variants import Changed, sides, vary
+from inversion.engines.small_cells import LEAST_POINTS, OTHER_SPACINGS
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.forward import Setup
 from inversion.estimation.misfit import Objective
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.question import FILE_NAME, Question, Sensitivity, Variant
+from inversion.problem.question import FILE_NAME, CellSize, Question, Sensitivity, Variant
 from pipeline.cli import InputError
 from pipeline.config import Config
 
@@ -130,6 +131,21 @@ class Asked(ABC):
         except InputError:
             return None
 
+    # --- small cells ---
+
+    def other_cells(self, setup: AnySetup) -> Iterator[AnySetup]:
+        """A setup at other spacings, to tell what its cells make of it; the asked ones come first.
+
+        A run of a body takes minutes: there only what the question asks for.
+        """
+        asked = [one.factor for one in self.question.sensitivities if isinstance(one, CellSize)]
+        more = OTHER_SPACINGS if self.dimensions == 2 else ()
+        for factor in dict.fromkeys((*asked, *more)):
+            other = self.at_spacing(factor * self.spacing_m, setup)
+            points = self.point_count / factor**self.dimensions
+            if other is not None and (points >= LEAST_POINTS or factor in asked):
+                yield other
+
     # --- other readings ---
 
     def variant(self, variant: Variant) -> Changed[Any]:
@@ -180,7 +196,9 @@ class Asked(ABC):
                 left_out.append(f"{entry.name}: left out: {reason}")
                 continue
             try:
-                found.append((entry, sides(self.setup, entry, self.source)))
+                changed = sides(self.setup, entry, self.source)
+                if not isinstance(entry, CellSize):  # which is taken off the answer: `other_cells`
+                    found.append((entry, changed))
             except InputError as error:
                 if self.spacing_m <= self.own_spacing_m:
                     raise

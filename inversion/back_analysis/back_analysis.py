@@ -33,6 +33,7 @@ from inversion.back_analysis.changed_answers import (
     variant_answer,
 )
 from inversion.back_analysis.hand_checks import ratio_check, stability_check
+from inversion.back_analysis.in_small_cells import told
 from inversion.back_analysis.perturbed_answers import (
     ROUNDS,
     EquivalentAnswer,
@@ -55,6 +56,7 @@ from inversion.back_analysis.result_builder import compared_relations
 from inversion.classical.slices import WaterForm
 from inversion.engines.registry import REFERENCE, Engine, engine_named
 from inversion.engines.run_store import Store
+from inversion.engines.small_cells import SmallCells, factors_of, small_cells
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.engines.workers import Job
 from inversion.estimation.calibrate import calibrate, further_starts, refine
@@ -103,6 +105,7 @@ class BackAnalysis:
     sensitivities: list[SensitivityAnswer] = field(default_factory=list)
     ratio_changes: dict[str, dict[str, float]] = field(default_factory=dict)
     noise: Noise | None = None
+    cells: SmallCells | None = None
     hand_checks: list[HandCheck] = field(default_factory=list)
     waterfall: WaterfallAnswer | None = None
     more_sources: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -120,7 +123,8 @@ class BackAnalysis:
 
     def run(self, more: Sequence[Job] = ()) -> Result:
         """All stages; next to those after the answer `more` that needs the answer."""
-        first, then = self.stages_to_answer(), self.stages_after_answer()
+        first = [*self.stages_to_answer(), ("cells", self.take_off_cells)]
+        then = self.stages_after_answer()
         after = sum(self._expected_runs(name) for name, _ in then)
         self.watch.plan({**{name: self._expected_runs(name) for name, _ in first}, AFTER: after})
         self.remarks = {name: [] for name, _ in [*first, *then]}
@@ -169,6 +173,7 @@ class BackAnalysis:
         changes = len(question.sensitivities)
         return {
             "answer": settings.step_seeds + 5 * evaluation,
+            "cells": 5,
             "starts": (settings.starts - 1) * 4 * evaluation,
             "equally good": 4 * evaluation if evaluation > 2 else 0,
             "seeds": 2 * settings.noise_seeds,
@@ -316,6 +321,37 @@ class BackAnalysis:
         ):
             self.remark(line)
 
+    def take_off_cells(self) -> None:
+        """Find what the size of the cells makes of the strengths of the answer.
+
+        A limit of flow stays as the runs have it: with smaller cells it lies higher, so the bound
+        that is told is one.
+        """
+        if self.objective.limit or not self.case.parameters.strengths.any():
+            return
+        setup, engine = self.case.setup, self.engine_of_cells()
+        if engine is None:
+            why = f"{self.described.description} has no cells of its own"
+            self.cells = SmallCells.unknown(self.case.spacing_m, why)
+        else:
+            others = self.case.other_cells(setup)
+            self.cells = small_cells(engine, setup, self.found.values, others)
+            self._count(engine)
+        if not self.cells.known:
+            self.remark(self.cells.words)
+            return
+        factors = factors_of(self.cells, self.case.parameters)
+        listed = ", ".join(
+            f"{name} {factors[name] * value:.4g}"
+            for name, value in self.case.parameters.as_mapping(self.found.values).items()
+            if factors[name] != 1.0
+        )
+        self.say(f"{self.cells.words}: in small cells {listed}")
+
+    def engine_of_cells(self) -> Forward | None:
+        """The engine whose cells the answer has; None: there are none."""
+        return self.engine_of()
+
     def search_from_elsewhere(self) -> None:
         """Ask again from other first guesses; the answer should not depend on them."""
         self.starts = [result_builder.start_of(self.found, self.objective)]
@@ -353,7 +389,10 @@ class BackAnalysis:
         form: WaterForm = "pore_pressure" if setup.settings.water == "pore_pressure" else "buoyant"
         for side in sides:
             try:
-                scene = setup.scene_at(self.found.values)
+                factor = 1.0 if self.cells is None else self.cells.factor
+                strengths = self.case.parameters.strengths
+                values = np.where(strengths, factor * self.found.values, self.found.values)
+                scene = setup.scene_at(values)
                 self.hand_checks.append(stability_check(scene, side, form))
             except WorkFailed as error:
                 self.remark(f"factor of safety of the section before, to the {side}: {error}")
@@ -544,8 +583,7 @@ class BackAnalysis:
             noise_std,
             self.more_sources,
         )
-        ratios = [ratio_check(p) for p in answer.parameters if p.lower_bound_95 is None]
-        return Result(
+        result = Result(
             case=case.name,
             title=case.title,
             measurement_set=case.measurement_set,
@@ -564,13 +602,18 @@ class BackAnalysis:
             classical=[],
             waterfall=self.waterfall,
             relations=compared_relations(case) if isinstance(case, InversionCase) else [],
-            hand_checks=[*self.hand_checks, *(one for one in ratios if one is not None)],
+            hand_checks=self.hand_checks,
             remarks=[line for lines in self.remarks.values() for line in lines],
             published=case.measurements.strength_published_kpa,
             timings={name: round(seconds, 3) for name, seconds in self.timings.items()},
             runs=self.runs,
             runs_to_answer=found.runs,
         )
+        if self.cells is not None:
+            result = told(result, self.cells, case.parameters)
+        asked = [p for p in result.answer.parameters if p.lower_bound_95 is None]
+        checks = [*self.hand_checks, *filter(None, map(ratio_check, asked))]
+        return result.model_copy(update={"hand_checks": checks})
 
     # --- what the stages share ---
 

@@ -6,7 +6,7 @@ spacing of the answer. Out: `VariantAnswer`, `SensitivityAnswer`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from inversion.back_analysis.variants import Changed
 from inversion.estimation.forward import Prediction
 from inversion.estimation.misfit import root_mean_square
 from inversion.estimation.search import SearchResult
-from inversion.problem.question import CellSize, Sensitivity, Variant
+from inversion.problem.question import Sensitivity, Variant
 from pipeline.ties import ranked
 
 
@@ -106,48 +106,20 @@ def sensitivity_answer(solved: Sequence[Solved], here: Here) -> SensitivityAnswe
     changes = [side.change for side in answered]
     worst = ranked(answered, lambda side: abs(side.change[parameters.names[0]]))[0]
     std = {name: root_mean_square(changes, name) for name in parameters.names}
-    limit = None
-    if isinstance(entry, CellSize):
-        limit = limit_of_cells(solved[0], here, entry.factor)
-        std = {
-            name: abs(limit[name] - value)
-            for name, value in parameters.as_mapping(here.values).items()
-        }
     return SensitivityAnswer(
         name=entry.name,
         kind=entry.kind,
         words="; ".join(side.words for side in answered),
         change=worst.change,
         std=std,
-        limit_of_small_cells=limit,
         sides=answered,
     )
-
-
-def limit_of_cells(solved: Solved, here: Here, factor: float) -> Mapping[str, float]:
-    """The answer with ever smaller cells, by Richardson's extrapolation, by parameter.
-
-    Slip between bodies of soil spreads over about two cells, so the error falls with the first
-    power of the cell (docs/records/numerical-choices.md): from h and r h to 0 the scaled answer
-    moves by (x(h) - x(r h)) / (r - 1).
-    """
-    parameters = solved.best.objective.parameters
-    fine, coarse = (parameters.to_fitted(v) for v in (here.values, solved.best.refined))
-    limit = np.clip(
-        fine + (fine - coarse) / (factor - 1.0), parameters.fitted_low, parameters.fitted_high
-    )
-    return parameters.as_mapping(parameters.to_values(limit))
 
 
 def ratio_change(answer: SensitivityAnswer) -> dict[str, float]:
     """What an assumption adds to the standard deviation of strength / sigma'_v0, by parameter."""
     moved = [side.ratio_change for side in answer.sides]
-    found = {name: root_mean_square(moved, name) for name in moved[0]}
-    for name in found if answer.limit_of_small_cells else ():
-        # Small cells change the strength alone: as many times the change seen as for the strength.
-        seen = root_mean_square([side.change for side in answer.sides], name)
-        found[name] *= answer.std[name] / seen if seen else 1.0
-    return found
+    return {name: root_mean_square(moved, name) for name in moved[0]}
 
 
 def largest(solved: Sequence[Solved], here: Here, std: np.ndarray, share: float) -> set[str]:

@@ -26,6 +26,7 @@ from inversion.engines.model_error import (
     states_around,
     with_error,
 )
+from inversion.engines.registry import REFERENCE, engine_named
 from inversion.engines.workers import Job
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, posterior
@@ -68,6 +69,10 @@ class LearnedAnalysis(BackAnalysis):
         if self.pairs is None:
             return engine
         return Corrected(engine, dict(zip(self.pairs.names, self.pairs.correction, strict=True)))
+
+    def engine_of_cells(self) -> Forward | None:
+        """The solver, where its runs have corrected the answer: a learned engine has no cells."""
+        return None if self.pairs is None else engine_named(REFERENCE).made(self.store)
 
     def objective_of(self, setup: Setup) -> Objective:
         """With the engine's error in the covariance as soon as it is known."""

@@ -7,6 +7,7 @@ question is asked again, or when a killed run is continued.
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +16,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from inversion.back_analysis.result_checks import check_whole
+from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role, Targets
 from inversion.problem.changes import StatedValue
 from inversion.problem.question import Question
@@ -37,10 +39,13 @@ class ParameterAnswer(StrictDocument):
     zones: list[str] = Field(description="zones that share it")
     property: str = Field(description="of inversion.yaml, such as residual_strength_kpa")
     unit: str = Field(description="kPa, deg, kg/m3 or m")
-    value: float = Field(description="the answer")
-    start: float = Field(description="first guess")
-    low: float = Field(description="lower bound")
-    high: float = Field(description="upper bound")
+    value: float = Field(description="the answer; of a strength in small cells")
+    value_of_run: float | None = Field(
+        None, description="what its run takes for it; null: `value` itself"
+    )
+    start: float = Field(description="first guess, of runs as asked")
+    low: float = Field(description="lower bound of runs")
+    high: float = Field(description="upper bound of runs")
     std_data: float = Field(
         description="standard deviation from the survey's error, the other parameters unknown too"
     )
@@ -76,6 +81,11 @@ class ParameterAnswer(StrictDocument):
     ratio_lower_bound_95: float | None = Field(
         None, description="lower_bound_95 as a ratio, with the standard deviation of the ratio"
     )
+
+    @builtins.property  # the field of that name hides it here
+    def as_run(self) -> float:
+        """What a run takes for it."""
+        return self.value if self.value_of_run is None else self.value_of_run
 
 
 class Correlation(StrictDocument):
@@ -169,6 +179,11 @@ class Answer(StrictDocument):
         description="parameter -> its steps changed some fitted measurement by 5 times the noise"
     )
     steps: dict[str, float] = Field(description="parameter -> finite-difference step, outside unit")
+    small_cells: SmallCells | None = Field(
+        None,
+        description="what turned strengths of runs into all of those told here; null: they are as "
+        "the runs had them",
+    )
 
 
 class HandCheck(StrictDocument):
@@ -258,14 +273,7 @@ class SensitivityAnswer(StrictDocument):
     kind: str = Field(description="as in the question")
     words: str = Field(description="what was changed")
     change: dict[str, float] = Field(description="of the side that changes the answer most")
-    std: dict[str, float] = Field(
-        description="its contribution: root mean square over the sides; of the cell size the "
-        "distance to `limit_of_small_cells`"
-    )
-    limit_of_small_cells: dict[str, float] | None = Field(
-        None,
-        description="of the cell size: the answer with ever smaller cells, extrapolated; else null",
-    )
+    std: dict[str, float] = Field(description="its contribution: root mean square over the sides")
     sides: list[Side] = Field(description="each of the changes")
 
 

@@ -20,6 +20,7 @@ import gns
 from gns.data.scene_facts import with_known_water
 from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.case import InversionCase
+from inversion.back_analysis.in_small_cells import told_values
 from inversion.back_analysis.learned_analysis import LearnedAnalysis
 from inversion.back_analysis.result import EngineAnswer, Result, Surrogate, SurrogatePair
 from inversion.back_analysis.result_files import own_answer
@@ -172,14 +173,16 @@ class SurrogateAnalysis(LearnedAnalysis):
             answer_std=parameters.as_mapping(self.answer_std),
             runs_mpm=self.truth.runs,
         )
-        engines = [
-            self._engine(
-                "gns", "without correction", self.alone.values, self.alone.best.prediction
-            ),
-            self._engine("mpm", "at that answer", self.alone.values, self.judged_alone),
-            own_answer(result),
-            self._engine("mpm", "at that answer", self.found.values, self.judged),
+        rows = [
+            ("gns", "without correction", self.alone.values, self.alone.best.prediction),
+            ("mpm", "at that answer", self.alone.values, self.judged_alone),
+            ("mpm", "at that answer", self.found.values, self.judged),
         ]
+        alone, judged_alone, judged = (
+            row.model_copy(update={"values": told_values(row.values, result.answer)})
+            for row in (self._engine(*one) for one in rows)
+        )
+        engines = [alone, judged_alone, own_answer(result), judged]
         return result.model_copy(update={"surrogate": surrogate, "engines": engines})
 
     def _engine(

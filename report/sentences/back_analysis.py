@@ -12,6 +12,7 @@ import numpy as np
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engines.registry import engine_named
+from inversion.engines.small_cells import SmallCells
 from inversion.problem.changes import WATER_WORDS
 from pipeline.ties import largest, largest_place, ranked
 from report.data.back_analysis import MANY, BackAnalysisData
@@ -341,18 +342,23 @@ def spacing_sentences(data: BackAnalysisData) -> list[str]:
             f"What changes the answer was found with points every {result.coarse_spacing_m:g} m, "
             "by runs moved so that both agree at the answer. " + _checked(data)
         )
-    for entry in result.sensitivities:
-        if entry.limit_of_small_cells is not None:
-            limits = ", ".join(
-                f"{p.label} {fixed(entry.limit_of_small_cells[p.name])} {unit_of(p.unit)}"
-                for p in data.strengths
-            )
-            if limits:
-                said.append(
-                    f"Extrapolated to ever smaller cells: {limits}; the distance to it is in the "
-                    f"standard deviation ({entry.name})."
-                )
+    if (cells := result.answer.small_cells) is not None:
+        said.append(cells_words(cells))
     return said
+
+
+def cells_words(cells: SmallCells) -> str:
+    """What the size of the cells makes of strengths, as a sentence."""
+    if not cells.known:
+        return (
+            f"{cells.words[0].upper()}{cells.words[1:]}. The strengths are as the runs have them, "
+            f"and less certain by {100 * cells.log_std:.0f} %."
+        )
+    return (
+        f"Strengths are those in small cells: {cells.factor:.3f} ± {cells.log_std:.3f} times what "
+        f"the runs take, from runs with points {cells.spacing_m:g} and "
+        f"{cells.other_spacing_m:g} m apart."
+    )
 
 
 def _checked(data: BackAnalysisData) -> str:

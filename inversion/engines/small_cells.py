@@ -1,0 +1,180 @@
+"""From the strength that a run needs to the one in ever smaller cells.
+
+A slide of cells h runs less far than the soil would, so the strength that is found with it is too
+low. What the cell costs falls as c h^1.45 (docs/method/inversion.md#small-cells). Two spacings tell
+how much it is: with points k h apart, all strengths times one factor q leave the deposit that those
+h apart leave, and
+
+    ln(S / S_h) = -ln q / (k^1.45 - 1),
+
+S in small cells, S_h by runs. Where no second spacing can be had, or the two lie so far apart that
+the law does not hold between them, nothing is taken off and the strength is less certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from inversion.estimation.forward import Forward, Prediction, Request, Setup, WrappedEngine
+from inversion.estimation.unknowns import Parameters
+from pipeline.documents import StrictDocument
+
+#: Power of the cell with which strengths approach their limit, of 60 random dams.
+ORDER = 1.45
+#: Standard deviation of ln(S / S_h): a share of it, and what the noise of the runs leaves.
+SHARE_STD, NOISE_STD = 0.5, 0.01
+#: The same where it is not known: the dams' own spread about no correction.
+UNKNOWN_STD = 0.06
+#: Beyond this ln(S / S_h) the cells are too large for the law.
+FARTHEST = 0.25
+#: Other spacings over that of the runs, in the order in which they are tried: coarse runs are
+#: cheap. Fewer points than this make no slide.
+OTHER_SPACINGS, LEAST_POINTS = (2.0, 1.5, 0.6), 200
+#: ln q of the first two runs, distance of the other two from where these say it is, and the
+#: largest that is looked for.
+FIRST, NEAR, MOST_LOG = (0.0, -0.1), 0.05, 0.6
+
+
+class SmallCells(StrictDocument):
+    """What the size of the cells makes of the strengths of a run."""
+
+    factor: float = Field(1.0, description="strength in small cells / strength that a run needs")
+    log_std: float = Field(description="standard deviation of its logarithm")
+    spacing_m: float = Field(description="between the points of the runs")
+    other_spacing_m: float | None = Field(
+        None, description="of the runs that it was found with; null: it is not known"
+    )
+    words: str = Field(description="how it was found, or why not")
+
+    @classmethod
+    def unknown(cls, spacing: float, why: str, log_std: float = UNKNOWN_STD) -> SmallCells:
+        """Nothing is taken off; strengths are less certain."""
+        return cls(log_std=log_std, spacing_m=spacing, words=f"cell size: not known: {why}")
+
+    @property
+    def known(self) -> bool:
+        """Two spacings have told the factor."""
+        return self.other_spacing_m is not None
+
+
+def small_cells(
+    engine: Forward, setup: Setup, values: np.ndarray, others: Iterable[Setup]
+) -> SmallCells:
+    """What the cells make of the strengths of a setup.
+
+    Args:
+        engine: simulates all of them.
+        setup: with the spacing that is asked about.
+        values: of its parameters, (p,).
+        others: the same at other spacings, in the order in which they are tried.
+    """
+    spacing, far = setup.scene.spacing, 0.0
+    why = "no other spacing can be run"
+    for other in others:
+        there = other.scene.spacing
+        log = log_of_same_slide(engine, setup, values, other)
+        if not np.isfinite(log):
+            why = f"no run {there:g} m apart leaves the same slide"
+            continue
+        distance = -log / ((there / spacing) ** ORDER - 1.0)
+        if abs(distance) <= FARTHEST:
+            return SmallCells(
+                factor=float(np.exp(distance)),
+                log_std=float(np.hypot(SHARE_STD * distance, NOISE_STD)),
+                spacing_m=spacing,
+                other_spacing_m=there,
+                words=f"cell size: from runs {spacing:g} and {there:g} m apart",
+            )
+        far = max(far, abs(distance))
+        why = (
+            f"runs {spacing:g} and {there:g} m apart differ by {100 * abs(np.expm1(log)):.0f} % "
+            "in strength, which is too much to go on from: a smaller spacing would tell"
+        )
+    return SmallCells.unknown(spacing, why, max(UNKNOWN_STD, min(far, MOST_LOG)))
+
+
+def log_of_same_slide(engine: Forward, setup: Setup, values: np.ndarray, other: Setup) -> float:
+    """Ln q with which the strengths of another setup leave the slide of a setup.
+
+    Of the numbers that are fitted, straight lines through four runs, weighed by their errors; NaN:
+    a run failed, or nothing moves with the strength.
+    """
+    strengths = setup.parameters.strengths
+    (here,) = engine.predict([setup.at(values)])
+    targets = setup.targets
+    weight = np.where(
+        targets.fitted & ~targets.censored, 1.0 / np.sqrt(np.diag(targets.covariance)), 0.0
+    )
+    if here.failed and not np.isfinite(here.values[weight > 0.0]).all():
+        return float("nan")
+
+    def at(log: float) -> Request:
+        return other.at(np.where(strengths, values * np.exp(log), values))
+
+    logs: list[float] = []
+    found: list[Prediction] = []
+    where = 0.0
+    for more in (FIRST, (-NEAR, NEAR)):
+        places = [where + one for one in more]
+        logs += places
+        found += engine.predict([at(one) for one in places])
+        off = np.array([weight * (one.values - here.values) for one in found])
+        read = np.isfinite(off).all(axis=0) & (weight > 0.0)
+        if not read.any():
+            return float("nan")
+        away = np.array(logs) - np.mean(logs)
+        slope = away @ off[:, read] / (away @ away)
+        if not slope @ slope > 0.0:
+            return float("nan")
+        where = float(np.mean(logs) - (slope @ off[:, read].mean(axis=0)) / (slope @ slope))
+        where = float(np.clip(where, -MOST_LOG, MOST_LOG))
+    return where
+
+
+def factors_of(
+    cells: SmallCells, parameters: Parameters, known_by_data: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Strength in small cells over that of runs, by name; 1: no strength.
+
+    Args:
+        cells: of the runs.
+        parameters: p of them.
+        known_by_data: share of the prior's variance that the data take off, by name: what a prior
+            says of a strength, the cells do not change. None: there are no priors.
+    """
+    shares = {name: 1.0 for name in parameters.names}
+    shares.update(known_by_data or {})
+    return {
+        name: float(cells.factor ** shares[name]) if strength else 1.0
+        for name, strength in zip(parameters.names, parameters.strengths, strict=True)
+    }
+
+
+@dataclass
+class InSmallCells(WrappedEngine):
+    """An engine that is asked for strengths in small cells, and runs those that its cells need.
+
+    Attributes:
+        engine: of the runs.
+        cells: of its runs.
+    """
+
+    engine: Forward
+    cells: SmallCells
+
+    def predict(self, requests: Sequence[Request]) -> list[Prediction]:
+        """Predictions of the engine inside."""
+        return self.engine.predict([self._ran(request) for request in requests])
+
+    def error_std(self, request: Request) -> np.ndarray:
+        """See `Forward`."""
+        return self.engine.error_std(self._ran(request))
+
+    def _ran(self, request: Request) -> Request:
+        setup = request.setup
+        factor = np.where(setup.parameters.strengths, self.cells.factor, 1.0)
+        return setup.at(request.values / factor)
